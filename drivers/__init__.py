@@ -1,0 +1,1 @@
+"""Controller-side drivers for the valve, the pressure sensors and the position sensor."""

@@ -1,0 +1,21 @@
+"""The CAN frame as the devices see it: a value, free of any bus library."""
+
+from typing import NamedTuple
+
+
+class Frame(NamedTuple):
+    """One classical CAN data or remote frame (ISO 11898-1).
+
+    Attributes:
+        can_id: identifier, 11 bit, or 29 bit where `is_extended` is set.
+        data: payload, 0 to 8 bytes; empty for a remote frame.
+        is_remote: a remote transmission request.
+        is_extended: a 29-bit identifier.
+
+    CAN FD and error frames never become a `Frame`: the transport counts and drops them.
+    """
+
+    can_id: int
+    data: bytes = b""
+    is_remote: bool = False
+    is_extended: bool = False

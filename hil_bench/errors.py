@@ -1,0 +1,47 @@
+"""Errors of the bench side, one tree.
+
+Each error is also the builtin that it is, so that a caller may catch either::
+
+    HilBenchError
+     ├── ConfigError (ValueError)         a file, an argument or a value is wrong: exit code 2
+     │    ├── ParameterError              a plant parameter or state makes no physical sense
+     │    └── EdsError                    an EDS file cannot serve as a device
+     ├── BusError (OSError)               a bus or port could not be opened, or was lost: exit code 3
+     └── SdoAbort                         an access to an object was refused, with its CiA 301 abort code
+
+The controller side has a tree of its own, in `drivers.errors`.
+"""
+
+
+class HilBenchError(Exception):
+    """Base of every error that the bench raises on purpose."""
+
+
+class ConfigError(HilBenchError, ValueError):
+    """A file, an argument or a value is wrong; the message says what, where and what would be right."""
+
+
+class ParameterError(ConfigError):
+    """A plant parameter, input or state makes no physical sense; the message names it."""
+
+
+class EdsError(ConfigError):
+    """An EDS file is missing, malformed or lacks what its device profile needs."""
+
+
+class BusError(HilBenchError, OSError):
+    """A CAN bus or a port could not be opened, or was lost."""
+
+
+class SdoAbort(HilBenchError):
+    """An access to an object was refused.
+
+    Attributes:
+        code: the abort code, 32 bit (CiA 301, SDO abort codes).
+        text: the standard's words for that code.
+    """
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(f"SDO abort 0x{code:08X}: {text}")
+        self.code = code
+        self.text = text

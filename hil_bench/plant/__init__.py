@@ -1,0 +1,1 @@
+"""The valve-controlled hydraulic cylinder of Ruderman, IECON 2017."""

@@ -1,0 +1,1 @@
+"""The ways frames reach the bench: the only sockets of the project."""

@@ -1,0 +1,64 @@
+"""Clocks: the one place where time is read, so that everything else can be run on virtual time."""
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """A monotonic time scale that can be waited on."""
+
+    def now(self) -> int:
+        """Return the time [ns] since an arbitrary, fixed moment."""
+
+    def sleep_until(self, deadline: int) -> None:
+        """Return when `now()` has reached `deadline` [ns]; at once when it has passed already."""
+
+
+class MonotonicClock:
+    """The machine's monotonic clock.
+
+    `time.sleep` waits with `clock_nanosleep` to an absolute time since Python 3.11, which
+    docs/decisions/0005-transports-and-pace.md compares with calling it directly.
+    """
+
+    @staticmethod
+    def now() -> int:
+        """Return `time.monotonic_ns()` [ns]."""
+        return time.monotonic_ns()
+
+    @staticmethod
+    def sleep_until(deadline: int) -> None:
+        """Sleep until `deadline` [ns], never returning before it."""
+        while (remaining := deadline - time.monotonic_ns()) > 0:
+            time.sleep(remaining * 1e-9)
+
+
+class VirtualClock:
+    """A clock that stands still until somebody waits on it, and then jumps.
+
+    Args:
+        start: first value of `now()` [ns].
+    """
+
+    def __init__(self, start: int = 0) -> None:
+        self._now = start
+
+    def now(self) -> int:
+        """Return the virtual time [ns]."""
+        return self._now
+
+    def sleep_until(self, deadline: int) -> None:
+        """Jump to `deadline` [ns]; a deadline in the past leaves the time as it is."""
+        self._now = max(self._now, deadline)
+
+    def advance(self, duration: int) -> None:
+        """Let `duration` [ns] pass, as work does on a real clock.
+
+        Raises:
+            ValueError: the duration is negative.
+        """
+        if duration < 0:
+            raise ValueError(
+                f"a clock cannot go back: advance by {duration} ns; 0 or more is right"
+            )
+        self._now += duration

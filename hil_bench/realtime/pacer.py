@@ -1,0 +1,77 @@
+"""The absolute time grid on which a loop runs."""
+
+from hil_bench.realtime.clock import Clock
+from hil_bench.realtime.statistics import TickStatistics
+
+ONE_SECOND = 1_000_000_000
+
+
+class Pacer:
+    """Lets a loop run at start + k * period, without drift.
+
+    The loop::
+
+        while running:
+            now = pacer.wait()
+            ...                     # the tick's work
+            pacer.done()
+
+    The grid starts with the first `wait`. A tick that comes late is run at once, so the ticks
+    after a delay follow back to back until the loop is on time again and the number of ticks fits
+    the time. Only a loop that is further behind than `backlog` (a suspended process) leaves
+    periods out: whole ones, so that the phase stays.
+
+    Args:
+        clock: the clock to wait on.
+        period: time between ticks [ns].
+        backlog: delay [ns] up to which every missed tick is made up for.
+
+    Attributes:
+        period: time between ticks [ns].
+        statistics: lateness, work, overruns and skipped periods so far.
+
+    Raises:
+        ValueError: the period is not positive, or the backlog is negative.
+    """
+
+    def __init__(self, clock: Clock, period: int, *, backlog: int = ONE_SECOND) -> None:
+        if period <= 0:
+            raise ValueError(f"tick period {period} ns: a positive number is right")
+        if backlog < 0:
+            raise ValueError(f"backlog {backlog} ns: 0 or more is right")
+        self.period = period
+        self.statistics = TickStatistics()
+        self._clock = clock
+        self._backlog = backlog
+        self._next: int | None = None
+        self._lateness = 0
+        self._started = 0
+
+    def wait(self) -> int:
+        """Sleep until the next tick is due and return its scheduled time [ns]."""
+        now = self._clock.now()
+        scheduled = now if self._next is None else self._next
+        if now < scheduled:
+            self._clock.sleep_until(scheduled)
+            now = self._clock.now()
+        if now - scheduled > self._backlog:
+            scheduled += self._skip(now - scheduled)
+        self._next = scheduled + self.period
+        self._lateness = now - scheduled
+        self._started = now
+        return scheduled
+
+    def done(self) -> None:
+        """Record the tick that `wait` started: its work is over."""
+        now = self._clock.now()
+        statistics = self.statistics
+        statistics.lateness.record(self._lateness)
+        statistics.work.record(now - self._started)
+        if self._next is not None and now > self._next:
+            statistics.overruns += 1
+
+    def _skip(self, delay: int) -> int:
+        """Count the whole periods within `delay` and return their length [ns]."""
+        periods = delay // self.period
+        self.statistics.skipped += periods
+        return periods * self.period

@@ -1,0 +1,108 @@
+"""Any bus that python-can knows, through its `can.BusABC`."""
+
+from collections.abc import Iterable, Sequence
+
+import can
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.transports.transport import TransportCounters
+
+_STANDARD_ID_MAX = 0x7FF
+_EXTENDED_ID_MAX = 0x1FFF_FFFF
+_DATA_MAX = 8
+
+
+def frame_of(message: can.Message) -> Frame | None:
+    """Return the message as a `Frame`, or None where it is no classical data or remote frame."""
+    if message.is_error_frame or message.is_fd or len(message.data) > _DATA_MAX:
+        return None
+    limit = _EXTENDED_ID_MAX if message.is_extended_id else _STANDARD_ID_MAX
+    if not 0 <= message.arbitration_id <= limit:
+        return None
+    data = b"" if message.is_remote_frame else bytes(message.data)
+    return Frame(message.arbitration_id, data, message.is_remote_frame, message.is_extended_id)
+
+
+def message_of(frame: Frame) -> can.Message:
+    """Return the frame as python-can's message."""
+    return can.Message(
+        arbitration_id=frame.can_id,
+        data=frame.data,
+        is_remote_frame=frame.is_remote,
+        is_extended_id=frame.is_extended,
+    )
+
+
+class PythonCanTransport:
+    """A transport over an open `can.BusABC`.
+
+    Args:
+        bus: the bus; the transport shuts it down when it is closed.
+        description: the bus in words, for messages.
+
+    Attributes:
+        description: the bus in words.
+    """
+
+    def __init__(self, bus: can.BusABC, description: str) -> None:
+        self.description = description
+        self._bus = bus
+        self._received = 0
+        self._sent = 0
+        self._ignored = 0
+        self._send_failures = 0
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return what has arrived, at most `limit` frames, without waiting.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        frames: list[Frame] = []
+        try:
+            while len(frames) < limit:
+                message = self._bus.recv(0)
+                if message is None:
+                    break
+                frame = frame_of(message)
+                if frame is None:
+                    self._ignored += 1
+                else:
+                    frames.append(frame)
+        except (can.CanError, OSError, ValueError) as error:
+            raise BusError(f"{self.description}: bus lost: {error}") from error
+        self._received += len(frames)
+        return frames
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames in order; one that python-can refuses is counted as failed.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        for frame in frames:
+            try:
+                self._bus.send(message_of(frame))
+            except can.CanOperationError:
+                self._send_failures += 1
+            except (can.CanError, OSError, ValueError) as error:
+                raise BusError(f"{self.description}: bus lost: {error}") from error
+            else:
+                self._sent += 1
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Leave the filters open: python-can filters most buses in Python, which saves nothing."""
+
+    def counters(self) -> TransportCounters:
+        """Return what passed so far; python-can tells nothing of losses in the kernel."""
+        return TransportCounters(
+            received=self._received,
+            sent=self._sent,
+            ignored=self._ignored,
+            send_failures=self._send_failures,
+        )
+
+    def close(self) -> None:
+        """Shut the bus down; a second call does nothing."""
+        self._bus.shutdown()

@@ -1,0 +1,63 @@
+"""What the bench needs from a bus."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from hil_bench.canopen_device.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class TransportCounters:
+    """What passed a transport since it was opened, in frames.
+
+    Attributes:
+        received: handed to the bench.
+        sent: taken by the bus.
+        ignored: received, but no classical data or remote frame: CAN FD, error frames.
+        dropped: lost by the kernel because its receive buffer was full.
+        send_failures: given up, since the bus did not take them.
+    """
+
+    received: int = 0
+    sent: int = 0
+    ignored: int = 0
+    dropped: int = 0
+    send_failures: int = 0
+
+
+class Transport(Protocol):
+    """One CAN bus, read and written by one thread, never blocking."""
+
+    @property
+    def description(self) -> str:
+        """The bus in words: "socketcan vcan0"."""
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return what has arrived, in order, at most `limit` frames; the rest waits.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames in order; what the bus does not take is retried, then counted as failed.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Let frames with these 11-bit identifiers through, and as few others as the bus can.
+
+        Where the bus has no filters, all frames still arrive.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+
+    def counters(self) -> TransportCounters:
+        """Return what passed so far."""
+
+    def close(self) -> None:
+        """Release the bus; a second call does nothing."""

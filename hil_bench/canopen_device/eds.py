@@ -1,0 +1,241 @@
+"""EDS files (CiA 306): read with the `canopen` library, checked after it.
+
+The library turns some mistakes into a silent None and accepts a mapping to objects that are not
+there, so every default and limit is read again from its text, and everything that the services
+rely on is checked. Parameter values of a DCF take the place of the EDS defaults.
+"""
+
+import io
+import re
+from collections.abc import Iterator
+from configparser import Error as ConfigParserError
+from configparser import RawConfigParser
+from pathlib import Path
+from typing import Final
+
+from canopen import objectdictionary
+from canopen.objectdictionary.eds import import_eds
+
+from hil_bench.canopen_device.datatypes import DATA_TYPES, BooleanType, DataType, Value
+from hil_bench.canopen_device.eds_checks import find_faults
+from hil_bench.canopen_device.eds_values import parse_integer, parse_value
+from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
+from hil_bench.errors import EdsError
+
+_OBJECT_SECTION: Final = re.compile(r"(?P<index>[0-9A-F]{4})(?:SUB(?P<sub>[0-9A-F]+))?", re.I)
+_COMPOSED: Final = frozenset({0x8, 0x9})
+_OBJECT_TYPES: Final = frozenset({0x2, 0x7}) | _COMPOSED
+_FIRST_OBJECT: Final = 0x1000
+
+
+def load_eds(path: Path, node_id: int) -> ObjectDictionary:
+    """Return the object dictionary of the EDS or DCF at `path`, for the device `node_id`.
+
+    Raises:
+        EdsError: the file cannot serve as a device, or the node-ID is not 1 to 127; one line
+            that names the file, the section, what is wrong and what would be right.
+    """
+    if not 1 <= node_id <= 127:
+        raise EdsError(f"{path}: node-ID {node_id} is not possible; write 1 to 127")
+    return _EdsFile(path, node_id).build()
+
+
+class _EdsFile:
+    """One EDS, as its text and as the `canopen` library reads it."""
+
+    def __init__(self, path: Path, node_id: int) -> None:
+        self._path = path
+        self._node_id = node_id
+        text = self._read_text()
+        self._parser = self._parse(text)
+        self._sections = {section.upper(): section for section in self._parser.sections()}
+        self._check_sections()
+        try:
+            self._imported = import_eds(io.StringIO(text), node_id)
+        except (ConfigParserError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise EdsError(f"{path}: {_one_line(error)}; cannot be read as an EDS") from error
+
+    def build(self) -> ObjectDictionary:
+        """Return the object dictionary; EdsError where it cannot serve."""
+        object_dictionary = ObjectDictionary(
+            variable
+            for index in self._imported
+            if index >= _FIRST_OBJECT
+            for variable in self._build_object(self._imported[index])
+        )
+        for fault in find_faults(object_dictionary):
+            section = f"{fault.index:04X}"
+            if fault.subindex and fault.index in object_dictionary:
+                section += f"sub{fault.subindex:X}"
+            raise self._error(section, fault.text)
+        return object_dictionary
+
+    def _read_text(self) -> str:
+        try:
+            raw = self._path.read_bytes()
+        except OSError as error:
+            reason = error.strerror or error
+            raise EdsError(f"{self._path}: {reason}; name an EDS file that exists") from error
+        try:
+            return raw.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            return raw.decode("latin-1")
+
+    def _parse(self, text: str) -> RawConfigParser:
+        parser = RawConfigParser(inline_comment_prefixes=(";",))
+        parser.optionxform = str  # type: ignore[assignment,method-assign]  # its documented use
+        try:
+            parser.read_string(text, source=str(self._path))
+        except ConfigParserError as error:
+            raise EdsError(f"{self._path}: {_one_line(error)}; cannot be read as an EDS") from error
+        if not parser.has_section("DeviceInfo"):
+            raise EdsError(f"{self._path}: [DeviceInfo] is missing; CiA 306 makes it mandatory")
+        return parser
+
+    def _error(self, section: str, text: str) -> EdsError:
+        return EdsError(f"{self._path}: [{section}] {text}")
+
+    def _option(self, section: str, option: str) -> str | None:
+        """The text of an option; None where it is absent or empty."""
+        return self._parser.get(section, option, fallback="").strip() or None
+
+    def _number(self, section: str, option: str, absent: int) -> int:
+        text = self._option(section, option)
+        if text is None:
+            return absent
+        try:
+            return parse_integer(text, self._node_id)
+        except ValueError as error:
+            raise self._error(section, f"{option}: {error}") from None
+
+    def _check_sections(self) -> None:
+        for section in self._parser.sections():
+            match = _OBJECT_SECTION.fullmatch(section)
+            if match is not None and int(match["index"], 16) >= _FIRST_OBJECT:
+                self._check_object(section, is_entry=match["sub"] is not None)
+
+    def _check_object(self, section: str, *, is_entry: bool) -> None:
+        if self._option(section, "ParameterName") is None:
+            raise self._error(section, "has no ParameterName; CiA 306 makes it mandatory")
+        object_type = self._number(section, "ObjectType", 0x7)
+        if object_type not in _OBJECT_TYPES:
+            allowed = "0x2 (DOMAIN), 0x7 (VAR), 0x8 (ARRAY) or 0x9 (RECORD)"
+            raise self._error(section, f"ObjectType 0x{object_type:X} is unknown; write {allowed}")
+        is_compact = self._option(section, "CompactSubObj") is not None
+        if is_entry or is_compact or object_type not in _COMPOSED:
+            self._data_type(section)
+            self._access(section)
+        elif f"{section}sub0".upper() not in self._sections:
+            raise self._error(section, f"has no sub-index 0; add [{section}sub0]")
+
+    def _data_type(self, section: str) -> DataType:
+        code = self._number(section, "DataType", 0)
+        if code not in DATA_TYPES:
+            known = ", ".join(f"0x{known:04X}" for known in sorted(DATA_TYPES))
+            raise self._error(section, f"DataType 0x{code:04X} is unknown; write one of {known}")
+        return DATA_TYPES[code]
+
+    def _access(self, section: str) -> Access:
+        word = self._option(section, "AccessType")
+        try:
+            return Access((word or "").lower())
+        except ValueError:
+            known = ", ".join(access.value for access in Access)
+            what = "is missing" if word is None else f"{word} is unknown"
+            raise self._error(section, f"AccessType {what}; write one of {known}") from None
+
+    def _build_object(
+        self,
+        imported: objectdictionary.ODVariable
+        | objectdictionary.ODArray
+        | objectdictionary.ODRecord,
+    ) -> Iterator[Variable]:
+        section = self._sections[f"{imported.index:04X}"]
+        if isinstance(imported, objectdictionary.ODVariable):
+            yield self._build_variable(imported, section)
+            return
+        count = self._number(section, "CompactSubObj", 0)
+        if count:
+            yield from self._build_compact(imported, section, count)
+            return
+        for subindex in imported:
+            entry = self._sections[f"{imported.index:04X}SUB{subindex:X}"]
+            yield self._build_variable(imported[subindex], entry)
+
+    def _build_compact(
+        self, imported: objectdictionary.ODArray, section: str, count: int
+    ) -> Iterator[Variable]:
+        """The entries of a CompactSubObj array, each like the array's own section."""
+        if not 1 <= count <= 254:
+            raise self._error(section, f"CompactSubObj {count} is not possible; write 1 to 254")
+        number_of_entries = DATA_TYPES[0x05]
+        yield Variable(
+            *(imported.index, 0, "NrOfObjects", number_of_entries), access=Access.RO, default=count
+        )
+        values = self._sections.get(f"{imported.index:04X}VALUE")
+        for subindex in range(1, count + 1):
+            variable = self._build_variable(imported[subindex], section)
+            text = self._option(values, str(subindex)) if values else None
+            if values and text:
+                variable.default = self._value(values, str(subindex), text, variable.data_type)
+                variable.value = variable.default
+            yield variable
+
+    def _build_variable(self, imported: objectdictionary.ODVariable, section: str) -> Variable:
+        data_type = self._data_type(section)
+        low = self._limit(section, "LowLimit", data_type)
+        high = self._limit(section, "HighLimit", data_type)
+        if low is not None and high is not None and low > high:
+            raise self._error(section, f"LowLimit {low} is above HighLimit {high}")
+        return Variable(
+            imported.index,
+            imported.subindex,
+            imported.name,
+            data_type,
+            access=self._access(section),
+            default=self._default(section, data_type, low, high),
+            low=None if low == data_type.low else low,
+            high=None if high == data_type.high else high,
+            mappable=imported.pdo_mappable,
+        )
+
+    def _value(self, section: str, option: str, text: str, data_type: DataType) -> Value:
+        try:
+            return parse_value(text, data_type, self._node_id)
+        except ValueError as error:
+            raise self._error(section, f"{option}: {error}") from None
+
+    def _limit(self, section: str, option: str, data_type: DataType) -> float | None:
+        text = self._option(section, option)
+        if text is None or data_type.low is None or isinstance(data_type, BooleanType):
+            return None
+        value = self._value(section, option, text, data_type)
+        if isinstance(value, int | float) and value == value:  # noqa: PLR0124 - no NaN
+            return value
+        raise self._error(section, f"{option} {text} is no limit; write a number")
+
+    def _default(
+        self, section: str, data_type: DataType, low: float | None, high: float | None
+    ) -> Value:
+        option = "ParameterValue" if self._option(section, "ParameterValue") else "DefaultValue"
+        text = self._option(section, option)
+        if text is None:
+            return _nearest(data_type.zero, low, high)
+        value = self._value(section, option, text, data_type)
+        if _nearest(value, low, high) != value:
+            bounds = f"{'-' if low is None else low} to {'-' if high is None else high}"
+            raise self._error(section, f"{option} {text} is outside its limits; write {bounds}")
+        return value
+
+
+def _nearest(value: Value, low: float | None, high: float | None) -> Value:
+    """The value between the limits; a value that has no order stays as it is."""
+    if isinstance(value, str | bytes):
+        return value
+    if low is not None and value < low:
+        return low
+    return high if high is not None and value > high else value
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

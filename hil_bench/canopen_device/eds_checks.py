@@ -1,0 +1,99 @@
+"""What a device needs of its object dictionary before it can go on a bus (CiA 301, CiA 306)."""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from hil_bench.canopen_device.datatypes import (
+    UNSIGNED8,
+    UNSIGNED16,
+    UNSIGNED32,
+    DataType,
+)
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.canopen_device.pdo_mapping import (
+    PDO_BITS,
+    Direction,
+    MappingEntry,
+    find_refusal,
+)
+
+
+class Fault(NamedTuple):
+    """What is wrong with an object.
+
+    Attributes:
+        index: of the object.
+        subindex: of the entry, None for the object as a whole.
+        text: what is wrong, and what would be right.
+    """
+
+    index: int
+    subindex: int | None
+    text: str
+
+
+_MANDATORY: Final = ((0x1000, 0), (0x1001, 0), (0x1018, 0), (0x1018, 1))
+
+_VAR_TYPES: Final[dict[int, DataType]] = {
+    **dict.fromkeys((0x1001, 0x1019, 0x1029), UNSIGNED8),
+    **dict.fromkeys((0x1015, 0x1017), UNSIGNED16),
+    **dict.fromkeys((0x1000, 0x1003, 0x1005, 0x1014, 0x1016, 0x1018, 0x1F80), UNSIGNED32),
+}
+"""Data types of the objects that the services read; of an array, that of its entries."""
+
+_ARRAYS: Final = frozenset({0x1003, 0x1016, 0x1018, 0x1029})
+_COMMUNICATION: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_MAPPING: Final = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+_COMMUNICATION_TYPES: Final = (UNSIGNED8, UNSIGNED32, UNSIGNED8, UNSIGNED16, UNSIGNED8, UNSIGNED16)
+
+
+def find_faults(object_dictionary: ObjectDictionary) -> Iterator[Fault]:
+    """Yield what keeps a device with this object dictionary off the bus."""
+    for index, subindex in _MANDATORY:
+        if object_dictionary.find(index, subindex) is None:
+            yield Fault(index, subindex or None, "is missing; CiA 301 makes it mandatory")
+    for variable in object_dictionary:
+        data_type = _required_type(variable)
+        if data_type is not None and variable.data_type is not data_type:
+            text = f"has DataType {variable.data_type}; CiA 301 says {data_type}"
+            yield Fault(variable.index, variable.subindex, text)
+    for direction, communication, mapping in zip(Direction, _COMMUNICATION, _MAPPING, strict=True):
+        for index in object_dictionary.indices(communication):
+            offset = mapping.start - communication.start
+            yield from _pdo_faults(object_dictionary, index, index + offset, direction)
+
+
+def _required_type(variable: Variable) -> DataType | None:
+    index, subindex = variable.index, variable.subindex
+    if any(index in indices for indices in _COMMUNICATION):
+        return _COMMUNICATION_TYPES[subindex] if subindex < 6 else None
+    is_mapping = any(index in indices for indices in _MAPPING)
+    if subindex == 0 and (is_mapping or index in _ARRAYS):
+        return UNSIGNED8
+    return UNSIGNED32 if is_mapping else _VAR_TYPES.get(index)
+
+
+def _pdo_faults(
+    object_dictionary: ObjectDictionary, index: int, mapping: int, direction: Direction
+) -> Iterator[Fault]:
+    for subindex, what in ((1, "COB-ID"), (2, "transmission type")):
+        if object_dictionary.find(index, subindex) is None:
+            yield Fault(index, subindex, f"is missing; a PDO needs its {what} there")
+    count = object_dictionary.find(mapping, 0)
+    if count is None:
+        yield Fault(mapping, 0, f"is missing; 0x{index:04X} needs its mapping there")
+        return
+    entries = [object_dictionary.find(mapping, sub) for sub in range(1, count.value + 1)]
+    bits = 0
+    for subindex, variable in enumerate(entries, start=1):
+        if variable is None:
+            text = f"is missing; 0x{mapping:04X}.00 says {count.value} mapped objects"
+            yield Fault(mapping, subindex, text)
+            continue
+        entry = MappingEntry.parse(variable.value)
+        bits += entry.bits
+        refusal = find_refusal(object_dictionary, entry, direction)
+        if refusal is not None:
+            yield Fault(mapping, subindex, f"maps {entry}, which {refusal.reason}")
+    if bits > PDO_BITS:
+        yield Fault(mapping, None, f"maps {bits} bit; a PDO carries at most {PDO_BITS}")

@@ -1,0 +1,228 @@
+"""The object dictionary: every value of a device, and the rules of access to it (CiA 301)."""
+
+from collections.abc import Callable, Iterable, Iterator
+from enum import Enum
+from typing import Any
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import DataType, Value
+from hil_bench.errors import SdoAbort
+
+Check = Callable[[Any], None]
+"""Told the decoded value before it is written; raises `SdoAbort` to refuse it."""
+Hook = Callable[[Any], None]
+"""Told the decoded value after it was written from the bus."""
+
+
+class Access(Enum):
+    """Access type of an object, by its EDS word (CiA 306): who may read, write and map it."""
+
+    RO = "ro"
+    WO = "wo"
+    RW = "rw"
+    RWR = "rwr"
+    RWW = "rww"
+    CONST = "const"
+
+    @property
+    def readable(self) -> bool:
+        """Whether an SDO client may read it."""
+        return self is not Access.WO
+
+    @property
+    def writable(self) -> bool:
+        """Whether an SDO client may write it."""
+        return self not in {Access.RO, Access.CONST}
+
+    @property
+    def in_tpdo(self) -> bool:
+        """Whether a TPDO may carry it: rwr is read by a PDO, rww only written by one."""
+        return self not in {Access.WO, Access.RWW}
+
+    @property
+    def in_rpdo(self) -> bool:
+        """Whether an RPDO may carry it."""
+        return self in {Access.WO, Access.RW, Access.RWW}
+
+
+class Variable:
+    """One entry of the object dictionary.
+
+    Attributes:
+        index: 16-bit index.
+        subindex: 8-bit sub-index, 0 for an object without sub-indices.
+        name: its name in the EDS.
+        data_type: how its value looks on the bus.
+        access: who may read, write and map it.
+        default: value after power on and after a reset.
+        low: lowest value that the bus may write, None for that of the data type.
+        high: highest value that the bus may write, None for that of the data type.
+        mappable: whether a PDO may carry it.
+        value: the present value, of the data type's Python type; None where there is no data
+            (an SDO upload then aborts with 0800 0024). The application assigns it directly and
+            is answerable for its range.
+        is_plain: no limit, check or hook stands between the bus and the value.
+    """
+
+    __slots__ = (
+        *("_checks", "_hooks", "access", "data_type", "default", "high", "index", "is_plain"),
+        *("low", "mappable", "name", "subindex", "value"),
+    )
+
+    def __init__(
+        self,
+        index: int,
+        subindex: int,
+        name: str,
+        data_type: DataType,
+        *,
+        access: Access = Access.RW,
+        default: Value | None = None,
+        low: float | None = None,
+        high: float | None = None,
+        mappable: bool = False,
+    ) -> None:
+        self.index = index
+        self.subindex = subindex
+        self.name = name
+        self.data_type = data_type
+        self.access = access
+        self.default: Any = data_type.zero if default is None else default
+        self.low = low
+        self.high = high
+        self.mappable = mappable
+        self.value: Any = self.default
+        self.is_plain = low is None and high is None
+        self._checks: tuple[Check, ...] = ()
+        self._hooks: tuple[Hook, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<0x{self.index:04X}.{self.subindex:02X} {self.name} = {self.value!r}>"
+
+    def add_check(self, check: Check) -> None:
+        """Ask `check` before each write from the bus."""
+        self._checks += (check,)
+        self.is_plain = False
+
+    def add_hook(self, hook: Hook) -> None:
+        """Tell `hook` after each write from the bus."""
+        self._hooks += (hook,)
+        self.is_plain = False
+
+    def write(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
+        """Set the value as the bus does: limits and checks, the assignment, then the hooks.
+
+        Raises:
+            SdoAbort: the value is refused; the old one stays.
+        """
+        self._check_limits(value)
+        for check in self._checks:
+            check(value)
+        self.value = value
+        for hook in self._hooks:
+            hook(value)
+
+    def _check_limits(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
+        if self.high is not None and value > self.high:
+            raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+        if self.low is not None and value < self.low:
+            raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
+        # A NaN is neither above nor below, and still not between limits.
+        if value != value and (self.high is not None or self.low is not None):  # noqa: PLR0124
+            raise SdoAbort(*abort_codes.VALUE)
+
+
+class ObjectDictionary:
+    """All variables of one device, by index and sub-index."""
+
+    def __init__(self, variables: Iterable[Variable]) -> None:
+        self._objects: dict[int, dict[int, Variable]] = {}
+        for variable in variables:
+            self._objects.setdefault(variable.index, {})[variable.subindex] = variable
+
+    def __iter__(self) -> Iterator[Variable]:
+        for index in sorted(self._objects):
+            for subindex in sorted(self._objects[index]):
+                yield self._objects[index][subindex]
+
+    def __contains__(self, index: int) -> bool:
+        return index in self._objects
+
+    def indices(self, among: range) -> list[int]:
+        """Return the indices of `among` that exist, in ascending order."""
+        return sorted(index for index in self._objects if index in among)
+
+    def find(self, index: int, subindex: int = 0) -> Variable | None:
+        """Return the variable, or None where the device has none there."""
+        return self._objects.get(index, {}).get(subindex)
+
+    def number(self, index: int, subindex: int = 0, *, absent: int = 0) -> int:
+        """Return an integer object's value, or `absent` where the device has no such object."""
+        variable = self.find(index, subindex)
+        return absent if variable is None else int(variable.value)
+
+    def variable(self, index: int, subindex: int = 0) -> Variable:
+        """Return the variable.
+
+        Raises:
+            SdoAbort: 0602 0000 no such index, 0609 0011 no such sub-index (nor of a VAR).
+        """
+        try:
+            subindices = self._objects[index]
+        except KeyError:
+            raise SdoAbort(*abort_codes.NO_OBJECT) from None
+        try:
+            return subindices[subindex]
+        except KeyError:
+            raise SdoAbort(*abort_codes.NO_SUBINDEX) from None
+
+    def readable(self, index: int, subindex: int) -> Variable:
+        """Return the variable that an SDO client may read.
+
+        Raises:
+            SdoAbort: it does not exist, 0601 0001 write only, 0800 0024 no data.
+        """
+        variable = self.variable(index, subindex)
+        if not variable.access.readable:
+            raise SdoAbort(*abort_codes.WRITE_ONLY)
+        if variable.value is None:
+            raise SdoAbort(*abort_codes.NO_DATA)
+        return variable
+
+    def writable(self, index: int, subindex: int) -> Variable:
+        """Return the variable that an SDO client may write.
+
+        Raises:
+            SdoAbort: it does not exist, 0601 0002 read only.
+        """
+        variable = self.variable(index, subindex)
+        if not variable.access.writable:
+            raise SdoAbort(*abort_codes.READ_ONLY)
+        return variable
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Return what an SDO client reads; `SdoAbort` as `readable` says."""
+        variable = self.readable(index, subindex)
+        return variable.data_type.encode(variable.value)
+
+    def download(self, index: int, subindex: int, raw: bytes) -> None:
+        """Write what an SDO client sends: access, length, limits, checks, then hooks.
+
+        `SdoAbort` as `writable`, `DataType.decode` and `Variable.write` say.
+        """
+        variable = self.writable(index, subindex)
+        variable.write(variable.data_type.decode(raw))
+
+    def add_check(self, index: int, subindex: int, check: Check) -> None:
+        """Ask `check` before each write from the bus (SDO or RPDO); it raises to refuse."""
+        self.variable(index, subindex).add_check(check)
+
+    def add_hook(self, index: int, subindex: int, hook: Hook) -> None:
+        """Tell `hook` after each write from the bus (SDO or RPDO), not after a restore."""
+        self.variable(index, subindex).add_hook(hook)
+
+    def restore(self, indices: range) -> None:
+        """Set the variables of `indices` back to their defaults."""
+        for index in self.indices(indices):
+            for variable in self._objects[index].values():
+                variable.value = variable.default

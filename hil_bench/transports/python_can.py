@@ -54,14 +54,14 @@ class PythonCanTransport:
         self._send_failures = 0
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, at most `limit` frames, without waiting.
+        """Return what has arrived, reading at most `limit` messages, without waiting.
 
         Raises:
             BusError: the bus is lost.
         """
         frames: list[Frame] = []
         try:
-            while len(frames) < limit:
+            for _ in range(limit):
                 message = self._bus.recv(0)
                 if message is None:
                     break

@@ -1,0 +1,280 @@
+"""A CAN bus between processes where the kernel has none: a hub that speaks the socketcand protocol.
+
+What a client sends goes to every other client of the same channel, in one order for all. The raw
+mode of the protocol is spoken as python-can's `socketcand` interface and socketcand itself have it
+(github.com/linux-can/socketcand, doc/protocol.md):
+
+    hub: < hi >              client: < open can0 >        hub: < ok >
+                             client: < rawmode >          hub: < ok >
+    client: < send 123 2 de ad >          hub, to the others: < frame 123 1700000000.123456 DEAD >
+
+An identifier of eight digits is a 29-bit one. The protocol has no remote frames in this direction.
+"""
+
+import asyncio
+import errno
+import re
+import socket
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from hil_bench.errors import BusError
+
+DEFAULT_PORT = 29536
+"""socketcand's own port."""
+
+MAX_CLIENTS = 64
+MAX_COMMAND = 128
+"""Longest command [byte]; a frame of eight bytes takes 44."""
+MAX_BACKLOG = 8 * 1024 * 1024
+"""What may wait for a client [byte] before it is dropped: tens of seconds of a busy bus."""
+
+# python-can compares what it reads after "rawmode" with "< ok >" exactly, so a frame that
+# follows too closely would break its start. Frames are held back until the client says something,
+# or for this time [s].
+_JOIN_DELAY = 0.05
+
+_NS_PER_S = 1_000_000_000
+_QUICKACK = getattr(socket, "TCP_QUICKACK", None)
+_CHANNEL = re.compile(r"[A-Za-z0-9_.-]{1,15}")
+_SEND = re.compile(
+    rb"< send ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +([0-8])"
+    rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
+)
+
+
+@dataclass(slots=True)
+class HubCounters:
+    """What passed a hub.
+
+    Attributes:
+        connections: clients that connected.
+        frames: frames that clients sent.
+        bad_commands: commands that were refused.
+        dropped_clients: clients that were cut off: too slow, or no end of a command in sight.
+    """
+
+    connections: int = 0
+    frames: int = 0
+    bad_commands: int = 0
+    dropped_clients: int = 0
+
+
+class Hub:
+    """One bus a channel, for clients that connect over TCP.
+
+    Args:
+        channels: names that clients may open.
+
+    Attributes:
+        counters: what passed so far.
+
+    Raises:
+        ValueError: a channel has no name that SocketCAN would take.
+    """
+
+    def __init__(self, channels: Sequence[str] = ("can0",)) -> None:
+        for channel in channels:
+            if not _CHANNEL.fullmatch(channel):
+                raise ValueError(
+                    f"channel {channel!r}: 1 to 15 letters, digits, '_', '.' or '-' are right"
+                )
+        self.counters = HubCounters()
+        self._buses: dict[str, list[_Client]] = {channel: [] for channel in channels}
+        self._clients: set[_Client] = set()
+
+    async def start(self, host: str, port: int) -> asyncio.Server:
+        """Listen; port 0 takes a free one.
+
+        Raises:
+            BusError: the address cannot be had.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            return await loop.create_server(lambda: _Client(self), host, port, backlog=1024)
+        except OSError as error:
+            what = f"hub {host}:{port}: "
+            if error.errno == errno.EADDRINUSE:
+                what += "the port is in use, by another hub?; port 0 takes a free one"
+            else:
+                what += error.strerror or str(error)
+            raise BusError(what) from error
+
+    def admit(self, client: "_Client") -> bool:
+        """Take a client that has just connected, if there is room for it."""
+        self.counters.connections += 1
+        if len(self._clients) >= MAX_CLIENTS:
+            return False
+        self._clients.add(client)
+        return True
+
+    def bus(self, channel: str) -> "list[_Client] | None":
+        """Return the clients in raw mode on a channel, None where there is no such channel."""
+        return self._buses.get(channel)
+
+    @property
+    def channels(self) -> str:
+        """The channels' names, for messages."""
+        return ", ".join(self._buses)
+
+    def forget(self, client: "_Client") -> None:
+        """Remove a client that is gone."""
+        self._clients.discard(client)
+        for bus in self._buses.values():
+            if client in bus:
+                bus.remove(client)
+
+
+class _Client(asyncio.Protocol):
+    """The hub's end of one connection: greeted, then on a channel, then in raw mode."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._rest = b""
+        self._bus: list[_Client] | None = None
+        self._in_raw_mode = False
+        self._held_back: list[bytes] | None = None
+        self._transport: asyncio.Transport
+        self._socket: socket.socket
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Greet the client; asyncio sets TCP_NODELAY."""
+        self._transport = cast("asyncio.Transport", transport)
+        self._socket = transport.get_extra_info("socket")
+        if self._hub.admit(self):
+            self._write(b"< hi >")
+        else:
+            self._write(b"< error too many clients >")
+            transport.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
+        """Leave the bus."""
+        self._hub.forget(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Carry out the commands that are complete."""
+        if _QUICKACK is not None:
+            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
+            self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+        *commands, self._rest = (self._rest + data).split(b">")
+        frames = [frame for command in commands if (frame := self._obey(command.lstrip()))]
+        if frames:
+            self._broadcast(frames)
+        if len(self._rest) > MAX_COMMAND:
+            self._hub.counters.bad_commands += 1
+            self._drop()
+
+    def deliver(self, data: bytes) -> None:
+        """Send frames to this client."""
+        if self._held_back is not None:
+            self._held_back.append(data)
+        else:
+            self._write(data)
+
+    def _obey(self, command: bytes) -> bytes | None:
+        """Carry out one command, given without its ">"; return the frame that it sends, if any."""
+        if self._in_raw_mode:
+            self._release()
+            frame = _frame_of(command)
+            if frame is None:
+                self._refuse(b"unknown command")
+            return frame
+        match command.split():
+            case [b"<", b"open", name] if self._bus is None:
+                self._open(name)
+            case [b"<", b"rawmode"] if self._bus is not None:
+                self._enter_raw_mode(self._bus)
+            case _:
+                self._refuse(b"unknown command")
+        return None
+
+    def _open(self, name: bytes) -> None:
+        self._bus = self._hub.bus(name.decode("ascii", "replace"))
+        if self._bus is None:
+            self._refuse(b"could not open bus; this hub has " + self._hub.channels.encode())
+        else:
+            self._write(b"< ok >")
+
+    def _enter_raw_mode(self, bus: "list[_Client]") -> None:
+        self._in_raw_mode = True
+        self._held_back = []
+        self._write(b"< ok >")
+        bus.append(self)
+        asyncio.get_running_loop().call_later(_JOIN_DELAY, self._release)
+
+    def _release(self) -> None:
+        """Deliver what was held back: the client has read the answer to "rawmode"."""
+        if self._held_back is None:
+            return
+        held_back, self._held_back = self._held_back, None
+        if held_back:
+            self._write(b"".join(held_back))
+
+    def _broadcast(self, frames: list[bytes]) -> None:
+        self._hub.counters.frames += len(frames)
+        data = b"".join(frames)
+        for client in tuple(self._bus or ()):
+            if client is not self:
+                client.deliver(data)
+
+    def _refuse(self, reason: bytes) -> None:
+        self._hub.counters.bad_commands += 1
+        self._write(b"< error " + reason + b" >")
+
+    def _write(self, data: bytes) -> None:
+        """Send to this client, or cut it off where it does not keep up."""
+        if self._transport.is_closing():
+            return
+        self._transport.write(data)
+        if self._transport.get_write_buffer_size() > MAX_BACKLOG:
+            self._drop()
+
+    def _drop(self) -> None:
+        """Cut the connection, whatever is still to be written."""
+        self._hub.counters.dropped_clients += 1
+        self._hub.forget(self)
+        self._transport.abort()
+
+
+def _frame_of(command: bytes) -> bytes | None:
+    """Return what the others read of a "send" command; None where it is malformed."""
+    match = _SEND.fullmatch(command)
+    if match is None:
+        return None
+    can_id, length, data = match.groups()
+    payload = data.split()
+    if len(payload) != int(length):
+        return None
+    seconds, nanoseconds = divmod(time.time_ns(), _NS_PER_S)
+    digits = b"".join(byte.rjust(2, b"0") for byte in payload).upper()
+    return b"< frame %b %d.%06d %b >" % (
+        can_id.upper().rjust(3, b"0"),
+        seconds,
+        nanoseconds // 1_000,
+        digits,
+    )
+
+
+def run_hub(
+    host: str,
+    port: int,
+    ready: Callable[[int], None],
+    channels: Sequence[str] = ("can0",),
+) -> None:
+    """Serve until the process ends or a signal stops it.
+
+    Args:
+        host: address to listen on; "127.0.0.1" keeps the bus on this machine.
+        port: 0 takes a free one.
+        ready: told the port as soon as clients may connect.
+        channels: names that clients may open, one bus each.
+    """
+    asyncio.run(_serve(Hub(channels), host, port, ready))
+
+
+async def _serve(hub: Hub, host: str, port: int, ready: Callable[[int], None]) -> None:
+    server = await hub.start(host, port)
+    ready(server.sockets[0].getsockname()[1])
+    await server.serve_forever()

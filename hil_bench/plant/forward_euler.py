@@ -1,0 +1,47 @@
+"""The paper's solver: forward Euler of all six states, each from the old values of all others."""
+
+from hil_bench.plant.chamber import chamber_volumes, net_flows
+from hil_bench.plant.constants import unpack
+from hil_bench.plant.friction import friction_force
+from hil_bench.plant.kernel import Floats, kernel
+from hil_bench.plant.load import stop_force
+from hil_bench.plant.orifice import port_flow
+from hil_bench.plant.spool import orifice_state
+
+
+@kernel
+def advance_forward_euler(
+    state: Floats, constants: Floats, u: float, F_L: float, steps: int
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Move the state on by some steps of forward Euler, in place.
+
+    Args:
+        state: x, v, P_A, P_B, nu, nu_dot.
+        constants: as `hil_bench.plant.constants.pack` gives them.
+        u: spool set-point [m].
+        F_L: external load [N].
+        steps: how many.
+
+    Returns:
+        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+    """
+    step, valve, _, orifice, chambers, friction, stop = unpack(constants)
+    dt, m, floor = step
+    alpha, beta, stiffness, damping = valve
+    E, C_L, A_A, A_B, _, _, _ = chambers
+    x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
+    z = orifice_state(nu, alpha, beta)
+    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+    for _ in range(steps):
+        V_A, V_B = chamber_volumes(x, chambers)
+        net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
+        force = P_A * A_A - P_B * A_B - friction_force(v, friction) - F_L + stop_force(x, v, stop)
+        acceleration = stiffness * (u - nu) - damping * nu_dot
+        x, v = x + dt * v, v + dt * force / m
+        P_A, P_B = P_A + dt * E / V_A * net_A, P_B + dt * E / V_B * net_B
+        nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
+        P_A, P_B = max(P_A, floor), max(P_B, floor)
+        z = orifice_state(nu, alpha, beta)
+        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
+    return x, v, P_A, P_B, nu, z, Q_A, Q_B

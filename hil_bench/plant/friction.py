@@ -1,0 +1,38 @@
+"""Friction of the piston: the Stribeck curve, eq. (13), with tanh(gain v) for the sign."""
+
+import math
+
+from hil_bench.plant.kernel import kernel
+
+FrictionConstants = tuple[float, float, float, float, float, float]
+"""(F_c, F_s - F_c, sigma, chi, delta, tanh gain)."""
+
+# Below this speed the secant is taken as constant: its limit at rest is finite, 0 / 0 is not.
+_CREEP = 1e-12
+
+# exp(-exp(7)) is 0 in double precision: beyond that, nothing is left of the Stribeck effect.
+_WEAKENED = 7.0
+
+
+@kernel
+def linearise_friction(v: float, friction: FrictionConstants) -> tuple[float, float]:
+    """Return secant f / v and tangent df / dv of the friction curve at velocity v [N s/m].
+
+    f(v) = tanh(gain v) (F_c + (F_s - F_c) exp(-|v / chi|^delta)) + sigma v, eq. (13).
+    """
+    F_c, weakening, sigma, chi, delta, gain = friction
+    speed = max(abs(v), _CREEP)
+    exponent = delta * math.log(speed / chi)
+    power = math.exp(min(exponent, _WEAKENED))
+    stribeck = weakening * math.exp(-power)
+    level = F_c + stribeck
+    sign = math.tanh(gain * speed)
+    rise = gain * (1.0 - sign * sign) * level if sign < 1.0 else 0.0
+    tangent = rise - sign * stribeck * power * delta / speed + sigma
+    return sign * level / speed + sigma, tangent
+
+
+@kernel
+def friction_force(v: float, friction: FrictionConstants) -> float:
+    """Return the friction force [N] at velocity v [m/s], positive against motion, eq. (13)."""
+    return v * linearise_friction(v, friction)[0]

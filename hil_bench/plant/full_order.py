@@ -1,0 +1,181 @@
+"""The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import cast
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant.constants import pack
+from hil_bench.plant.forward_euler import advance_forward_euler
+from hil_bench.plant.implicit_midpoint import advance_implicit_midpoint
+from hil_bench.plant.kernel import IS_COMPILED, Floats
+from hil_bench.plant.options import PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
+from hil_bench.plant.validation import require_finite, require_positive
+
+if IS_COMPILED:
+    import numpy as np
+
+SPOOL_SETPOINT_LIMIT = 1.0
+"""Largest spool set-point that the plant follows, a thousand times a real valve's [m]."""
+
+LOAD_LIMIT = 1e9
+"""Largest external load that the plant feels, a hundred thousand tonnes [N]."""
+
+
+class Solver(StrEnum):
+    """How the plant's equations are integrated over one step."""
+
+    FORWARD_EULER = "forward-euler"
+    LINEARLY_IMPLICIT_MIDPOINT = "linearly-implicit-midpoint"
+
+
+_STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
+
+_ADVANCE = {
+    Solver.FORWARD_EULER: advance_forward_euler,
+    Solver.LINEARLY_IMPLICIT_MIDPOINT: advance_implicit_midpoint,
+}
+
+
+class FullOrderPlant:
+    """Valve and cylinder: six states, moved on in fixed steps.
+
+    The constructor runs the stepping kernel once, so that nothing is compiled later.
+
+    Args:
+        parameters: of valve and cylinder.
+        options: what the paper leaves open; None for `PlantOptions.bench()`.
+        solver: of the equations.
+        dt: step [s].
+        state: at the start; None for the balanced state of rest at mid-stroke.
+
+    Raises:
+        ParameterError: for a state or a step that makes no sense with these parameters.
+
+    Attributes:
+        parameters: of valve and cylinder.
+        options: what the paper leaves open.
+        solver: of the equations.
+        dt: step [s].
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        *,
+        options: PlantOptions | None = None,
+        solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
+        dt: float = 1e-4,
+        state: PlantState | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.options = PlantOptions.bench() if options is None else options
+        self.solver = solver
+        self.dt = dt
+        _check_step(parameters, self.options, solver, dt)
+        start = balanced_state(parameters) if state is None else state
+        _check_state(start, parameters, self.options)
+        self._advance = _ADVANCE[solver]
+        self._constants = _row(pack(parameters, self.options, dt))
+        self._state = _row(start)
+        self._output = self._advance_by(0.0, 0.0, 0)
+
+    @property
+    def state(self) -> PlantState:
+        """The present state."""
+        row = self._state
+        return PlantState(*(float(row[index]) for index in range(6)))
+
+    @property
+    def output(self) -> PlantOutput:
+        """The quantities of the present state."""
+        return self._output
+
+    def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
+        """Move the plant on by `steps` steps under a constant input; return what is seen then.
+
+        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` they act
+        as the limit does.
+
+        Raises:
+            ParameterError: for an input that is not finite, or when forward Euler has diverged.
+        """
+        u, F_L = plant_input
+        if not (math.isfinite(u) and math.isfinite(F_L)):
+            raise ParameterError(f"u = {u} m, F_L = {F_L} N: both must be finite")
+        if not (
+            -SPOOL_SETPOINT_LIMIT <= u <= SPOOL_SETPOINT_LIMIT and -LOAD_LIMIT <= F_L <= LOAD_LIMIT
+        ):
+            u = math.copysign(min(abs(u), SPOOL_SETPOINT_LIMIT), u)
+            F_L = math.copysign(min(abs(F_L), LOAD_LIMIT), F_L)
+        return self._advance_by(float(u), float(F_L), steps)
+
+    def _advance_by(self, u: float, F_L: float, steps: int) -> PlantOutput:
+        seen = self._advance(self._state, self._constants, u, F_L, steps)
+        if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
+            raise ParameterError(
+                f"dt = {self.dt:g} s: {self.solver.value} has diverged with these parameters; "
+                f"take a shorter step or {Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"
+            )
+        self._output = PlantOutput._make(seen)
+        return self._output
+
+
+def largest_euler_step(parameters: PlantParameters, options: PlantOptions) -> float:
+    """Return the step at which forward Euler is sure to be unstable [s].
+
+    The smaller of two limits that hold whatever the oil does: of the spool's position loop, and of
+    the piston at standstill, 2 m / slope, where the friction curve has the slope gain F_s + sigma
+    and a pressed end stop adds its damping. The printed sign has no slope: there the piston
+    chatters at any step, by F_s dt / m.
+    """
+    p = parameters
+    root = math.sqrt(max(p.xi**2 - 1.0, 0.0))
+    spool = 2.0 * min(p.xi, 1.0 / (p.xi + root)) / p.omega_0
+    if options.tanh_gain == math.inf:
+        return spool
+    slope = options.tanh_gain * p.F_s + p.sigma
+    if options.end_stop is not None:
+        slope += options.end_stop.damping
+    return min(spool, 2.0 * p.m / slope if slope > 0.0 else math.inf)
+
+
+def _check_step(
+    parameters: PlantParameters, options: PlantOptions, solver: Solver, dt: float
+) -> None:
+    require_positive("dt", dt, "s")
+    if solver is Solver.FORWARD_EULER:
+        limit = largest_euler_step(parameters, options)
+        if dt >= limit:
+            raise ParameterError(
+                f"dt = {dt:g} s: {solver.value} needs less than {limit:.4g} s with these parameters"
+            )
+    elif options.tanh_gain == math.inf:
+        raise ParameterError(
+            f"tanh_gain = inf s/m: {solver.value} needs a slope, a finite gain; "
+            f"take {Solver.FORWARD_EULER.value} for the printed sign"
+        )
+
+
+def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
+    for symbol, value, unit in zip(PlantState._fields, state, _STATE_UNITS, strict=True):
+        require_finite(symbol, value, unit)
+    floor = options.cavitation_floor
+    for symbol, pressure in (("P_A", state.P_A), ("P_B", state.P_B), ("P_T", parameters.P_T)):
+        if floor is not None and pressure < floor:
+            raise ParameterError(
+                f"{symbol} = {pressure:g} Pa: must be at least the cavitation floor, {floor:g} Pa"
+            )
+    if options.end_stop is not None and abs(state.x) > parameters.h:
+        raise ParameterError(
+            f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
+        )
+
+
+def _row(values: Sequence[float]) -> Floats:
+    if IS_COMPILED:
+        return cast("Floats", np.array(values, dtype=np.float64))
+    return list(values)

@@ -1,0 +1,136 @@
+"""The bench's solver: the spool exactly, the cylinder by a linearly implicit midpoint step.
+
+One step solves (I - W) dy = dt f(y) for y = (P_A, P_B, v), with f taken at the middle of the step
+in spool and piston position. W = dt J / 2 makes that a Rosenbrock step of second order (gamma = 1/2).
+On the diagonal, W grows beyond that by terms of order dt² where an orifice or the friction curve is
+stiff, up to the backward Euler step on the secant: so nothing rings there and the order stays
+(`docs/decisions/0001-plant-and-solver.md`).
+"""
+
+from hil_bench.plant.chamber import chamber_volumes, net_flows
+from hil_bench.plant.constants import Constants, unpack
+from hil_bench.plant.friction import linearise_friction
+from hil_bench.plant.kernel import Floats, kernel
+from hil_bench.plant.load import stop_velocity_change
+from hil_bench.plant.orifice import linearise_flow, port_flow
+from hil_bench.plant.spool import move_spool, orifice_state
+
+
+@kernel
+def implicit_share(secant: float, tangent: float, inertia: float) -> float:
+    """Return how much a damping element adds to the inertia it works on, in one step.
+
+    tangent / 2 is the midpoint rule's share, secant that of a backward Euler step on the secant.
+    Between them, secant² / (8 inertia) brings the step close to the exact solution of both
+    dy/dt = -y and dy/dt = -sqrt(y), and keeps it from overshooting.
+
+    Args:
+        secant: flow / drop or force / velocity.
+        tangent: d flow / d drop or d force / d velocity.
+        inertia: V / (E dt) or m / dt, in the unit of the two.
+    """
+    share = 0.5 * tangent + 0.125 * secant * secant / inertia
+    return max(min(share, max(secant, tangent)), -0.25 * inertia)
+
+
+@kernel
+def respond(
+    pressure: float, change: float, fall: float, floor: float, dv: float
+) -> tuple[float, float]:
+    """Return a chamber's response, held at the floor if velocity change `dv` takes it below.
+
+    Args:
+        pressure: at the start of the step [Pa].
+        change: of pressure over the step, were there no velocity change [Pa].
+        fall: of pressure per velocity change [Pa s/m].
+        floor: lowest pressure [Pa].
+        dv: velocity change [m/s].
+    """
+    if pressure + change - fall * dv < floor:
+        return floor - pressure, 0.0
+    return change, fall
+
+
+@kernel
+def move_cylinder(
+    x: float, v: float, P_A: float, P_B: float, z: float, F_L: float, constants: Constants
+) -> tuple[float, float, float, float]:
+    """Return x, v, P_A, P_B one step later.
+
+    Args:
+        x: piston position [m].
+        v: piston velocity [m/s].
+        P_A: pressure in chamber A [Pa].
+        P_B: pressure in chamber B [Pa].
+        z: orifice state in the middle of the step [m].
+        F_L: external load [N].
+        constants: in their groups.
+    """
+    (dt, m, floor), _, _, orifice, chambers, friction, stop = constants
+    E, C_L, A_A, A_B, _, _, _ = chambers
+
+    Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
+    Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
+    net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
+    V_A, V_B = chamber_volumes(x + 0.5 * dt * v, chambers)
+    C_A, C_B = V_A / (E * dt), V_B / (E * dt)
+
+    # [[a, -c], [-c, b]] (dP_A, dP_B) = (net_A - A_A dv / 2, net_B + A_B dv / 2)
+    c = 0.5 * C_L
+    a = C_A + c + implicit_share(secant_A, tangent_A, C_A)
+    b = C_B + c + implicit_share(secant_B, tangent_B, C_B)
+    per_det = 1.0 / (a * b - c * c)
+    dP_A, fall_A = (b * net_A + c * net_B) * per_det, 0.5 * (b * A_A - c * A_B) * per_det
+    dP_B, fall_B = (c * net_A + a * net_B) * per_det, 0.5 * (c * A_A - a * A_B) * per_det
+
+    secant, tangent = linearise_friction(v, friction)
+    inertia = m / dt + implicit_share(secant, tangent, m / dt)
+    force = P_A * A_A - P_B * A_B - secant * v - F_L
+    resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
+    dv = (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance
+
+    if P_A + dP_A - fall_A * dv < floor or P_B + dP_B - fall_B * dv < floor:
+        dP_A, fall_A = respond(P_A, dP_A, fall_A, floor, dv)
+        dP_B, fall_B = respond(P_B, dP_B, fall_B, floor, dv)
+        resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
+        dv = (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance
+
+    dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
+    P_A += dP_A - fall_A * dv
+    P_B += dP_B - fall_B * dv
+    return (
+        x + dt * (v + 0.5 * dv),
+        v + dv,
+        max(P_A, floor),
+        max(P_B, floor),
+    )
+
+
+@kernel
+def advance_implicit_midpoint(
+    state: Floats, constants: Floats, u: float, F_L: float, steps: int
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Move the state on by some steps of the linearly implicit midpoint rule, in place.
+
+    Args:
+        state: x, v, P_A, P_B, nu, nu_dot.
+        constants: as `hil_bench.plant.constants.pack` gives them.
+        u: spool set-point [m].
+        F_L: external load [N].
+        steps: how many.
+
+    Returns:
+        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+    """
+    groups = unpack(constants)
+    _, (alpha, beta, _, _), transition, orifice, _, _, _ = groups
+    x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
+    for _ in range(steps):
+        nu_before = nu
+        nu, nu_dot = move_spool(nu, nu_dot, u, transition)
+        z_middle = orifice_state(0.5 * (nu_before + nu), alpha, beta)
+        x, v, P_A, P_B = move_cylinder(x, v, P_A, P_B, z_middle, F_L, groups)
+    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
+    z = orifice_state(nu, alpha, beta)
+    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+    return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -1,0 +1,52 @@
+"""What acts on the piston from outside the oil: the end stops.
+
+A contact is a spring and a damper that push the piston back and never pull it, so it can only take
+energy out of the motion.
+"""
+
+from hil_bench.plant.kernel import kernel
+
+StopConstants = tuple[float, float, float]
+"""(position of the stops [m], stiffness [N/m], damping [N s/m]); position infinite for no stop."""
+
+
+@kernel
+def stop_force(x: float, v: float, stop: StopConstants) -> float:
+    """Return the end stop's force on the piston [N], in the direction of +x."""
+    position, stiffness, damping = stop
+    if x > position:
+        push = stiffness * (x - position) + damping * v
+        return -max(push, 0.0)
+    if x < -position:
+        push = stiffness * (-position - x) - damping * v
+        return max(push, 0.0)
+    return 0.0
+
+
+@kernel
+def stop_velocity_change(
+    change: float, resistance: float, x: float, v: float, dt: float, stop: StopConstants
+) -> float:
+    """Return the velocity change over one step once the end stop has had its say [m/s].
+
+    The spring's force is taken at the end of the step and the damper's in its middle: then a step
+    takes at least (stiffness / 2 + damping / dt) times the square of its travel out of the motion,
+    whatever the stiffness and the step.
+
+    Args:
+        change: velocity change without a stop [m/s].
+        resistance: force per velocity change of everything but the stop [N s/m].
+        x: piston position at the start of the step [m].
+        v: piston velocity at the start of the step [m/s].
+        dt: step [s].
+        stop: the constants.
+    """
+    position, stiffness, damping = stop
+    travel = dt * (v + 0.5 * change)
+    if -position <= x + travel <= position:
+        return change
+    side = 1.0 if x + travel > 0.0 else -1.0
+    push = stiffness * (side * (x + travel) - position) + damping * side * travel / dt
+    if push <= 0.0:
+        return change
+    return change - side * push / (resistance + 0.5 * (stiffness * dt + damping))

@@ -1,0 +1,80 @@
+"""What the paper leaves open about its model, as explicit choices."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant.validation import require_finite, require_not_negative, require_positive
+
+VACUUM_PRESSURE = -101_325.0
+"""Absolute vacuum as a gauge pressure, under the standard atmosphere [Pa]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndStop:
+    """The cylinder's end caps: a spring and a damper at x = +h and x = -h that push and never pull.
+
+    At rest the piston sinks in by force / stiffness: 0.25 mm under the 50 kN of Table I at full
+    supply pressure.
+
+    Attributes:
+        stiffness: of the contact [N/m].
+        damping: of the contact [N s/m].
+
+    Raises:
+        ParameterError: when the stiffness is not positive or the damping is negative.
+    """
+
+    stiffness: float = 2e8
+    damping: float = 2e4
+
+    def __post_init__(self) -> None:
+        require_positive("stiffness of the end stop", self.stiffness, "N/m")
+        require_not_negative("damping of the end stop", self.damping, "N s/m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantOptions:
+    """How the full-order model reads what the paper leaves open; the defaults are the paper's.
+
+    Attributes:
+        signed_root: whether the flow of eqs. (5), (6) turns round when the pressure drop does;
+            otherwise it is held at zero.
+        tanh_gain: slope of the tanh that stands for the sign in eq. (13) [s/m]; `math.inf` is the
+            printed sign (forward Euler only).
+        end_stop: what stops the piston at the stroke's ends; None lets it run on, as printed.
+        cavitation_floor: gauge pressure below which no chamber falls [Pa]; None for no floor.
+        laminar_transition: pressure drop below which orifice flow is laminar [Pa]; 0 turns it off.
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    signed_root: bool = True
+    tanh_gain: float = 400.0
+    end_stop: EndStop | None = None
+    cavitation_floor: float | None = None
+    laminar_transition: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.tanh_gain != math.inf:
+            require_positive("tanh_gain", self.tanh_gain, "s/m")
+        require_not_negative("laminar_transition", self.laminar_transition, "Pa")
+        if self.cavitation_floor is not None:
+            require_finite("cavitation_floor", self.cavitation_floor, "Pa")
+            if self.cavitation_floor > 0.0:
+                raise ParameterError(
+                    f"cavitation_floor = {self.cavitation_floor:g} Pa: must be 0 or less, "
+                    f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)"
+                )
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Return the model as the paper simulated it: no end stop, no floor, all turbulent."""
+        return cls()
+
+    @classmethod
+    def bench(cls) -> Self:
+        """Return the model for a test bench: piston and pressures stay where they can be."""
+        return cls(end_stop=EndStop(), cavitation_floor=VACUUM_PRESSURE, laminar_transition=300.0)

@@ -1,0 +1,80 @@
+"""What enters the plant, what it remembers and what it shows."""
+
+from typing import NamedTuple
+
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.validation import require_finite
+
+
+class PlantState(NamedTuple):
+    """The six states of the full-order model.
+
+    Attributes:
+        x: piston position from mid-stroke [m].
+        v: piston velocity [m/s].
+        P_A: pressure in chamber A [Pa].
+        P_B: pressure in chamber B [Pa].
+        nu: spool position [m].
+        nu_dot: spool velocity [m/s].
+    """
+
+    x: float
+    v: float
+    P_A: float
+    P_B: float
+    nu: float
+    nu_dot: float
+
+
+class PlantInput(NamedTuple):
+    """What acts on the plant during a step.
+
+    Attributes:
+        u: spool set-point [m].
+        F_L: external load, positive against positive motion, eq. (12) [N].
+    """
+
+    u: float
+    F_L: float = 0.0
+
+
+class PlantOutput(NamedTuple):
+    """What can be seen of the plant.
+
+    Attributes:
+        x: piston position from mid-stroke [m].
+        v: piston velocity [m/s].
+        P_A: pressure in chamber A [Pa].
+        P_B: pressure in chamber B [Pa].
+        nu: spool position [m].
+        z: orifice state, eq. (4) [m].
+        Q_A: flow through port A into the cylinder, eq. (5) [m³/s].
+        Q_B: flow through port B into the cylinder, eq. (6) [m³/s].
+    """
+
+    x: float
+    v: float
+    P_A: float
+    P_B: float
+    nu: float
+    z: float
+    Q_A: float
+    Q_B: float
+
+
+def balanced_state(
+    parameters: PlantParameters, *, x: float = 0.0, mean_pressure: float | None = None
+) -> PlantState:
+    """Return the state of rest in which the pressures hold the piston: P_A A_A = P_B A_B.
+
+    Args:
+        parameters: of the plant.
+        x: piston position [m].
+        mean_pressure: mean of P_A and P_B [Pa]; None for the middle of supply and tank.
+    """
+    mean = 0.5 * (parameters.P_S + parameters.P_T) if mean_pressure is None else mean_pressure
+    require_finite("mean_pressure", mean, "Pa")
+    require_finite("x", x, "m")
+    P_A = mean * parameters.A_B / parameters.mean_area
+    P_B = mean * parameters.A_A / parameters.mean_area
+    return PlantState(x=x, v=0.0, P_A=P_A, P_B=P_B, nu=0.0, nu_dot=0.0)

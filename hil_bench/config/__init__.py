@@ -1,0 +1,32 @@
+"""`bench.toml` to frozen records: read, checked and converted to SI once."""
+
+from hil_bench.config.load import CONFIG_VARIABLE, SEED_VARIABLE, load_config
+from hil_bench.config.records import (
+    AxisConfig,
+    BenchConfig,
+    BusConfig,
+    EncoderConfig,
+    NodeConfig,
+    PressureConfig,
+    PressureSource,
+    Profile,
+    ValveConfig,
+)
+from hil_bench.config.settings import Origin, Setting
+
+__all__ = [
+    "CONFIG_VARIABLE",
+    "SEED_VARIABLE",
+    "AxisConfig",
+    "BenchConfig",
+    "BusConfig",
+    "EncoderConfig",
+    "NodeConfig",
+    "Origin",
+    "PressureConfig",
+    "PressureSource",
+    "Profile",
+    "Setting",
+    "ValveConfig",
+    "load_config",
+]

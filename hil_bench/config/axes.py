@@ -1,0 +1,79 @@
+"""The tables ``[plant.NAME]``: the cylinders and the hydraulic side of their valves."""
+
+import re
+from collections.abc import Mapping
+
+from hil_bench.config.document import Document, read_named_sections
+from hil_bench.config.keys import (
+    AXIS_KEYS,
+    CAVITATION_KEYS,
+    END_STOP_KEYS,
+    OPTION_KEYS,
+    PARAMETER_KEYS,
+)
+from hil_bench.config.records import AxisConfig
+from hil_bench.config.settings import Problems, Settings, convert, read_table
+from hil_bench.errors import ParameterError
+from hil_bench.plant.options import EndStop, PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+
+_DEFAULT_AXIS = "axis1"
+
+_PHYSICAL_KEYS = {
+    key.field: key.name for key in (*PARAMETER_KEYS, *OPTION_KEYS, *END_STOP_KEYS, *CAVITATION_KEYS)
+}
+# A symbol, but not a unit, which follows its number.
+_SYMBOL = re.compile(rf"(?<!\d )\b({'|'.join(_PHYSICAL_KEYS)})\b")
+
+
+def read_axes(document: Document, problems: Problems) -> dict[str, Settings]:
+    """Return the settings of each axis by its name; a file without a plant has one default axis."""
+    sections = read_named_sections(document, "plant", problems) or {_DEFAULT_AXIS: {}}
+    return {
+        name: read_table(f"plant.{name}", given, AXIS_KEYS, problems)
+        for name, given in sections.items()
+    }
+
+
+def build_axes(axes: Mapping[str, Settings], problems: Problems) -> tuple[AxisConfig, ...]:
+    """Return the records of the axes; what makes no physical sense is noted and left out."""
+    built = []
+    for name, axis in axes.items():
+        _check_position(name, axis, problems)
+        try:
+            built.append(_build_axis(name, axis))
+        except ParameterError as error:
+            _explain(f"plant.{name}", str(error), problems)
+    return tuple(built)
+
+
+def _build_axis(name: str, axis: Settings) -> AxisConfig:
+    has_end_stop, has_cavitation = axis["end_stop"].value, axis["cavitation"].value
+    options = convert(axis, OPTION_KEYS)
+    if has_cavitation:
+        options |= convert(axis, CAVITATION_KEYS)
+    if has_end_stop:
+        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
+    return AxisConfig(
+        name=name,
+        parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
+        options=PlantOptions(**options),
+        solver=axis["solver"].value,
+        position=convert(axis, (axis["position_mm"].key,))["position"],
+    )
+
+
+def _check_position(name: str, axis: Settings, problems: Problems) -> None:
+    position, limit = axis["position_mm"].value, axis["stroke_mm"].value / 2.0
+    if abs(position) > limit > 0.0:
+        place = problems.place(f"plant.{name}", "position_mm")
+        right = f"give {-limit:g} to {limit:g}, half of stroke_mm to each side"
+        problems.add(place, f"{position:g} is beyond the stroke; {right}")
+
+
+def _explain(table: str, message: str, problems: Problems) -> None:
+    """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
+    keys = list(dict.fromkeys(_PHYSICAL_KEYS[symbol] for symbol in _SYMBOL.findall(message)))
+    related = f" (see also {', '.join(keys[1:])})" if len(keys) > 1 else ""
+    place = problems.place(table, keys[0] if keys else "")
+    problems.add(place, message.replace(": ", "; ", 1) + related)

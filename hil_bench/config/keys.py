@@ -1,0 +1,132 @@
+"""The keys of `bench.toml`: name, unit, default and the attribute that each one fills.
+
+`docs/configuration.md` tells the meaning of each. The defaults of the plant are Table I of
+Ruderman 2017.
+"""
+
+from collections.abc import Mapping
+
+from hil_bench.config.records import PressureSource, Profile
+from hil_bench.config.settings import Key
+from hil_bench.config.values import (
+    boolean,
+    channel,
+    choice,
+    integer,
+    interface,
+    interval,
+    number,
+    text,
+)
+from hil_bench.plant.full_order import Solver
+from hil_bench.units import (
+    BAR,
+    CUBIC_CENTIMETRE,
+    KILOGRAM,
+    KILOGRAM_PER_CUBIC_METRE,
+    LITRE_PER_MINUTE_BAR,
+    MEGAPASCAL,
+    MICROSECOND,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    NEWTON,
+    NEWTON_PER_MILLIMETRE,
+    NEWTON_SECOND_PER_METRE,
+    ONE,
+    PASCAL,
+    RADIAN_PER_SECOND,
+    SECOND_PER_METRE,
+    SQUARE_CENTIMETRE,
+    Unit,
+)
+
+TABLES = ("bench", "bus", "plant", "nodes")
+
+
+def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
+    return Key(name, number(unit), default, unit, field)
+
+
+BENCH_KEYS = (
+    Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
+    Key("step_us", integer(1, 10_000), 100, MICROSECOND),
+    Key("seed", integer(0), 1),
+)
+
+BUS_KEYS = (
+    Key("interface", interface),
+    Key("channel", channel),
+    Key("bitrate", integer(1, 1_000_000)),
+)
+
+PARAMETER_KEYS = (
+    _quantity("orifice_full_opening_mm", 1.0, MILLIMETRE, "alpha"),
+    _quantity("spool_overlap_mm", 0.3, MILLIMETRE, "beta"),
+    _quantity("spool_natural_frequency_rad_s", 1200.0, RADIAN_PER_SECOND, "omega_0"),
+    _quantity("spool_damping_ratio", 0.7, ONE, "xi"),
+    _quantity("discharge_coefficient", 0.65, ONE, "C_d"),
+    _quantity("orifice_width_mm", 20.0, MILLIMETRE, "w"),
+    _quantity("oil_density_kg_m3", 850.0, KILOGRAM_PER_CUBIC_METRE, "rho"),
+    _quantity("bulk_modulus_mpa", 100.0, MEGAPASCAL, "E"),
+    _quantity("supply_pressure_bar", 100.0, BAR, "P_S"),
+    _quantity("tank_pressure_bar", 0.0, BAR, "P_T"),
+    _quantity("internal_leakage_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_L"),
+    _quantity("piston_area_cm2", 50.0, SQUARE_CENTIMETRE, "A_A"),
+    _quantity("rod_side_area_cm2", 47.0, SQUARE_CENTIMETRE, "A_B"),
+    _quantity("piston_side_volume_cm3", 1200.0, CUBIC_CENTIMETRE, "V_A0"),
+    _quantity("rod_side_volume_cm3", 1150.0, CUBIC_CENTIMETRE, "V_B0"),
+    _quantity("moving_mass_kg", 20.0, KILOGRAM, "m"),
+    _quantity("coulomb_friction_n", 600.0, NEWTON, "F_c"),
+    _quantity("static_friction_n", 900.0, NEWTON, "F_s"),
+    _quantity("viscous_friction_n_s_m", 2000.0, NEWTON_SECOND_PER_METRE, "sigma"),
+    _quantity("stribeck_velocity_mm_s", 20.0, MILLIMETRE_PER_SECOND, "chi"),
+    _quantity("stribeck_exponent", 0.8, ONE, "delta"),
+    # A data sheet gives the full stroke, the model wants half of it.
+    _quantity("stroke_mm", 400.0, Unit("mm", "_mm", 0.5e-3), "h"),
+)
+
+OPTION_KEYS = (
+    Key("signed_root", boolean, True),
+    _quantity("tanh_gain_s_m", 400.0, SECOND_PER_METRE, "tanh_gain"),
+    _quantity("laminar_transition_pa", 300.0, PASCAL, "laminar_transition"),
+)
+
+END_STOP_KEYS = (
+    _quantity("end_stop_stiffness_n_mm", 2e5, NEWTON_PER_MILLIMETRE, "stiffness"),
+    _quantity("end_stop_damping_n_s_m", 2e4, NEWTON_SECOND_PER_METRE, "damping"),
+)
+
+CAVITATION_KEYS = (_quantity("cavitation_floor_bar", -1.01325, BAR, "cavitation_floor"),)
+
+AXIS_KEYS = (
+    *PARAMETER_KEYS,
+    *OPTION_KEYS,
+    Key("end_stop", boolean, True),
+    *END_STOP_KEYS,
+    Key("cavitation", boolean, True),
+    *CAVITATION_KEYS,
+    _quantity("position_mm", 0.0, MILLIMETRE, "position"),
+    Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),
+)
+
+PROFILE_KEY = Key("profile", choice(Profile), example='"valve_408"')
+
+_COMMON_NODE_KEYS = (
+    PROFILE_KEY,
+    Key("node_id", integer(1, 127), example="1"),
+    Key("axis", text),
+    Key("eds", text),
+)
+
+NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {
+    Profile.VALVE_408: (
+        *_COMMON_NODE_KEYS,
+        Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
+    ),
+    Profile.PRESSURE_404: (
+        *_COMMON_NODE_KEYS,
+        Key("source", choice(PressureSource), example='"P_A"'),
+        Key("span_bar", interval(BAR), (0.0, 250.0), BAR, "span"),
+    ),
+    Profile.ENCODER_406: _COMMON_NODE_KEYS,
+}

@@ -1,0 +1,127 @@
+"""Loading: command line, environment and file to one `BenchConfig`."""
+
+import os
+from collections.abc import Mapping
+from difflib import get_close_matches
+from pathlib import Path
+
+from hil_bench.config.axes import build_axes, read_axes
+from hil_bench.config.document import Document, check_tables, read_document, read_section
+from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, TABLES
+from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
+from hil_bench.config.records import BenchConfig, BusConfig
+from hil_bench.config.settings import (
+    Given,
+    Key,
+    Origin,
+    Problems,
+    Settings,
+    read_table,
+)
+from hil_bench.config.values import bus_option
+
+CONFIG_VARIABLE = "HIL_BENCH_CONFIG"
+SEED_VARIABLE = "HIL_BENCH_SEED"
+
+
+def load_config(
+    path: str | os.PathLike[str] | None = None,
+    *,
+    seed: int | None = None,
+    interface: str | None = None,
+    channel: str | int | None = None,
+    bitrate: int | None = None,
+    bus_options: Mapping[str, str | int | float | bool] | None = None,
+) -> BenchConfig:
+    """Return the bench that the command line, the environment and a file describe.
+
+    An argument that is not None wins over the environment (``HIL_BENCH_CONFIG``,
+    ``HIL_BENCH_SEED``), which wins over the file, which wins over the default. Whatever is wrong
+    comes as one `ConfigError`, a line a problem: ``file:table.key: what is wrong; what would be
+    right``.
+
+    Args:
+        path: `bench.toml`; without it and ``HIL_BENCH_CONFIG``, the built-in bench of one axis.
+        seed: seed of every random generator of the bench.
+        interface: python-can's name of the interface; further keys of ``[bus]``, which are for the
+            file's interface, then lapse.
+        channel: the channel of that interface.
+        bitrate: bit rate [bit/s].
+        bus_options: further keyword arguments of that interface's bus class.
+    """
+    file = _choose_file(path)
+    document = read_document(file) if file else {}
+    problems = Problems(str(file) if file else "built-in bench")
+    check_tables(document, TABLES, problems)
+    bench = read_table("bench", _give_bench(document, seed, problems), BENCH_KEYS, problems)
+    overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
+    bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
+    axes = read_axes(document, problems)
+    nodes = read_nodes(document, problems)
+    problems.raise_any()
+
+    _check_timing(bench, problems)
+    resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
+    check_nodes(nodes, axes, problems)
+    built_axes = build_axes(axes, problems)
+    problems.raise_any()
+
+    tables = (bench, bus, *axes.values(), *nodes.values())
+    return BenchConfig(
+        path=file,
+        tick_ns=bench["tick_us"].value * 1000,
+        step_ns=bench["step_us"].value * 1000,
+        seed=bench["seed"].value,
+        bus=_build_bus(bus),
+        axes=built_axes,
+        nodes=tuple(build_node(name, node) for name, node in nodes.items()),
+        settings=tuple(setting for table in tables for setting in table.values()),
+    )
+
+
+def _choose_file(path: str | os.PathLike[str] | None) -> Path | None:
+    chosen = path or os.environ.get(CONFIG_VARIABLE)
+    return Path(chosen) if chosen else None
+
+
+def _give_bench(document: Document, seed: int | None, problems: Problems) -> dict[str, Given]:
+    given = read_section(document, "bench", problems)
+    if seed is not None:
+        given["seed"] = Given(seed, Origin.COMMAND_LINE, "command line:seed")
+    elif text := os.environ.get(SEED_VARIABLE):
+        value = int(text) if text.isascii() and text.isdecimal() else text
+        given["seed"] = Given(value, Origin.ENVIRONMENT, f"environment:{SEED_VARIABLE}")
+    return given
+
+
+def _read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
+    given = read_section(document, "bus", problems)
+    known = {key.name for key in BUS_KEYS}
+    if overrides["interface"] is not None:
+        # The further keys are for the bus class of the file's interface; another would refuse them.
+        given = {key: value for key, value in given.items() if key in known}
+    for key, value in overrides.items():
+        if value is not None:
+            given[key] = Given(value, Origin.COMMAND_LINE, f"command line:{key}")
+    # Bus classes swallow keywords that they do not know, so a slip of the pen would go unseen.
+    options = [
+        Key(name, bus_option)
+        for name in given
+        if name not in known and not get_close_matches(name, known, cutoff=0.85)
+    ]
+    return read_table("bus", given, (*BUS_KEYS, *options), problems)
+
+
+def _build_bus(bus: Settings) -> BusConfig:
+    known = {key.name: bus[key.name].value for key in BUS_KEYS}
+    options = {name: setting.value for name, setting in bus.items() if name not in known}
+    return BusConfig(**known, options=options)
+
+
+def _check_timing(bench: Settings, problems: Problems) -> None:
+    tick, step = bench["tick_us"].value, bench["step_us"].value
+    if tick % step:
+        below, above = tick // step * step, (tick // step + 1) * step
+        right = f"give {below} or {above}" if below else f"give {above}"
+        wrong = f"{tick} is not a multiple of step_us = {step}"
+        problems.add(problems.place("bench", "tick_us"), f"{wrong}; {right}")

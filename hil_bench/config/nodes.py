@@ -1,0 +1,139 @@
+"""The tables ``[nodes.NAME]``: CANopen nodes, checked against each other and against the axes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from hil_bench.config.document import Document, give, read_named_sections
+from hil_bench.config.keys import NODE_KEYS, PROFILE_KEY
+from hil_bench.config.records import (
+    EncoderConfig,
+    NodeConfig,
+    PressureConfig,
+    Profile,
+    ValveConfig,
+)
+from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.values import describe
+
+_DEFAULT_NODES: Mapping[str, Mapping[str, object]] = {
+    "valve": {"profile": "valve_408", "node_id": 1},
+    "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": "P_A"},
+    "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": "P_B"},
+    "position": {"profile": "encoder_406", "node_id": 4},
+}
+
+_EDS_FILES = {
+    Profile.VALVE_408: VALVE_408,
+    Profile.PRESSURE_404: PRESSURE_404,
+    Profile.ENCODER_406: ENCODER_406,
+}
+
+_RECORDS: Mapping[Profile, type[NodeConfig]] = {
+    Profile.VALVE_408: ValveConfig,
+    Profile.PRESSURE_404: PressureConfig,
+    Profile.ENCODER_406: EncoderConfig,
+}
+
+
+def read_nodes(document: Document, problems: Problems) -> dict[str, Settings]:
+    """Return the settings of each node by its name; a file without nodes has the default four."""
+    if "nodes" in document:
+        sections = read_named_sections(document, "nodes", problems)
+    else:
+        sections = {
+            name: give(f"nodes.{name}", node, Origin.DEFAULT, problems)
+            for name, node in _DEFAULT_NODES.items()
+        }
+    return {name: _read_node(f"nodes.{name}", given, problems) for name, given in sections.items()}
+
+
+def resolve_nodes(
+    nodes: Mapping[str, Settings], axes: Mapping[str, Settings], base: Path, problems: Problems
+) -> None:
+    """Fill in what a node takes from elsewhere: its axis, its EDS file, its full opening."""
+    for name, node in nodes.items():
+        _resolve_axis(problems.place(f"nodes.{name}", "axis"), node, list(axes), problems)
+        _resolve_eds(problems.place(f"nodes.{name}", "eds"), node, base, problems)
+        if axis := axes.get(node["axis"].value):
+            _resolve_full_opening(node, axis)
+
+
+def check_nodes(
+    nodes: Mapping[str, Settings], axes: Mapping[str, Settings], problems: Problems
+) -> None:
+    """Note node-IDs that clash, and axes that have no valve or several."""
+    _check_node_ids(nodes, problems)
+    for axis in axes:
+        _check_valves(axis, nodes, problems)
+
+
+def build_node(name: str, node: Settings) -> NodeConfig:
+    """Return the record of a checked node."""
+    profile = node["profile"].value
+    values = convert(node, NODE_KEYS[profile])
+    return _RECORDS[profile](name=name, **values | {"eds": Path(values["eds"])})
+
+
+def _read_node(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
+    profile = given.get("profile")
+    try:
+        keys = NODE_KEYS[Profile(str(profile.value if profile else None))]
+    except ValueError:
+        # Which other keys are right depends on the profile, so the message about it must do.
+        given = {"profile": profile} if profile else {}
+        keys = (PROFILE_KEY,)
+    return read_table(table, given, keys, problems)
+
+
+def _resolve_axis(place: str, node: Settings, axes: list[str], problems: Problems) -> None:
+    axis = node["axis"]
+    if axis.value is None and len(axes) == 1:
+        node["axis"] = axis._replace(value=axes[0])
+    elif axis.value not in axes:
+        wrong = "missing" if axis.value is None else f"there is no axis {describe(axis.value)}"
+        problems.add(place, f"{wrong}; give one of {', '.join(axes)}")
+
+
+def _resolve_eds(place: str, node: Settings, base: Path, problems: Problems) -> None:
+    eds = node["eds"]
+    path = _EDS_FILES[node["profile"].value] if eds.value is None else base / eds.value
+    if not path.is_file():
+        problems.add(place, f"there is no file {path}; give the path of an EDS file")
+    node["eds"] = eds._replace(value=str(path))
+
+
+def _resolve_full_opening(node: Settings, axis: Settings) -> None:
+    opening = node.get("full_opening_mm")
+    if opening and opening.value is None:
+        # The orifice is fully open at alpha + beta (Ruderman 2017 eq. (2)).
+        full_opening = axis["orifice_full_opening_mm"].value + axis["spool_overlap_mm"].value
+        node["full_opening_mm"] = opening._replace(value=full_opening)
+
+
+def _check_node_ids(nodes: Mapping[str, Settings], problems: Problems) -> None:
+    owners: dict[int, str] = {}
+    used = {node["node_id"].value for node in nodes.values()}
+    free = min(set(range(1, 128)) - used, default=None)
+    right = "a bus has room for 127 nodes" if free is None else f"{free} is free"
+    for name, node in nodes.items():
+        node_id = node["node_id"].value
+        owner = owners.setdefault(node_id, name)
+        if owner != name:
+            place = problems.place(f"nodes.{name}", "node_id")
+            problems.add(place, f"{node_id} is taken by nodes.{owner}; {right}")
+
+
+def _check_valves(axis: str, nodes: Mapping[str, Settings], problems: Problems) -> None:
+    valves = [
+        name
+        for name, node in nodes.items()
+        if node["profile"].value is Profile.VALVE_408 and node["axis"].value == axis
+    ]
+    if not valves:
+        right = f'give it a node with profile = "valve_408" and axis = "{axis}"'
+        problems.add(problems.place(f"plant.{axis}"), f"has no valve; {right}")
+    for name in valves[1:]:
+        right = "give each axis one valve"
+        place = problems.place(f"nodes.{name}", "axis")
+        problems.add(place, f"{axis} has the valve nodes.{valves[0]} already; {right}")

@@ -1,0 +1,145 @@
+"""The resolved configuration: frozen records, SI inside, checked while they were loaded."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+from hil_bench.config.settings import Setting
+from hil_bench.plant.full_order import Solver
+from hil_bench.plant.options import PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+
+
+class Profile(StrEnum):
+    """The device profiles that a node may have."""
+
+    VALVE_408 = "valve_408"
+    PRESSURE_404 = "pressure_404"
+    ENCODER_406 = "encoder_406"
+
+
+class PressureSource(StrEnum):
+    """The cylinder port at which a pressure transducer sits, in the paper's symbols."""
+
+    P_A = "P_A"
+    P_B = "P_B"
+
+
+@dataclass(frozen=True, slots=True)
+class BusConfig:
+    """The CAN bus as python-can opens it; what is None is left to python-can's own configuration.
+
+    Attributes:
+        interface: python-can's name of the interface, as in ``socketcan``.
+        channel: the channel of that interface, as in ``vcan0``.
+        bitrate: bit rate [bit/s].
+        options: further keyword arguments of that interface's bus class.
+    """
+
+    interface: str | None = None
+    channel: str | int | None = None
+    bitrate: int | None = None
+    options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisConfig:
+    """One axis: a cylinder and the hydraulic side of its valve.
+
+    Attributes:
+        name: the axis, as in ``[plant.NAME]``.
+        parameters: the model's parameters.
+        options: what the paper leaves open.
+        solver: the integration method.
+        position: piston position at the start, from mid-stroke, positive when extending [m].
+    """
+
+    name: str
+    parameters: PlantParameters
+    options: PlantOptions
+    solver: Solver
+    position: float
+
+
+@dataclass(frozen=True, slots=True)
+class NodeConfig:
+    """What every CANopen node has.
+
+    Attributes:
+        name: the node, as in ``[nodes.NAME]``.
+        profile: its device profile.
+        axis: the name of the axis that it belongs to.
+        node_id: CANopen node-ID, 1 to 127.
+        eds: its EDS file.
+    """
+
+    name: str
+    profile: Profile
+    axis: str
+    node_id: int
+    eds: Path
+
+
+@dataclass(frozen=True, slots=True)
+class ValveConfig(NodeConfig):
+    """A proportional valve (CiA 408).
+
+    Attributes:
+        full_opening: spool position at a set-point of 100 % [m].
+    """
+
+    full_opening: float
+
+
+@dataclass(frozen=True, slots=True)
+class PressureConfig(NodeConfig):
+    """A pressure transducer (CiA 404).
+
+    Attributes:
+        source: the pressure that it measures.
+        span: measuring range, start and end [Pa].
+    """
+
+    source: PressureSource
+    span: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderConfig(NodeConfig):
+    """A linear position sensor (CiA 406)."""
+
+
+@dataclass(frozen=True, slots=True)
+class BenchConfig:
+    """A whole bench.
+
+    Attributes:
+        path: the file that it came from; None for the built-in bench.
+        tick_ns: period of the loop [ns], an integer multiple of `step_ns`.
+        step_ns: step of the plant's solver [ns].
+        seed: seed of every random generator of the bench.
+        bus: the CAN bus.
+        axes: the axes, in the order of the file.
+        nodes: the nodes, in the order of the file.
+        settings: every value as a person writes it, with its origin.
+    """
+
+    path: Path | None
+    tick_ns: int
+    step_ns: int
+    seed: int
+    bus: BusConfig
+    axes: tuple[AxisConfig, ...]
+    nodes: tuple[NodeConfig, ...]
+    settings: tuple[Setting, ...]
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Plant steps in one tick."""
+        return self.tick_ns // self.step_ns
+
+    @property
+    def dt(self) -> float:
+        """Step of the plant's solver [s]."""
+        return self.step_ns * 1e-9

@@ -1,0 +1,177 @@
+"""Readers of single values.
+
+A `Reader` takes a value as TOML gave it and returns the checked value, or raises a `ConfigError`
+that says what is wrong and what would be right; who calls it adds where.
+"""
+
+import difflib
+import json
+import math
+from collections.abc import Callable, Iterable
+from enum import StrEnum
+from typing import Any
+
+import can
+
+from hil_bench.errors import ConfigError
+from hil_bench.units import ONE, Unit
+
+Value = Any  # of a type that its reader has checked
+Reader = Callable[[object], Value]
+
+_LONGEST = 40  # characters of a bad value that a message repeats
+
+
+def describe(value: object) -> str:
+    """Return a value as a person would find it in the file, in a few words."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return json.dumps(_shorten(value), ensure_ascii=False)
+        case int() | float():
+            return _shorten(str(value))
+        case dict():
+            return "a table"
+        case list():
+            return "an array"
+        case _:
+            return "a date or time"  # TOML knows no other type
+
+
+def find_nearest(name: str, known: Iterable[str]) -> str:
+    """Return the known name that is most like `name`."""
+    return difflib.get_close_matches(name.lower(), sorted(known), n=1, cutoff=0.0)[0]
+
+
+def number(unit: Unit = ONE) -> Reader:
+    """Return a reader of finite numbers in `unit`."""
+    wanted = "number" if unit is ONE else f"number in {unit.symbol}"
+
+    def read(value: object) -> float:
+        return _finite(value, f"give a {wanted}")
+
+    return read
+
+
+def interval(unit: Unit) -> Reader:
+    """Return a reader of ``[start, end]`` in `unit`, start below end."""
+    right = f"give [start, end] in {unit.symbol}, start below end"
+
+    def read(value: object) -> tuple[float, float]:
+        if not isinstance(value, list) or len(value) != 2:
+            raise ConfigError(f"{describe(value)} is not a range; {right}")
+        start, end = (_finite(bound, right) for bound in value)
+        if start >= end:
+            raise ConfigError(f"[{start:g}, {end:g}] is empty; {right}")
+        return start, end
+
+    return read
+
+
+def integer(low: int, high: int | None = None) -> Reader:
+    """Return a reader of integers from `low` to `high`, both included."""
+    right = f"give an integer from {low} {'up' if high is None else f'to {high}'}"
+
+    def read(value: object) -> int:
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise ConfigError(f"{describe(value)} is not an integer; {right}")
+        if value < low or (high is not None and value > high):
+            raise ConfigError(f"{describe(value)} is out of range; {right}")
+        return value
+
+    return read
+
+
+def choice(choices: type[StrEnum]) -> Reader:
+    """Return a reader of the values of an enumeration."""
+    known = ", ".join(f'"{member.value}"' for member in choices)
+
+    def read(value: object) -> StrEnum:
+        for member in choices:
+            if member.value == value:
+                return member
+        raise ConfigError(f"{describe(value)} is unknown; give one of {known}")
+
+    return read
+
+
+def boolean(value: object) -> bool:
+    """Return a truth value.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, bool):
+        raise ConfigError(f"{describe(value)} is not a truth value; give true or false")
+    return value
+
+
+def text(value: object) -> str:
+    """Return text that is not empty.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if not isinstance(value, str) or not value.strip():
+        raise ConfigError(f"{describe(value)} is not a name; give text in quotes")
+    return value
+
+
+def interface(value: object) -> str:
+    """Return the name of an interface that python-can has.
+
+    Raises:
+        ConfigError: it has none of this name.
+    """
+    name = text(value)
+    if name not in can.VALID_INTERFACES:
+        nearest = find_nearest(name, can.VALID_INTERFACES)
+        raise ConfigError(
+            f'python-can has no interface {describe(name)}; the nearest is "{nearest}"'
+        )
+    return name
+
+
+def channel(value: object) -> str | int:
+    """Return a channel, which some interfaces name and others number.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if not isinstance(value, str) or not value:
+        raise ConfigError(
+            f'{describe(value)} is not a channel; give text or a number, as in "can0"'
+        )
+    return value
+
+
+def bus_option(value: object) -> str | int | float | bool:
+    """Return a value that a bus class of python-can takes as a keyword argument.
+
+    Raises:
+        ConfigError: the value is an array, a table or a date.
+    """
+    if not isinstance(value, str | int | float):
+        raise ConfigError(
+            f"{describe(value)} cannot be a bus option; give text, a number or a truth value"
+        )
+    return value
+
+
+def _finite(value: object, right: str) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        raise ConfigError(f"{describe(value)} is not a number; {right}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ConfigError(f"{describe(value)} is not finite; {right}")
+    return number
+
+
+def _shorten(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."

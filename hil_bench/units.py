@@ -1,0 +1,49 @@
+"""Units: the one place where a data-sheet unit meets SI.
+
+Values inside the bench are SI. A `Unit` converts where a person reads or writes: `bench.toml`, the
+status line, plots.
+"""
+
+from typing import NamedTuple
+
+
+class Unit(NamedTuple):
+    """A unit of measure.
+
+    Attributes:
+        symbol: how people read it, as in ``l/(min bar)``.
+        suffix: how a key or a variable ends in it, as in ``_l_min_bar``; empty for a number.
+        factor: the SI value of one of it.
+    """
+
+    symbol: str
+    suffix: str
+    factor: float = 1.0
+
+    def to_si(self, value: float) -> float:
+        """Return `value`, given in this unit, in SI."""
+        return value * self.factor
+
+    def from_si(self, value: float) -> float:
+        """Return `value`, given in SI, in this unit."""
+        return value / self.factor
+
+
+ONE = Unit("-", "")
+PERCENT = Unit("%", "_percent", 1e-2)
+MICROSECOND = Unit("us", "_us", 1e-6)
+MILLIMETRE = Unit("mm", "_mm", 1e-3)
+SQUARE_CENTIMETRE = Unit("cm²", "_cm2", 1e-4)
+CUBIC_CENTIMETRE = Unit("cm³", "_cm3", 1e-6)
+MILLIMETRE_PER_SECOND = Unit("mm/s", "_mm_s", 1e-3)
+RADIAN_PER_SECOND = Unit("rad/s", "_rad_s")
+SECOND_PER_METRE = Unit("s/m", "_s_m")
+KILOGRAM = Unit("kg", "_kg")
+KILOGRAM_PER_CUBIC_METRE = Unit("kg/m³", "_kg_m3")
+NEWTON = Unit("N", "_n")
+NEWTON_SECOND_PER_METRE = Unit("N s/m", "_n_s_m")
+NEWTON_PER_MILLIMETRE = Unit("N/mm", "_n_mm", 1e3)
+PASCAL = Unit("Pa", "_pa")
+BAR = Unit("bar", "_bar", 1e5)
+MEGAPASCAL = Unit("MPa", "_mpa", 1e6)
+LITRE_PER_MINUTE_BAR = Unit("l/(min bar)", "_l_min_bar", 1e-3 / 60.0 / 1e5)

@@ -1,0 +1,218 @@
+"""The device state machine of CiA 408, driven by the control word 0x6040.
+
+The control word carries D (bit 0), H (bit 1), M (bit 2) and R (bit 3); its other bits are not looked at. The
+status word 0x6041 shows the state in the same four bits, R meaning "ready":
+
+    state            R M H D   reached by
+    NOT_READY        0 0 0 0   TR0   power-on
+    INIT             1 0 0 0   TR1   the device has started
+                               TR7   from DISABLED, MHD = 000
+                               TR14  from FAULT_INIT, reset
+    DISABLED         1 0 0 1   TR2   from INIT, D = 1
+                               TR6   from HOLD, MH = 00
+                               TR10  from FAULT_DISABLED, reset
+    HOLD             1 0 1 1   TR3   from DISABLED, HD = 11
+                               TR5   from ACTIVE, M = 0
+                               TR11  from FAULT_HOLD, reset
+    ACTIVE           1 1 1 1   TR4   from HOLD, MHD = 111
+    FAULT_REACTION   0 1 1 1   TR8   a fault, from any state but NOT_READY
+    FAULT_HOLD       0 0 1 1   TR9   from FAULT_REACTION, entered from HOLD, ACTIVE or FAULT_HOLD
+    FAULT_DISABLED   0 0 0 1   TR12  from FAULT_REACTION, entered from DISABLED or FAULT_DISABLED
+                               TR15  from FAULT_HOLD, MH = 00
+    FAULT_INIT       0 0 0 0   TR13  from FAULT_REACTION, entered from INIT or FAULT_INIT
+                               TR16  from FAULT_DISABLED, MHD = 000
+
+Rules:
+
+1. A control word is looked at once, when it is received. A word that only still stands in 0x6040 does nothing.
+2. One control word walks as far as it can, and every state in between is passed.
+3. A reset is the rising edge of R from one control word to the next. The word that resets a fault does not lead to
+   ACTIVE; the next word may.
+4. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault never raises the state.
+
+Source: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2 (states, words, transitions and rule 2). Rules 1, 3
+(second sentence) and 4 are this device's own, as are the words of TR15 and TR16 and which of TR12 and TR13 is which;
+see decision 0003.
+"""
+
+from enum import Enum
+from types import MappingProxyType
+from typing import NamedTuple
+
+DISABLED_BIT = 0x1
+HOLD_BIT = 0x2
+ACTIVE_BIT = 0x4
+RESET_BIT = 0x8
+
+
+class ValveState(Enum):
+    """The states of the device state machine."""
+
+    NOT_READY = "NOT_READY"
+    INIT = "INIT"
+    DISABLED = "DISABLED"
+    HOLD = "HOLD"
+    ACTIVE = "ACTIVE"
+    FAULT_REACTION = "FAULT_REACTION"
+    FAULT_HOLD = "FAULT_HOLD"
+    FAULT_DISABLED = "FAULT_DISABLED"
+    FAULT_INIT = "FAULT_INIT"
+
+
+STATUS_BITS = MappingProxyType({
+    ValveState.NOT_READY: 0b0000,
+    ValveState.INIT: 0b1000,
+    ValveState.DISABLED: 0b1001,
+    ValveState.HOLD: 0b1011,
+    ValveState.ACTIVE: 0b1111,
+    ValveState.FAULT_REACTION: 0b0111,
+    ValveState.FAULT_HOLD: 0b0011,
+    ValveState.FAULT_DISABLED: 0b0001,
+    ValveState.FAULT_INIT: 0b0000,
+})
+"""Bits 3 to 0 (R, M, H, D) of the status word in each state."""
+
+FAULT_STATES = frozenset({
+    ValveState.FAULT_REACTION,
+    ValveState.FAULT_HOLD,
+    ValveState.FAULT_DISABLED,
+    ValveState.FAULT_INIT,
+})
+
+
+class Transition(NamedTuple):
+    """A transition that a control word causes: taken where `word & mask == value`.
+
+    Attributes:
+        name: the profile's number.
+        source: the state it leaves.
+        target: the state it enters.
+        mask: the bits of the control word that count.
+        value: what those bits must be.
+        is_reset: it needs a rising edge of R as well.
+    """
+
+    name: str
+    source: ValveState
+    target: ValveState
+    mask: int
+    value: int
+    is_reset: bool = False
+
+
+_D, _HD, _MH, _MHD, _M = 0b001, 0b011, 0b110, 0b111, 0b100
+
+TRANSITIONS = (
+    Transition("TR2", ValveState.INIT, ValveState.DISABLED, _D, _D),
+    Transition("TR3", ValveState.DISABLED, ValveState.HOLD, _HD, _HD),
+    Transition("TR4", ValveState.HOLD, ValveState.ACTIVE, _MHD, _MHD),
+    Transition("TR5", ValveState.ACTIVE, ValveState.HOLD, _M, 0),
+    Transition("TR6", ValveState.HOLD, ValveState.DISABLED, _MH, 0),
+    Transition("TR7", ValveState.DISABLED, ValveState.INIT, _MHD, 0),
+    Transition("TR10", ValveState.FAULT_DISABLED, ValveState.DISABLED, 0, 0, is_reset=True),
+    Transition("TR11", ValveState.FAULT_HOLD, ValveState.HOLD, 0, 0, is_reset=True),
+    Transition("TR14", ValveState.FAULT_INIT, ValveState.INIT, 0, 0, is_reset=True),
+    Transition("TR15", ValveState.FAULT_HOLD, ValveState.FAULT_DISABLED, _MH, 0),
+    Transition("TR16", ValveState.FAULT_DISABLED, ValveState.FAULT_INIT, _MHD, 0),
+)
+"""The transitions of the control word; from one state, a reset is tried before the others."""
+
+FAULT_TARGETS = MappingProxyType({
+    ValveState.INIT: ValveState.FAULT_INIT,
+    ValveState.DISABLED: ValveState.FAULT_DISABLED,
+    ValveState.HOLD: ValveState.FAULT_HOLD,
+    ValveState.ACTIVE: ValveState.FAULT_HOLD,
+    ValveState.FAULT_HOLD: ValveState.FAULT_HOLD,
+    ValveState.FAULT_DISABLED: ValveState.FAULT_DISABLED,
+    ValveState.FAULT_INIT: ValveState.FAULT_INIT,
+})
+"""Where a fault leads through FAULT_REACTION (TR8, then TR9, TR12 or TR13)."""
+
+
+def next_transition(state: ValveState, control_word: int, *, reset: bool) -> Transition | None:
+    """Return the transition that a control word causes in a state, or None where it stays.
+
+    Args:
+        state: the present state.
+        control_word: value of 0x6040.
+        reset: whether this word brought a rising edge of R that counts.
+    """
+    for transition in TRANSITIONS:
+        if (
+            transition.source is state
+            and control_word & transition.mask == transition.value
+            and (reset or not transition.is_reset)
+        ):
+            return transition
+    return None
+
+
+def walk(
+    state: ValveState, control_word: int, *, reset: bool, may_activate: bool
+) -> tuple[ValveState, ...]:
+    """Return the states that one control word passes, in order, without the one it starts in.
+
+    Args:
+        state: the state when the word arrives.
+        control_word: value of 0x6040.
+        reset: whether this word brought a rising edge of R that counts.
+        may_activate: whether ACTIVE may be entered; a reset on the way bars it too.
+    """
+    passed: list[ValveState] = []
+    while transition := next_transition(state, control_word, reset=reset):
+        may_activate = may_activate and not transition.is_reset
+        if transition.target is ValveState.ACTIVE and not may_activate:
+            break
+        state = transition.target
+        passed.append(state)
+    return tuple(passed)
+
+
+class ValveStateMachine:
+    """The state of one valve, and the last control word, which the rising edge of R needs.
+
+    Attributes:
+        state: the present state; NOT_READY until `start`.
+    """
+
+    def __init__(self) -> None:
+        self.state = ValveState.NOT_READY
+        self._is_reset_bit_set = False
+
+    def start(self) -> None:
+        """Start, or start again: NOT_READY (TR0), then INIT (TR1)."""
+        self.state = ValveState.INIT
+        self._is_reset_bit_set = False
+
+    def receive(
+        self, control_word: int, *, may_activate: bool, may_reset: bool
+    ) -> tuple[ValveState, ...]:
+        """Obey a control word that has just arrived and return the states passed.
+
+        Args:
+            control_word: value of 0x6040.
+            may_activate: whether ACTIVE may be entered now.
+            may_reset: whether a fault may be reset now, its cause being gone.
+        """
+        is_reset_bit_set = bool(control_word & RESET_BIT)
+        reset = may_reset and is_reset_bit_set and not self._is_reset_bit_set
+        self._is_reset_bit_set = is_reset_bit_set
+        return self._pass(walk(self.state, control_word, reset=reset, may_activate=may_activate))
+
+    def fault(self) -> tuple[ValveState, ...]:
+        """React to a fault and return the states passed; none before `start`."""
+        target = FAULT_TARGETS.get(self.state)
+        if target is None:
+            return ()
+        return self._pass((ValveState.FAULT_REACTION, target))
+
+    def deactivate(self) -> tuple[ValveState, ...]:
+        """Leave ACTIVE for HOLD (TR5), without a control word, and return the states passed."""
+        if self.state is not ValveState.ACTIVE:
+            return ()
+        return self._pass((ValveState.HOLD,))
+
+    def _pass(self, states: tuple[ValveState, ...]) -> tuple[ValveState, ...]:
+        if states:
+            self.state = states[-1]
+        return states

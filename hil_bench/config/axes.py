@@ -20,7 +20,8 @@ from hil_bench.plant.parameters import PlantParameters
 _DEFAULT_AXIS = "axis1"
 
 _PHYSICAL_KEYS = {
-    key.field: key.name for key in (*PARAMETER_KEYS, *OPTION_KEYS, *END_STOP_KEYS, *CAVITATION_KEYS)
+    key.field or key.name: key.name
+    for key in (*PARAMETER_KEYS, *OPTION_KEYS, *END_STOP_KEYS, *CAVITATION_KEYS)
 }
 # A symbol, but not a unit, which follows its number.
 _SYMBOL = re.compile(rf"(?<!\d )\b({'|'.join(_PHYSICAL_KEYS)})\b")

@@ -1,0 +1,91 @@
+"""Channels: what is recorded each tick, kept in a ring that never grows."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+
+Recording = npt.NDArray[np.void]
+"""A structured array, a row a tick: field `time` [s] first, then a float64 field a channel."""
+
+
+class Channel(NamedTuple):
+    """One recorded quantity.
+
+    Attributes:
+        name: the name of its field, as in ``axis1.position``.
+        unit: the symbol of its SI unit, as in ``m/s``; ``-`` for a pure number.
+    """
+
+    name: str
+    unit: str
+
+
+TIME = Channel("time", "s")
+
+
+class ChannelRecorder:
+    """A ring of rows, one a tick; when it is full, the oldest row makes room.
+
+    Args:
+        channels: the quantities of a row after `TIME`, which is always the first.
+        capacity: rows that the ring holds.
+
+    Raises:
+        ConfigError: two channels have one name, or the ring would hold nothing.
+    """
+
+    def __init__(self, channels: Sequence[Channel], capacity: int) -> None:
+        self.channels = (TIME, *channels)
+        self._dtype = recording_dtype(self.channels)
+        if capacity < 1:
+            raise ConfigError(f"recording capacity: {capacity} rows hold nothing; give 1 or more")
+        self._capacity = capacity
+        # Touched now, so that no page fault costs a tick later.
+        self._rows = np.full((capacity, len(self.channels)), np.nan)
+        self._next = 0
+        self._is_full = False
+
+    def append(self, values: Sequence[float]) -> None:
+        """Store one row: time [s], then one value a channel in its SI unit."""
+        self._rows[self._next] = values
+        self._next += 1
+        if self._next == self._capacity:
+            self._next = 0
+            self._is_full = True
+
+    def result(self) -> Recording:
+        """Return a copy of the rows in the order of time."""
+        rows = self._rows[: self._next]
+        if self._is_full:
+            rows = np.concatenate((self._rows[self._next :], rows))
+        return np.ascontiguousarray(rows).copy().view(self._dtype).reshape(-1)
+
+
+def recording_dtype(channels: Sequence[Channel]) -> np.dtype[np.void]:
+    """Return the type of a recording's rows; each field carries its unit as metadata.
+
+    Raises:
+        ConfigError: two channels have one name.
+    """
+    names = [channel.name for channel in channels]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"recording channel {name}: is there twice; give each its own name")
+    fields: list[Any] = [
+        (channel.name, np.dtype(np.float64, metadata={"unit": channel.unit}))
+        for channel in channels
+    ]
+    return np.dtype(fields)
+
+
+def recording_channels(recording: Recording) -> tuple[Channel, ...]:
+    """Return the channels of a recording, `TIME` first."""
+    dtype = recording.dtype
+    return tuple(
+        Channel(name, dict(dtype[name].metadata or {}).get("unit", "-"))
+        for name in dtype.names or ()
+    )

@@ -1,0 +1,86 @@
+"""Recordings as files: CSV with the names in the first row and the SI units in the second.
+
+Any table tool reads it; with pandas: ``pandas.read_csv(path, skiprows=[1])``. Numbers are written
+so that they read back exactly.
+"""
+
+import csv
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import Channel, Recording, recording_channels, recording_dtype
+
+
+class RecordingFile:
+    """A CSV file that is opened before the run and written after it.
+
+    The rows go to ``NAME.part`` beside it, which takes the place of the file once all is written,
+    so a run that fails leaves the file of the last good run alone.
+
+    Args:
+        path: the CSV file.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._part = path.with_name(path.name + ".part")
+        if path.is_dir():
+            raise ConfigError(f"{path}: is a directory; give the name of a file to write")
+        try:
+            self._file = self._part.open("w", encoding="utf-8", newline="")
+        except OSError as error:
+            raise ConfigError(
+                f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"
+            ) from None
+
+    def write(self, recording: Recording) -> None:
+        """Write the whole recording and put the file in its place."""
+        channels = recording_channels(recording)
+        writer = csv.writer(self._file)
+        writer.writerow(channel.name for channel in channels)
+        writer.writerow(channel.unit for channel in channels)
+        writer.writerows(recording.tolist())
+        self._file.close()
+        self._part.replace(self.path)
+
+    def close(self) -> None:
+        """Close the file; what was not written whole is removed."""
+        self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def read_recording(path: Path) -> Recording:
+    """Return the recording that a `RecordingFile` wrote.
+
+    Raises:
+        ConfigError: the file cannot be read or holds something else.
+    """
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = csv.reader(file)
+            names, units = next(rows), next(rows)
+            dtype = recording_dtype([Channel(*pair) for pair in zip(names, units, strict=True)])
+            values = [tuple(map(float, row)) for row in rows]
+            return np.array(values, dtype=dtype)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
+    except (ValueError, StopIteration, csv.Error) as error:
+        raise ConfigError(f"{path}: is no recording: {error}") from None

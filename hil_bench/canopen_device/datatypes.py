@@ -87,9 +87,7 @@ class IntegerType(DataType):
     def __init__(self, code: int, bits: int, *, signed: bool) -> None:
         letter = {8: "b", 16: "h", 32: "i", 64: "q"}.get(bits, "")
         name = f"{'INTEGER' if signed else 'UNSIGNED'}{bits}"
-        super().__init__(
-            code, name, bits=bits, zero=0, letter=letter if signed else letter.upper()
-        )
+        super().__init__(code, name, bits=bits, zero=0, letter=letter if signed else letter.upper())
         self.signed = signed
         self.low = -(1 << (bits - 1)) if signed else 0
         self.high = (1 << (bits - 1 if signed else bits)) - 1

@@ -1,5 +1,6 @@
 """The CAN frame as the devices see it: a value, free of any bus library."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 
@@ -19,3 +20,10 @@ class Frame(NamedTuple):
     data: bytes = b""
     is_remote: bool = False
     is_extended: bool = False
+
+
+Emit = Callable[[Frame], None]
+"""Takes a frame that a service sends."""
+
+Handler = Callable[[Frame, int], None]
+"""Takes a received frame and the time [ns]."""

@@ -1,0 +1,32 @@
+"""When a node has something to do: one number, so that an idle tick costs one comparison."""
+
+from typing import Final
+
+NEVER: Final = (1 << 63) - 1
+"""A time that does not come [ns]."""
+
+MILLISECOND: Final = 1_000_000
+"""[ns]"""
+
+INHIBIT_UNIT: Final = 100_000
+"""Unit of inhibit times, 100 µs [ns] (CiA 301)."""
+
+
+class Agenda:
+    """The earliest time at which one of a node's services wants to be called.
+
+    The services of a node share one; whatever gives a service something to do brings `due`
+    forward. It may be earlier than need be, never later.
+
+    Attributes:
+        due: that time [ns]; 0 for at once.
+    """
+
+    __slots__ = ("due",)
+
+    def __init__(self) -> None:
+        self.due = NEVER
+
+    def bring_forward(self, time: int) -> None:
+        """Be called at `time` [ns] at the latest."""
+        self.due = min(self.due, time)

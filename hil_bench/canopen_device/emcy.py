@@ -1,0 +1,184 @@
+"""EMCY producer (CiA 301, emergency object): 0x1001, 0x1003, 0x1014, 0x1015.
+
+An error is reported once when it appears. When the last one is gone, an error reset (code 0x0000)
+follows. The error register holds the bits of all present errors; its generic bit is set while
+there is any. Messages wait, in a bounded queue, for the inhibit time and for an NMT state in which
+EMCY is allowed.
+"""
+
+import struct
+from collections import deque
+from typing import Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.agenda import INHIBIT_UNIT, NEVER, Agenda
+from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
+from hil_bench.canopen_device.counters import NodeCounters
+from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.errors import SdoAbort
+
+GENERIC: Final = 0x01
+"""Error register bit 0: set while there is any error."""
+COMMUNICATION: Final = 0x10
+"""Error register bit 4: communication error (overrun, error state)."""
+
+ERROR_RESET: Final = 0x0000
+SYNC_LENGTH: Final = 0x8240
+HEARTBEAT: Final = 0x8130
+PDO_TOO_SHORT: Final = 0x8210
+PDO_TOO_LONG: Final = 0x8220
+RPDO_TIMEOUT: Final = 0x8250
+
+_QUEUE_LENGTH: Final = 16
+_MANUFACTURER_BYTES: Final = 5
+_MONITORING: Final = range(0x8100, 0x8300)
+_MESSAGE: Final = struct.Struct("<HB5s")
+
+
+class EmcyProducer:
+    """Emergency messages, error register and error history of one node.
+
+    Attributes:
+        is_enabled: whether the NMT state allows EMCY; messages wait while it does not.
+    """
+
+    def __init__(
+        self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
+    ) -> None:
+        self.is_enabled = False
+        self._object_dictionary = object_dictionary
+        self._agenda = agenda
+        self._counters = counters
+        self._present: dict[tuple[int, int], int] = {}
+        self._queue: deque[bytes] = deque()
+        self._inhibited_until = 0
+        self._can_id: int | None = None
+        self._watch_parameters()
+        self.reset(range(0x10000))
+
+    @property
+    def due(self) -> int:
+        """When `serve` has something to send [ns]."""
+        return self._inhibited_until if self._queue and self.is_enabled else NEVER
+
+    def raise_error(
+        self, code: int, register_bits: int, manufacturer: bytes = b"", source: int = 0
+    ) -> None:
+        """Report an error that has appeared; without effect while it is present already.
+
+        Args:
+            code: emergency error code (CiA 301 and the device profile).
+            register_bits: bits of the error register 0x1001; the generic bit is added.
+            manufacturer: up to 5 bytes of manufacturer-specific detail.
+            source: tells errors of the same code apart, for instance by watched node.
+
+        Raises:
+            ValueError: more than 5 bytes of detail.
+        """
+        if len(manufacturer) > _MANUFACTURER_BYTES:
+            raise ValueError(f"{manufacturer!r} is longer than {_MANUFACTURER_BYTES} bytes")
+        if (code, source) in self._present:
+            return
+        self._present[code, source] = register_bits | GENERIC
+        self._set_register()
+        self._remember(code, manufacturer)
+        self._enqueue(code, manufacturer)
+
+    def clear_error(self, code: int, source: int = 0) -> None:
+        """Report that an error is gone; without effect where it is not present."""
+        if self._present.pop((code, source), None) is None:
+            return
+        self._set_register()
+        if not self._present:
+            self._enqueue(ERROR_RESET, b"")
+
+    def is_present(self, code: int, source: int = 0) -> bool:
+        """Return whether the error was raised and not cleared."""
+        return (code, source) in self._present
+
+    def reset(self, restored: range) -> None:
+        """Begin anew after the objects `restored` got their defaults.
+
+        A reset of the communication forgets communication and protocol errors (0x81xx, 0x82xx);
+        those of the application are still there. A reset of the node forgets all.
+        """
+        forgets_all = restored.stop > 0x2000
+        self._present = {
+            key: bits
+            for key, bits in self._present.items()
+            if not forgets_all and key[0] not in _MONITORING
+        }
+        self._queue.clear()
+        self._inhibited_until = 0
+        self._set_register()
+        self._clear_history(0)
+        self._set_can_id(self._object_dictionary.number(0x1014, absent=DISABLED))
+
+    def serve(self, now: int, emit: Emit) -> None:
+        """Send what waits, as far as the inhibit time 0x1015 allows."""
+        while self._queue and self.is_enabled and now >= self._inhibited_until:
+            data = self._queue.popleft()
+            if self._can_id is not None:
+                emit(Frame(self._can_id, data))
+            inhibit_time = self._object_dictionary.number(0x1015)
+            self._inhibited_until = now + inhibit_time * INHIBIT_UNIT
+
+    def _watch_parameters(self) -> None:
+        cob_id = self._object_dictionary.find(0x1014)
+        if cob_id is not None:
+            cob_id.add_check(lambda value: check_change(cob_id, value))
+            cob_id.add_hook(self._set_can_id)
+        count = self._object_dictionary.find(0x1003)
+        if count is not None:
+            count.add_check(_check_history_count)
+            count.add_hook(self._clear_history)
+
+    def _set_can_id(self, cob_id: int) -> None:
+        self._can_id = can_id(cob_id)
+
+    def _set_register(self) -> None:
+        register = 0
+        for bits in self._present.values():
+            register |= bits
+        variable = self._object_dictionary.find(0x1001)
+        if variable is not None:
+            variable.value = register
+
+    def _enqueue(self, code: int, manufacturer: bytes) -> None:
+        if len(self._queue) >= _QUEUE_LENGTH:
+            self._counters.dropped_emcy += 1
+            return
+        register = self._object_dictionary.number(0x1001)
+        self._queue.append(_MESSAGE.pack(code, register, manufacturer))
+        self._agenda.bring_forward(self._inhibited_until)
+
+    def _remember(self, code: int, manufacturer: bytes) -> None:
+        """Put the error first into 0x1003: the code, and two bytes of detail above it."""
+        entry = code | int.from_bytes(manufacturer[:2], "little") << 16
+        count = 0
+        while (field := self._object_dictionary.find(0x1003, count + 1)) is not None:
+            count += 1
+            entry, field.value = field.value, entry
+            if entry is None:
+                break
+        self._set_history_count(count)
+
+    def _clear_history(self, _count: int) -> None:
+        """Empty 0x1003; reading an entry then aborts with 0800 0024, as CiA 301 asks."""
+        subindex = 1
+        while (field := self._object_dictionary.find(0x1003, subindex)) is not None:
+            field.value = None
+            subindex += 1
+        self._set_history_count(0)
+
+    def _set_history_count(self, count: int) -> None:
+        variable = self._object_dictionary.find(0x1003)
+        if variable is not None:
+            variable.value = count
+
+
+def _check_history_count(count: int) -> None:
+    """CiA 301, 0x1003: only 0 may be written to sub-index 0, which empties it."""
+    if count:
+        raise SdoAbort(*abort_codes.VALUE)

@@ -1,0 +1,186 @@
+"""Heartbeat producer 0x1017 and consumer 0x1016 (CiA 301, error control)."""
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final, NamedTuple
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
+from hil_bench.canopen_device.counters import NodeCounters
+from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.errors import SdoAbort
+
+ERROR_CONTROL: Final = 0x700
+"""Identifier of boot-up and heartbeat, plus the node-ID."""
+
+_STATES: Final = frozenset(NmtState)
+
+
+class HeartbeatProducer:
+    """Sends the boot-up message, then the NMT state every 0x1017 ms.
+
+    The boot-up message counts as the first heartbeat. A new producer time acts at once: the next
+    heartbeat comes immediately, the following ones in the new period.
+
+    Attributes:
+        due: when the next heartbeat is to be sent [ns].
+    """
+
+    def __init__(self, object_dictionary: ObjectDictionary, node_id: int, agenda: Agenda) -> None:
+        self.due = NEVER
+        self._object_dictionary = object_dictionary
+        self._can_id = ERROR_CONTROL + node_id
+        self._agenda = agenda
+        producer_time = object_dictionary.find(0x1017)
+        if producer_time is not None:
+            producer_time.add_hook(self._start_anew)
+
+    def boot_up(self, now: int, emit: Emit) -> None:
+        """Send the boot-up message and start the period."""
+        emit(Frame(self._can_id, bytes([NmtState.INITIALISING])))
+        period = self._period()
+        self.due = now + period if period else NEVER
+
+    def serve(self, now: int, emit: Emit, state: NmtState) -> None:
+        """Send a heartbeat if it is due."""
+        if now < self.due:
+            return
+        emit(Frame(self._can_id, bytes([state])))
+        following = self.due + self._period()
+        self.due = following if following > now else now + self._period()
+
+    def stop(self) -> None:
+        """Send nothing until the next boot-up."""
+        self.due = NEVER
+
+    def _period(self) -> int:
+        return self._object_dictionary.number(0x1017) * MILLISECOND
+
+    def _start_anew(self, milliseconds: int) -> None:
+        self.due = 0 if milliseconds else NEVER
+        self._agenda.bring_forward(self.due)
+
+
+class HeartbeatChange(Enum):
+    """What a heartbeat told about a watched node."""
+
+    LOST = auto()
+    """It booted while it was watched: it has lost what it was doing."""
+    RESUMED = auto()
+    """Its heartbeat is back after a loss."""
+
+
+@dataclass(slots=True)
+class _Watch:
+    """One watched node; `due` is the time of loss [ns], NEVER before the first heartbeat."""
+
+    period: int
+    due: int = NEVER
+    is_lost: bool = False
+
+
+class HeartbeatConsumer:
+    """Watches the heartbeats of the nodes that 0x1016 names.
+
+    Watching begins with a node's first heartbeat. A boot-up message is none: of a node that is
+    watched it means a loss, and watching begins again with the heartbeat after it.
+    """
+
+    def __init__(
+        self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
+    ) -> None:
+        self._object_dictionary = object_dictionary
+        self._agenda = agenda
+        self._counters = counters
+        self._watches: dict[int, _Watch] = {}
+        for subindex in self._entries():
+            if object_dictionary.find(0x1016, subindex) is not None:
+                self._add_check(subindex)
+                object_dictionary.add_hook(0x1016, subindex, self._set_watches)
+        self._set_watches(0)
+
+    @property
+    def node_ids(self) -> frozenset[int]:
+        """The watched nodes."""
+        return frozenset(self._watches)
+
+    @property
+    def due(self) -> int:
+        """When the next node is lost unless its heartbeat comes [ns]."""
+        return min((watch.due for watch in self._watches.values()), default=NEVER)
+
+    def receive(self, frame: Frame, now: int) -> HeartbeatChange | None:
+        """Take a boot-up or heartbeat message and return what changed for its sender."""
+        watch = self._watches.get(frame.can_id - ERROR_CONTROL)
+        if watch is None:
+            return None
+        if len(frame.data) != 1 or frame.data[0] not in _STATES:
+            self._counters.malformed_heartbeats += 1
+            return None
+        if frame.data[0] == NmtState.INITIALISING:
+            return HeartbeatChange.LOST if _lose(watch) else None
+        watch.due = now + watch.period
+        self._agenda.bring_forward(watch.due)
+        was_lost, watch.is_lost = watch.is_lost, False
+        return HeartbeatChange.RESUMED if was_lost else None
+
+    def expire(self, now: int) -> list[int]:
+        """Return the node-IDs whose heartbeat has just failed to come."""
+        return [
+            node_id for node_id, watch in self._watches.items() if now >= watch.due and _lose(watch)
+        ]
+
+    def reset(self) -> None:
+        """Watch what 0x1016 says, from the first heartbeats on."""
+        self._watches = {}
+        self._set_watches(0)
+
+    def _entries(self) -> range:
+        return range(1, self._object_dictionary.number(0x1016) + 1)
+
+    def _set_watches(self, _value: int) -> None:
+        """Follow 0x1016; a node whose entry did not change stays watched as it is."""
+        watches = {}
+        for subindex in self._entries():
+            entry = _parse_entry(self._object_dictionary.number(0x1016, subindex))
+            if entry is None:
+                continue
+            watch = self._watches.get(entry.node_id)
+            is_same = watch is not None and watch.period == entry.period
+            watches[entry.node_id] = watch if watch and is_same else _Watch(entry.period)
+        self._watches = watches
+
+    def _add_check(self, subindex: int) -> None:
+        def refuse_duplicate(value: int) -> None:
+            """CiA 301, 0x1016: a node may be named by one entry only."""
+            entry = _parse_entry(value)
+            others = (sub for sub in self._entries() if sub != subindex)
+            for other in others:
+                named = _parse_entry(self._object_dictionary.number(0x1016, other))
+                if entry and named and entry.node_id == named.node_id:
+                    raise SdoAbort(*abort_codes.PARAMETER_INCOMPATIBLE)
+
+        self._object_dictionary.add_check(0x1016, subindex, refuse_duplicate)
+
+
+class _Entry(NamedTuple):
+    node_id: int
+    period: int
+
+
+def _parse_entry(value: int) -> _Entry | None:
+    """An entry of 0x1016: bits 16 to 23 node-ID, bits 0 to 15 time [ms]; None where unused."""
+    node_id, milliseconds = value >> 16 & 0xFF, value & 0xFFFF
+    if not milliseconds or not 1 <= node_id <= 127:
+        return None
+    return _Entry(node_id, milliseconds * MILLISECOND)
+
+
+def _lose(watch: _Watch) -> bool:
+    """Stop watching until the next heartbeat; whether the node was watched."""
+    was_watched = watch.due != NEVER
+    watch.due = NEVER
+    watch.is_lost = watch.is_lost or was_watched
+    return was_watched

@@ -1,0 +1,137 @@
+"""Communication and mapping parameters of one PDO, and the rules for writing them (CiA 301).
+
+Identifier, inhibit time and mapping change only while the PDO is disabled (bit 31 of its COB-ID).
+A new mapping is written with sub-index 0 at 0: first the entries, each checked by itself, then the
+number of them, which checks the whole.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.agenda import INHIBIT_UNIT, MILLISECOND
+from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping, find_refusal
+from hil_bench.errors import SdoAbort
+
+COMMUNICATION_INDICES: Final = {
+    Direction.RPDO: range(0x1400, 0x1600),
+    Direction.TPDO: range(0x1800, 0x1A00),
+}
+_TO_MAPPING: Final = 0x200
+
+SYNCHRONOUS_ACYCLIC: Final = 0
+SYNCHRONOUS: Final = range(241)
+EVENT_DRIVEN: Final = range(254, 256)
+
+_COB_ID: Final = 1
+_TRANSMISSION_TYPE: Final = 2
+_INHIBIT_TIME: Final = 3
+_EVENT_TIMER: Final = 5
+_SYNC_START: Final = 6
+
+
+class PdoParameters:
+    """The objects 0x1400, 0x1600 (RPDO) or 0x1800, 0x1A00 (TPDO) and following of one PDO.
+
+    Attributes:
+        number: of the PDO, 1 to 512.
+    """
+
+    def __init__(
+        self, object_dictionary: ObjectDictionary, index: int, direction: Direction
+    ) -> None:
+        self.number = index - COMMUNICATION_INDICES[direction].start + 1
+        self._object_dictionary = object_dictionary
+        self._index = index
+        self._mapping_index = index + _TO_MAPPING
+        self._direction = direction
+        self._add_checks()
+
+    @property
+    def can_id(self) -> int | None:
+        """The PDO's identifier, None while it is disabled."""
+        return can_id(self._object_dictionary.number(self._index, _COB_ID, absent=DISABLED))
+
+    @property
+    def transmission_type(self) -> int:
+        """0 to 240 synchronous, 254 and 255 event driven."""
+        return self._object_dictionary.number(self._index, _TRANSMISSION_TYPE)
+
+    @property
+    def inhibit_time(self) -> int:
+        """Shortest time between two transmissions [ns]."""
+        return self._object_dictionary.number(self._index, _INHIBIT_TIME) * INHIBIT_UNIT
+
+    @property
+    def event_time(self) -> int:
+        """TPDO: longest time between two transmissions, RPDO: time-out; 0 for none [ns]."""
+        return self._object_dictionary.number(self._index, _EVENT_TIMER) * MILLISECOND
+
+    def mapping(self) -> PdoMapping | None:
+        """Return the compiled mapping, None where nothing is mapped."""
+        count = self._object_dictionary.number(self._mapping_index)
+        return self._compile(count) if count else None
+
+    def add_hook(self, hook: Callable[[Any], None]) -> None:
+        """Tell `hook` whenever one of these parameters was written."""
+        for variable in self._object_dictionary:
+            if variable.index in {self._index, self._mapping_index}:
+                variable.add_hook(hook)
+
+    def _compile(self, count: int) -> PdoMapping:
+        entries = [
+            MappingEntry.parse(self._object_dictionary.variable(self._mapping_index, sub).value)
+            for sub in range(1, count + 1)
+        ]
+        return PdoMapping(self._object_dictionary, entries, self._direction)
+
+    def _add_checks(self) -> None:
+        checks = {
+            _COB_ID: self._check_cob_id,
+            _TRANSMISSION_TYPE: _check_transmission_type,
+            _INHIBIT_TIME: self._check_disabled,
+            _SYNC_START: self._check_disabled,
+        }
+        for subindex, check in checks.items():
+            variable = self._object_dictionary.find(self._index, subindex)
+            if variable is not None:
+                variable.add_check(check)
+        for variable in self._object_dictionary:
+            if variable.index == self._mapping_index:
+                variable.add_check(self._check_entry if variable.subindex else self._check_count)
+
+    def _check_cob_id(self, cob_id: int) -> None:
+        check_change(self._object_dictionary.variable(self._index, _COB_ID), cob_id)
+
+    def _check_disabled(self, _value: int) -> None:
+        if self.can_id is not None:
+            raise SdoAbort(*abort_codes.VALUE)
+
+    def _check_mapping_access(self) -> None:
+        if self.can_id is not None:
+            raise SdoAbort(*abort_codes.UNSUPPORTED_ACCESS)
+
+    def _check_entry(self, raw: int) -> None:
+        self._check_mapping_access()
+        if self._object_dictionary.number(self._mapping_index):
+            raise SdoAbort(*abort_codes.UNSUPPORTED_ACCESS)
+        if not raw:
+            return
+        entry = MappingEntry.parse(raw)
+        refusal = find_refusal(self._object_dictionary, entry, self._direction)
+        if refusal is not None:
+            raise SdoAbort(*refusal.abort)
+
+    def _check_count(self, count: int) -> None:
+        self._check_mapping_access()
+        if count and self._object_dictionary.find(self._mapping_index, count) is None:
+            raise SdoAbort(*abort_codes.VALUE)
+        self._compile(count)
+
+
+def _check_transmission_type(value: int) -> None:
+    """CiA 301: 241 to 251 are reserved; 252 and 253 need remote requests, which are not answered."""
+    if value not in SYNCHRONOUS and value not in EVENT_DRIVEN:
+        raise SdoAbort(*abort_codes.VALUE)

@@ -1,1 +1,49 @@
-"""Controller-side drivers for the valve, the pressure sensors and the position sensor."""
+"""Controller-side drivers for the valve, the pressure sensors and the position sensor.
+
+    >>> with can.Bus(interface="socketcan", channel="vcan0") as bus, Network(bus) as network:
+    ...     with ProportionalValve(network, node_id=1) as valve:
+    ...         valve.setup()
+    ...         network.start_node(1)
+    ...         valve.enable()
+    ...         valve.spool_setpoint = 0.3
+
+They know the devices by their EDS files only, talk to them through the `canopen` library over any
+python-can bus, use SI units, and run in the caller's thread.
+"""
+
+from drivers.errors import (
+    BusLostError,
+    DeviceFaultError,
+    DeviceMismatchError,
+    DriverError,
+    DriverTimeoutError,
+    EdsError,
+    RemoteProtocolError,
+    SdoAbortError,
+    StaleValueError,
+)
+from drivers.network import Network
+from drivers.node import NmtState, Node
+from drivers.position import PositionSensor
+from drivers.pressure import PressureSensor
+from drivers.valve import ProportionalValve
+from drivers.valve_state import ValveState
+
+__all__ = [
+    "BusLostError",
+    "DeviceFaultError",
+    "DeviceMismatchError",
+    "DriverError",
+    "DriverTimeoutError",
+    "EdsError",
+    "Network",
+    "NmtState",
+    "Node",
+    "PositionSensor",
+    "PressureSensor",
+    "ProportionalValve",
+    "RemoteProtocolError",
+    "SdoAbortError",
+    "StaleValueError",
+    "ValveState",
+]

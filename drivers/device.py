@@ -1,0 +1,177 @@
+"""What the drivers of all devices have in common: identity, PDOs, freshness of values."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+from drivers.errors import DeviceMismatchError, StaleValueError
+from drivers.network import Network
+from drivers.node import object_name
+from drivers.pdo import (
+    INVALID,
+    ObjectKey,
+    PdoKind,
+    PdoMapping,
+    ReceivedPdo,
+    Signal,
+    choose_carriers,
+    configure_pdo,
+    eds_mappings,
+    verify_mapping,
+)
+
+
+class Input(NamedTuple):
+    """A value of the device: which received PDO brings it, and where in it it stands."""
+
+    pdo: ReceivedPdo
+    signal: Signal
+
+
+class Device:
+    """Base of the drivers.
+
+    Args:
+        network: the network that the device is on.
+        node_id: its node-ID.
+        eds: its EDS; everything about the device is taken from there.
+        max_age: values older than this [s] are refused.
+
+    Attributes:
+        network: as passed in.
+        node: the device as a CANopen node, for access to its raw objects.
+        max_age: as passed in; may be changed.
+    """
+
+    PROFILE: ClassVar[int]
+    """Number of the device profile, the low word of 0x1000."""
+
+    def __init__(
+        self, network: Network, node_id: int, eds: Path | str, *, max_age: float = 0.1
+    ) -> None:
+        self.network = network
+        self.node = network.add_node(node_id, eds)
+        self.max_age = max_age
+        self._received: list[ReceivedPdo] = []
+
+    @property
+    def received_at(self) -> float:
+        """When the oldest of its values came, on the network's clock [s]; -inf before the first."""
+        return min(pdo.received_at for pdo in self._received)
+
+    @property
+    def age(self) -> float:
+        """Time since the oldest of its values came [s]; infinite before the first."""
+        return self.network.now() - self.received_at
+
+    def _first_mapped(self, candidates: Sequence[ObjectKey]) -> ObjectKey:
+        """Returns the first of these objects that a TPDO carries; TPDOs that exist come first."""
+        mappings = eds_mappings(self.node, PdoKind.TPDO)
+        for some in ([m for m in mappings if not m.cob_id & INVALID], mappings):
+            for key in candidates:
+                if any(key in mapping for mapping in some):
+                    return key
+        raise self._not_mapped(PdoKind.TPDO, " or ".join(object_name(*key) for key in candidates))
+
+    def _carriers(
+        self, kind: PdoKind, required: Sequence[ObjectKey], optional: Sequence[ObjectKey] = ()
+    ) -> dict[ObjectKey, PdoMapping]:
+        """Returns which PDO to use for each object; optional ones may be left out."""
+        carriers = choose_carriers(eds_mappings(self.node, kind), [*required, *optional])
+        for key in required:
+            if key not in carriers:
+                raise self._not_mapped(kind, object_name(*key))
+        return carriers
+
+    def _not_mapped(self, kind: PdoKind, what: str) -> DeviceMismatchError:
+        return DeviceMismatchError(
+            f"{self.node}: no {kind.name} of {self.node.eds} carries {what}; "
+            "an EDS that maps it is right"
+        )
+
+    def _add_inputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Input]:
+        """Returns how to receive these objects."""
+        pdos = {mapping: ReceivedPdo(mapping) for mapping in carriers.values()}
+        self._received.extend(pdos.values())
+        return {
+            key: Input(pdos[mapping], Signal(mapping, key, self.node.variable(*key)))
+            for key, mapping in carriers.items()
+        }
+
+    def _set_up(
+        self, *, transmission_type: int, event_timer: float, heartbeat_period: float
+    ) -> None:
+        """Checks the device and sets how it sends; see `setup` of the drivers.
+
+        Raises:
+            ValueError: the transmission type is none.
+        """
+        if not (0 <= transmission_type <= 240 or transmission_type in {254, 255}):
+            raise ValueError(
+                f"transmission type {transmission_type}: 0 to 240, 254 or 255 is right (CiA 301)"
+            )
+        milliseconds("event timer", event_timer)
+        period_ms = milliseconds("heartbeat period", heartbeat_period)
+        self._check_identity()
+        for pdo in self._received:
+            verify_mapping(self.node, pdo.mapping)
+            cob_id = configure_pdo(
+                self.node,
+                pdo.mapping,
+                transmission_type=transmission_type,
+                event_timer=event_timer,
+            )
+            self.network.subscribe(cob_id, pdo.receive)
+        if self.node.has(0x1017):
+            self.node.write(0x1017, 0, period_ms)
+
+    def _check_identity(self) -> None:
+        """Compares profile, vendor and product of EDS and device.
+
+        Raises:
+            DeviceMismatchError: they differ.
+        """
+        node = self.node
+        profile = node.read_integer(0x1000) & 0xFFFF
+        if profile != self.PROFILE:
+            raise DeviceMismatchError(
+                f"{node}: 0x1000 (device type) says profile {profile}; {self.PROFILE} is right"
+            )
+        for subindex in (1, 2):
+            expected = node.default(0x1018, subindex, otherwise=0)
+            if expected and (found := node.read_integer(0x1018, subindex)) != expected:
+                raise DeviceMismatchError(
+                    f"{node}: {object_name(0x1018, subindex)} "
+                    f"({node.variable(0x1018, subindex).qualname}) is 0x{found:X}; "
+                    f"0x{expected:X} is right by {node.eds}"
+                )
+
+    def _value(self, source: Input) -> int | float:
+        """Returns the present value of an input."""
+        pdo, signal = source
+        age = self.network.now() - pdo.received_at
+        if age > self.max_age:
+            raise self._stale(pdo, age)
+        return signal.decode(pdo.data)
+
+    def _stale(self, pdo: ReceivedPdo, age: float) -> StaleValueError:
+        where = f"{self.node}: {pdo.mapping} (COB-ID 0x{pdo.mapping.cob_id & 0x7FF:X})"
+        if math.isinf(age):
+            return StaleValueError(
+                f"{where} never came; setup() and NMT state OPERATIONAL bring it"
+            )
+        return StaleValueError(
+            f"{where} came {1000 * age:.1f} ms ago; at most {1000 * self.max_age:g} ms are right"
+        )
+
+
+def milliseconds(what: str, time: float) -> int:
+    """Returns a time [s] as the whole milliseconds that CANopen's timers hold.
+
+    Raises:
+        ValueError: it is negative, longer than the timers hold, or would round to none.
+    """
+    if not 0 <= time <= 65.535 or 0 < time < 0.0005:
+        raise ValueError(f"{what} {time} s: 0 for none, or 0.001 to 65.535 s is right")
+    return round(time * 1000)

@@ -1,0 +1,73 @@
+"""Errors of the controller side, one tree.
+
+Each error is also the builtin that it is, where there is one, so that a caller may catch either::
+
+    DriverError
+     ├── DriverTimeoutError (TimeoutError)   no answer, or a state not reached, in time
+     ├── BusLostError (OSError)              the bus can no longer send or receive
+     ├── EdsError (ValueError)               an EDS file cannot be read
+     ├── DeviceMismatchError (ValueError)    EDS and device differ, or the EDS lacks an object
+     ├── SdoAbortError                       the device refused an access, and said why
+     ├── RemoteProtocolError                 the device broke the protocol
+     ├── DeviceFaultError                    the valve is in one of its fault states
+     └── StaleValueError                     no value was received recently enough
+
+Whatever sends or receives may raise `BusLostError`. What reads or writes an object of a device,
+so every `setup` and every change of state, may raise `DriverTimeoutError`, `SdoAbortError`,
+`RemoteProtocolError` and `DeviceMismatchError` too. Values of a device raise `StaleValueError`
+when they are too old.
+
+An argument that makes no sense is a plain `ValueError`.
+"""
+
+
+class DriverError(Exception):
+    """Base of every error that a driver raises on purpose."""
+
+
+class DriverTimeoutError(DriverError, TimeoutError):
+    """A device did not answer, or did not reach a state, within the given time."""
+
+
+class BusLostError(DriverError, OSError):
+    """The CAN bus refused to send or to receive."""
+
+
+class EdsError(DriverError, ValueError):
+    """An EDS file is missing or malformed."""
+
+
+class DeviceMismatchError(DriverError, ValueError):
+    """Device and EDS differ, or the EDS lacks an object that the driver needs."""
+
+
+class SdoAbortError(DriverError):
+    """The device refused an access to an object.
+
+    Attributes:
+        code: abort code, 32 bit (CiA 301, SDO abort codes).
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class RemoteProtocolError(DriverError):
+    """The device sent what its protocol does not allow."""
+
+
+class DeviceFaultError(DriverError):
+    """The valve is in a fault state.
+
+    Attributes:
+        code: code of the last emergency message, 0 where none was received.
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class StaleValueError(DriverError):
+    """The last value is older than the driver's limit, or none was received at all."""

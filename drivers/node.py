@@ -1,0 +1,303 @@
+"""One remote device: its EDS, its SDO server, its NMT state and its emergency messages.
+
+`Node` is canopen's `RemoteNode`, so all of that class is at hand (`node.sdo[0x6131][1].raw`).
+What differs is how it receives: canopen waits on a queue that a thread fills, `Node` is fed by its
+network while the caller waits. What reaches it is checked first; a malformed message is refused,
+never raised.
+"""
+
+import configparser
+import struct
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from pathlib import Path
+
+import canopen
+from canopen.emcy import EMCY_STRUCT
+from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
+from canopen.objectdictionary.eds import import_eds
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from drivers.emergency import Emergency
+from drivers.errors import (
+    DeviceMismatchError,
+    DriverTimeoutError,
+    EdsError,
+    RemoteProtocolError,
+    SdoAbortError,
+)
+
+WaitFor = Callable[[Callable[[], bool], float], bool]
+"""Waits until a condition holds (True) or a time [s] is over (False), receiving meanwhile."""
+
+EMERGENCIES_KEPT = 32
+ANSWERS_KEPT = 256
+
+_SDO_ABORT = 0x80
+
+
+class NmtState(IntEnum):
+    """NMT state as a heartbeat message carries it (CiA 301)."""
+
+    INITIALISING = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127
+
+
+class PumpedSdoClient(SdoClient):
+    """canopen's SDO client, waiting for its answers by receiving instead of on another thread."""
+
+    def __init__(
+        self, rx_cobid: int, tx_cobid: int, od: ObjectDictionary, wait_for: WaitFor
+    ) -> None:
+        super().__init__(rx_cobid, tx_cobid, od)  # type: ignore[no-untyped-call]  # canopen has none
+        self._wait_for = wait_for
+        self._multiplexer = bytes(3)
+
+    def receive(self, data: bytes, now: float) -> bool:  # noqa: ARG002 - every handler is told the time
+        """Takes an answer of the server; False refuses it as malformed."""
+        if len(data) != 8 or self.responses.qsize() >= ANSWERS_KEPT:
+            return False
+        self.responses.put(data)
+        return True
+
+    def send_request(self, request: bytes) -> None:
+        """Sends a request, at once and once."""
+        if request[0] >> 5 in {1, 2}:  # initiate download, initiate upload
+            self._multiplexer = bytes(request[1:4])
+        self.network.send_message(self.rx_cobid, request)
+
+    def read_response(self) -> bytes:
+        """Returns the next answer.
+
+        Raises:
+            SdoAbortedError: the server aborted the transfer.
+            SdoTimeout: it did not answer in time.
+        """
+        if not self._wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
+            raise SdoTimeout
+        response: bytes = self.responses.get_nowait()
+        if response[0] == _SDO_ABORT:
+            raise SdoAbortedError(struct.unpack_from("<L", response, 4)[0])
+        return response
+
+    def abort(self, abort_code: int = 0x08000000) -> None:
+        """Tells the server that the present transfer is over."""
+        self.send_request(struct.pack("<B3sL", _SDO_ABORT, self._multiplexer, abort_code))
+
+
+class SdoTimeout(SdoCommunicationError):  # noqa: N818 - never leaves this module
+    """No answer in time; told apart because the caller gets another error for it."""
+
+
+class Node(canopen.RemoteNode):
+    """A device on the bus as the controller sees it.
+
+    Args:
+        node_id: 1 to 127.
+        eds: path of its EDS or DCF.
+        wait_for: how to wait while frames are being received.
+        sdo_timeout: longest wait for each SDO answer [s].
+
+    Attributes:
+        node_id: as passed in.
+        eds: as passed in.
+        nmt_state: as in the last heartbeat or boot-up message, None before the first.
+        heard_at: when that message came, on the network's clock [s].
+        boot_ups: how often the device has said that it came up.
+        emergencies: the last emergency messages, oldest first.
+        active_emergency: the last one that no later "error reset" has taken back.
+
+    Raises:
+        ValueError: the node-ID is out of range.
+        EdsError: the EDS cannot be read.
+    """
+
+    def __init__(
+        self, node_id: int, eds: Path, wait_for: WaitFor, *, sdo_timeout: float = 0.5
+    ) -> None:
+        if not 1 <= node_id <= 127:
+            raise ValueError(f"node-ID {node_id}: 1 to 127 is right (CiA 301)")
+        self._wait_for = wait_for
+        try:
+            super().__init__(node_id, load_eds(eds, node_id))
+        except KeyError as error:
+            raise EdsError(f"{eds}: a PDO lacks its mapping, {error.args[0]}") from error
+        self.node_id = node_id
+        self.eds = eds
+        self.sdo.RESPONSE_TIMEOUT = sdo_timeout
+        self.nmt_state: NmtState | None = None
+        self.heard_at = -float("inf")
+        self.boot_ups = 0
+        self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_KEPT)
+        self.active_emergency: Emergency | None = None
+
+    def __str__(self) -> str:
+        return f"node {self.node_id}"
+
+    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdoClient:
+        """Returns a new SDO client; canopen calls this for the default SDO server."""
+        client = PumpedSdoClient(rx_cobid, tx_cobid, self.object_dictionary, self._wait_for)
+        self.sdo_channels.append(client)
+        return client
+
+    def handlers(self) -> dict[int, Callable[[bytes, float], bool]]:
+        """Returns who takes the messages of this node: COB-ID to handler(data, now)."""
+        emergency_id = self.default(0x1014, otherwise=0x80 + self.node_id)
+        return {
+            0x700 + self.node_id: self.receive_heartbeat,
+            emergency_id & 0x7FF: self.receive_emergency,
+            self.sdo.tx_cobid: self.sdo.receive,
+        }
+
+    def receive_heartbeat(self, data: bytes, now: float) -> bool:
+        """Takes a heartbeat or boot-up message; False refuses it as malformed."""
+        if len(data) != 1 or data[0] not in frozenset(NmtState):
+            return False
+        state = NmtState(data[0])
+        if state is NmtState.INITIALISING:
+            self.boot_ups += 1
+            # A device that has booted up goes on without another message.
+            state = NmtState.PRE_OPERATIONAL
+        self.nmt_state = state
+        self.heard_at = now
+        self.nmt.on_heartbeat(0x700 + self.node_id, data, now)  # type: ignore[no-untyped-call]
+        return True
+
+    def receive_emergency(self, data: bytes, now: float) -> bool:
+        """Takes an emergency message; False refuses it as malformed."""
+        if len(data) != EMCY_STRUCT.size:
+            return False
+        code, register, manufacturer = EMCY_STRUCT.unpack(data)
+        emergency = Emergency(code, register, manufacturer, now)
+        self.emergencies.append(emergency)
+        self.active_emergency = None if emergency.is_reset else emergency
+        return True
+
+    def variable(self, index: int, subindex: int = 0) -> ODVariable:
+        """Returns the EDS entry of an object.
+
+        Raises:
+            DeviceMismatchError: the EDS lacks it.
+        """
+        variable = self.object_dictionary.get_variable(index, subindex)
+        if variable is None or variable.subindex != subindex:
+            raise DeviceMismatchError(
+                f"{self}: {self.eds} has no {object_name(index, subindex)}; "
+                "the EDS of the connected device is right"
+            )
+        return variable
+
+    def has(self, index: int, subindex: int = 0) -> bool:
+        """Returns whether the EDS has an object."""
+        variable = self.object_dictionary.get_variable(index, subindex)
+        return variable is not None and variable.subindex == subindex
+
+    def default(self, index: int, subindex: int = 0, *, otherwise: int) -> int:
+        """Returns the integer that the EDS (or DCF) gives for an object, or `otherwise`."""
+        if not self.has(index, subindex):
+            return otherwise
+        variable = self.variable(index, subindex)
+        value = variable.default if variable.value is None else variable.value
+        return value if isinstance(value, int) else otherwise
+
+    def read(self, index: int, subindex: int = 0) -> int | float:
+        """Returns the number that the device holds in an object, read by SDO.
+
+        Raises:
+            DeviceMismatchError: the EDS lacks the object, or its type does not fit the answer.
+        """
+        variable = self.variable(index, subindex)
+        with self._sdo_errors("read", variable):
+            raw = self.sdo.upload(index, subindex)
+        try:
+            value = variable.decode_raw(raw)
+        except ObjectDictionaryError:
+            value = None
+        if not isinstance(value, int | float):
+            raise DeviceMismatchError(
+                f"{self}: {object_name(index, subindex)} ({variable.qualname}) came as "
+                f"{len(raw)} bytes; {len(variable) // 8} are right by {self.eds}"
+            )
+        return value
+
+    def read_integer(self, index: int, subindex: int = 0) -> int:
+        """Returns the integer that the device holds in an object; raises as `read` does.
+
+        Raises:
+            DeviceMismatchError: besides what `read` says, the EDS gives it no integer type.
+        """
+        value = self.read(index, subindex)
+        if isinstance(value, float):
+            raise DeviceMismatchError(
+                f"{self}: {object_name(index, subindex)} is a real number by {self.eds}; "
+                "an integer type is right"
+            )
+        return value
+
+    def write(self, index: int, subindex: int, value: float) -> None:
+        """Writes a number to an object by SDO.
+
+        Raises:
+            ValueError: the value does not fit the object's type.
+        """
+        variable = self.variable(index, subindex)
+        try:
+            raw = variable.encode_raw(value)
+        except ValueError as error:
+            raise ValueError(
+                f"{self}: {value} does not fit {object_name(index, subindex)} ({variable.qualname})"
+            ) from error
+        with self._sdo_errors("write", variable):
+            self.sdo.download(index, subindex, raw)
+
+    @contextmanager
+    def _sdo_errors(self, verb: str, variable: ODVariable) -> Iterator[None]:
+        """Turns the errors of canopen's SDO client into our own.
+
+        Raises:
+            SdoAbortError: the device refused.
+            DriverTimeoutError: it did not answer.
+            RemoteProtocolError: its answer is none.
+        """
+        what = f"{self}: cannot {verb} {object_name(variable.index, variable.subindex)}"
+        what = f"{what} ({variable.qualname})"
+        try:
+            yield
+        except SdoAbortedError as error:
+            text = SdoAbortedError.CODES.get(error.code, "code unknown to CiA 301")
+            raise SdoAbortError(
+                f"{what}: SDO abort 0x{error.code:08X}, {text}", error.code
+            ) from error
+        except SdoTimeout as error:
+            raise DriverTimeoutError(
+                f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s"
+            ) from error
+        except SdoCommunicationError as error:
+            raise RemoteProtocolError(f"{what}: {error}") from error
+
+
+def object_name(index: int, subindex: int = 0) -> str:
+    """Returns an object as the standards write it: 0x6041, 0x1018.01."""
+    return f"0x{index:04X}.{subindex:02X}" if subindex else f"0x{index:04X}"
+
+
+def load_eds(path: Path, node_id: int) -> ObjectDictionary:
+    """Returns the object dictionary that an EDS or DCF describes, COB-IDs for this node-ID.
+
+    Raises:
+        EdsError: the file is missing or malformed.
+    """
+    try:
+        # canopen tells the format by the suffix, but an EDS is an EDS under any name.
+        dictionary: ObjectDictionary = import_eds(str(path), node_id)  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise EdsError(f"cannot read EDS {path}: {error.strerror}") from error
+    except (configparser.Error, ValueError, KeyError, AttributeError) as error:
+        reason = str(error).splitlines()[0].strip("'\"")
+        raise EdsError(f"{path} is no EDS that canopen can read: {reason}") from error
+    return dictionary

@@ -1,0 +1,124 @@
+"""Driver for a pressure transducer (CiA 404)."""
+
+import math
+from pathlib import Path
+
+from device_profiles import PRESSURE_404
+from drivers.device import Device
+from drivers.errors import DeviceMismatchError
+from drivers.network import Network
+from drivers.node import object_name
+from drivers.pdo import PdoKind
+
+PROCESS_VALUES = (0x6130, 0x9130, 0x8130, 0x7130)
+"""Input process value as REAL32, INTEGER32, INTEGER24, INTEGER16: finest first."""
+
+PASCAL_PER_UNIT = {0x22: 1.0, 0x4E: 1e5, 0xAB: 6894.757293168361}
+"""Units of pressure by their code in CiA 303-2: pascal, bar, pound-force per square inch."""
+
+_UNIT, _DIGITS, _STATUS = 0x6131, 0x6132, 0x6150
+_NOT_VALID = 0x01
+
+
+class PressureSensor(Device):
+    """One channel of a pressure transducer.
+
+    The process value may be a real number or a scaled integer, whichever the EDS maps into a TPDO;
+    unit and decimal digits are read from the device.
+
+    Args:
+        network: the network that the device is on.
+        node_id: its node-ID.
+        eds: its EDS.
+        channel: sub-index of the channel.
+        max_age: values older than this [s] are refused.
+
+    Raises:
+        ValueError: the node-ID is out of range.
+        EdsError: the EDS cannot be read.
+        DeviceMismatchError: the EDS maps no process value of this channel.
+    """
+
+    PROFILE = 404
+
+    def __init__(
+        self,
+        network: Network,
+        node_id: int,
+        eds: Path | str = PRESSURE_404,
+        *,
+        channel: int = 1,
+        max_age: float = 0.1,
+    ) -> None:
+        super().__init__(network, node_id, eds, max_age=max_age)
+        value = self._first_mapped([(index, channel) for index in PROCESS_VALUES])
+        status = (_STATUS, channel)
+        inputs = self._add_inputs(self._carriers(PdoKind.TPDO, [value], [status]))
+        self._process_value = inputs[value]
+        self._status = inputs.get(status)
+        self._channel = channel
+        self._pascal_per_digit = math.nan
+
+    def setup(
+        self,
+        *,
+        transmission_type: int = 1,
+        event_timer: float = 0.0,
+        heartbeat_period: float = 0.1,
+    ) -> None:
+        """Checks the device, reads its scaling, and sets how it sends.
+
+        Args:
+            transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
+            event_timer: longest time between two values [s]; 0 is none.
+            heartbeat_period: between the device's heartbeats [s]; 0 is none.
+        """
+        self._set_up(
+            transmission_type=transmission_type,
+            event_timer=event_timer,
+            heartbeat_period=heartbeat_period,
+        )
+        self._pascal_per_digit = self._read_unit() * self._read_resolution()
+
+    @property
+    def pressure(self) -> float:
+        """Pressure [Pa]; NaN while the device says that its value is not valid."""
+        value = self._value(self._process_value)
+        if not self._is_valid(value):
+            return math.nan
+        return value * self._pascal_per_digit
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the device says that its value is valid."""
+        return self._is_valid(self._value(self._process_value))
+
+    def _is_valid(self, value: float) -> bool:
+        if self._status is not None and int(self._value(self._status)) & _NOT_VALID:
+            return False
+        # Beyond its range a transducer sends NaN or the smallest integer (WIKA MH-4-CAN manual).
+        return math.isfinite(value) and value != self._process_value.signal.lowest
+
+    def _read_unit(self) -> float:
+        """Returns the unit that the device reports [Pa], from its code in CiA 303-2.
+
+        Raises:
+            DeviceMismatchError: it is no unit of pressure.
+        """
+        name = object_name(_UNIT, self._channel)
+        code = self.node.read_integer(_UNIT, self._channel)
+        exponent, numerator, denominator = code >> 24, code >> 16 & 0xFF, code >> 8 & 0xFF
+        if numerator not in PASCAL_PER_UNIT or denominator:
+            raise DeviceMismatchError(
+                f"{self.node}: {name} (physical unit) is 0x{code:08X}, which is no pressure; "
+                "0x00220000 (Pa), 0x004E0000 (bar) or 0x00AB0000 (psi) is right"
+            )
+        if exponent > 127:
+            exponent -= 256
+        return PASCAL_PER_UNIT[numerator] * 10.0**exponent
+
+    def _read_resolution(self) -> float:
+        """Returns what one digit of the process value stands for, in the device's unit."""
+        if self._process_value.signal.is_real:
+            return 1.0
+        return 10.0 ** -self.node.read_integer(_DIGITS, self._channel)

@@ -1,0 +1,317 @@
+"""Driver for a proportional valve with spool position feedback (CiA 408)."""
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from device_profiles import VALVE_408
+from drivers.device import Device, milliseconds
+from drivers.errors import (
+    DeviceFaultError,
+    DeviceMismatchError,
+    DriverError,
+    DriverTimeoutError,
+    RemoteProtocolError,
+)
+from drivers.network import Network
+from drivers.node import object_name
+from drivers.pdo import (
+    ObjectKey,
+    PdoKind,
+    PdoMapping,
+    SentPdo,
+    Signal,
+    configure_pdo,
+    verify_mapping,
+)
+from drivers.valve_state import RESET_FAULT, STATE_BITS, ValveState
+
+logger = logging.getLogger(__name__)
+
+POLL_PERIOD = 0.005
+"""Time between two looks at the status word while a transition is awaited [s]."""
+
+_CONTROL_WORD, _STATUS_WORD = (0x6040, 0), (0x6041, 0)
+_SET_POINT, _ACTUAL_VALUE = (0x6300, 1), (0x6301, 1)
+_REFERENCE = (0x6311, 1)
+_DEVICE_MODE = (0x6042, 0)
+_SET_POINT_BY_BUS = 1
+_CONSUMER_HEARTBEAT = (0x1016, 1)
+
+
+class Output(NamedTuple):
+    """A value for the device: which sent PDO brings it, and where in it it stands."""
+
+    pdo: SentPdo
+    signal: Signal
+
+
+class ProportionalValve(Device):
+    """A proportional valve whose set-point comes by bus.
+
+    A valve that was set up with a command time-out must be told its set-point again and again, by
+    `spool_setpoint` or `send`; it goes to its fault reaction otherwise, which is its protection
+    against a controller that died.
+
+    Args:
+        network: the network that the device is on.
+        node_id: its node-ID.
+        eds: its EDS.
+        max_age: values older than this [s] are refused.
+
+    Raises:
+        ValueError: the node-ID is out of range.
+        EdsError: the EDS cannot be read.
+        DeviceMismatchError: the EDS does not map what the driver needs.
+    """
+
+    PROFILE = 408
+
+    def __init__(
+        self,
+        network: Network,
+        node_id: int,
+        eds: Path | str = VALVE_408,
+        *,
+        max_age: float = 0.1,
+    ) -> None:
+        super().__init__(network, node_id, eds, max_age=max_age)
+        status = self._carriers(PdoKind.TPDO, [_STATUS_WORD, _ACTUAL_VALUE])
+        command = self._carriers(PdoKind.RPDO, [_CONTROL_WORD, _SET_POINT])
+        inputs, outputs = self._add_inputs(status), self._outputs(command)
+        self._status, self._actual = inputs[_STATUS_WORD], inputs[_ACTUAL_VALUE]
+        self._control, self._setpoint = outputs[_CONTROL_WORD], outputs[_SET_POINT]
+        self._sent = list(dict.fromkeys(output.pdo for output in outputs.values()))
+        self._reference = self.node.default(*_REFERENCE, otherwise=16384)
+        self._fraction = 0.0
+        self._is_set_up = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def setup(
+        self,
+        *,
+        transmission_type: int = 1,
+        event_timer: float = 0.0,
+        heartbeat_period: float = 0.1,
+        command_timeout: float = 0.1,
+        heartbeat_timeout: float = 0.0,
+    ) -> None:
+        """Checks the device, reads its scaling, and sets how it sends and what it watches.
+
+        Args:
+            transmission_type: 1 to 240 sends status and actual value with each n-th SYNC, 254 or
+                255 by event.
+            event_timer: longest time between two of them [s]; 0 is none.
+            heartbeat_period: between the device's heartbeats [s]; 0 is none.
+            command_timeout: the device's reaction comes when no command did for this time [s]; 0
+                switches that off.
+            heartbeat_timeout: the same for our heartbeat, see `Network.start_heartbeat`.
+        """
+        milliseconds("command time-out", command_timeout)
+        watch = self._heartbeat_watch(heartbeat_timeout)
+        self._set_up(
+            transmission_type=transmission_type,
+            event_timer=event_timer,
+            heartbeat_period=heartbeat_period,
+        )
+        self._read_reference()
+        for pdo in self._sent:
+            verify_mapping(self.node, pdo.mapping)
+            self._keep_other_values(pdo)
+        if self.node.has(*_DEVICE_MODE):
+            self.node.write(*_DEVICE_MODE, _SET_POINT_BY_BUS)
+        self._supervise(command_timeout, watch)
+        self._is_set_up = True
+
+    @property
+    def state(self) -> ValveState:
+        """State by the last status word."""
+        return self._state_of(int(self._value(self._status)))
+
+    @property
+    def spool_position(self) -> float:
+        """Spool position as fraction of full opening [-], positive for P to A."""
+        return self._value(self._actual) / self._reference
+
+    @property
+    def spool_setpoint(self) -> float:
+        """Spool set-point as fraction of full opening, -1 to 1; assigning sends it."""
+        return self._fraction
+
+    @spool_setpoint.setter
+    def spool_setpoint(self, fraction: float) -> None:
+        self._put_setpoint(fraction)
+        self.send()
+
+    def send(self) -> None:
+        """Sends control word and set-point as they are, again."""
+        for pdo in self._sent:
+            self.network.send(pdo.cob_id, bytes(pdo.data))
+
+    def enable(self, *, timeout: float = 1.0) -> None:
+        """Brings the valve to ACTIVE, where the spool follows the set-point.
+
+        A device takes commands in NMT state OPERATIONAL only. Out of a fault state leads
+        `reset_fault`; a device in one gives a `DeviceFaultError`.
+        """
+        self._reach(ValveState.ACTIVE, timeout)
+
+    def hold(self, *, timeout: float = 1.0) -> None:
+        """Brings the valve to HOLD, where the spool is at the device's hold set-point."""
+        self._put_setpoint(0.0)
+        self._reach(ValveState.HOLD, timeout)
+
+    def disable(self, *, timeout: float = 1.0) -> None:
+        """Brings the valve to DISABLED."""
+        self._put_setpoint(0.0)
+        self._reach(ValveState.DISABLED, timeout)
+
+    def reset_fault(self, *, timeout: float = 1.0) -> None:
+        """Leads a valve out of a fault state, to INIT, DISABLED or HOLD, with set-point 0."""
+        self._put_setpoint(0.0)
+        deadline = self.network.now() + timeout
+        while (state := self.read_state()) is ValveState.NOT_READY or state.is_fault:
+            if self.network.now() >= deadline:
+                raise self._fault(state)
+            # The device acts on the edge of bit 3, so it must have seen it low before.
+            self._command(ValveState.DISABLED.command)
+            self._command(ValveState.DISABLED.command | RESET_FAULT)
+        self._command(state.command)
+
+    def read_state(self) -> ValveState:
+        """Returns the state now, read by SDO: needs neither SYNC nor NMT state OPERATIONAL."""
+        return self._state_of(self.node.read_integer(*_STATUS_WORD))
+
+    def close(self) -> None:
+        """Leaves the valve disabled and no longer watching us, as far as it can still be reached.
+
+        Never raises a `DriverError`: what could not be done is logged as a warning.
+        """
+        if not self._is_set_up:
+            return
+        for what, act in (("disabled", self.disable), ("left unwatched", self._unwatch)):
+            try:
+                act()
+            except DriverError as error:
+                logger.warning("%s: could not be %s: %s", self.node, what, error)
+
+    def _outputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Output]:
+        """Returns how to send these objects."""
+        pdos = {mapping: SentPdo(mapping) for mapping in carriers.values()}
+        return {
+            key: Output(pdos[mapping], Signal(mapping, key, self.node.variable(*key)))
+            for key, mapping in carriers.items()
+        }
+
+    def _read_reference(self) -> None:
+        """Reads what stands for full opening, where the device says so.
+
+        Raises:
+            DeviceMismatchError: it is not positive.
+        """
+        if self.node.has(*_REFERENCE):
+            self._reference = self.node.read_integer(*_REFERENCE)
+        if self._reference < 1:
+            raise DeviceMismatchError(
+                f"{self.node}: {object_name(*_REFERENCE)} (reference value) is {self._reference}; "
+                "a positive number, 16384 by default, is right"
+            )
+
+    def _keep_other_values(self, pdo: SentPdo) -> None:
+        """Fills what else an RPDO carries with what the device holds, to leave it as it is."""
+        for mapped in pdo.mapping.objects:
+            if mapped.key not in {_CONTROL_WORD, _SET_POINT}:
+                value = self.node.read(*mapped.key)
+                variable = self.node.variable(*mapped.key)
+                Signal(pdo.mapping, mapped.key, variable).encode(pdo.data, value)
+
+    def _heartbeat_watch(self, timeout: float) -> int:
+        """Returns the entry for 0x1016: whose heartbeat to watch, and for how long [ms].
+
+        Raises:
+            ValueError: we send no heartbeat, or the time-out is out of range.
+        """
+        timeout_ms = milliseconds("heartbeat time-out", timeout)
+        if not timeout_ms:
+            return 0
+        if self.network.heartbeat_node_id is None:
+            raise ValueError("heartbeat time-out without a heartbeat: start_heartbeat() first")
+        return self.network.heartbeat_node_id << 16 | timeout_ms
+
+    def _supervise(self, command_timeout: float, watch: int) -> None:
+        """Sets what the device watches: our commands [s], our heartbeat (entry for 0x1016)."""
+        for pdo in self._sent:
+            pdo.cob_id = configure_pdo(
+                self.node, pdo.mapping, transmission_type=None, event_timer=command_timeout
+            )
+        if watch or self.node.has(*_CONSUMER_HEARTBEAT):
+            self.node.write(*_CONSUMER_HEARTBEAT, watch)
+
+    def _unwatch(self) -> None:
+        """Has the device watch us no longer, so that our silence is no fault."""
+        self._supervise(0.0, 0)
+
+    def _put_setpoint(self, fraction: float) -> None:
+        if not -1.0 <= fraction <= 1.0:
+            raise ValueError(f"spool set-point {fraction}: a fraction from -1 to 1 is right")
+        self._fraction = fraction
+        pdo, signal = self._setpoint
+        signal.encode(pdo.data, round(fraction * self._reference))
+
+    def _command(self, control_word: int) -> None:
+        """Sends a control word, and lets the device act on it."""
+        pdo, signal = self._control
+        signal.encode(pdo.data, control_word)
+        self.send()
+        self.network.pump(POLL_PERIOD)
+
+    def _reach(self, target: ValveState, timeout: float) -> None:
+        """Commands a state until the device is there.
+
+        Raises:
+            DriverTimeoutError: it did not get there in time.
+        """
+        deadline = self.network.now() + timeout
+        while True:
+            self._command(target.command)
+            state = self.read_state()
+            if state is target:
+                return
+            if state.is_fault or (state is ValveState.NOT_READY and self.node.active_emergency):
+                raise self._fault(state)
+            if self.network.now() >= deadline:
+                nmt_state = self.node.nmt_state
+                raise DriverTimeoutError(
+                    f"{self.node}: valve not {target.name} within {timeout:g} s: it is "
+                    f"{state.name}, in NMT state {nmt_state.name if nmt_state else 'unknown'}"
+                )
+
+    def _state_of(self, status_word: int) -> ValveState:
+        try:
+            return ValveState(status_word & STATE_BITS)
+        except ValueError:
+            raise RemoteProtocolError(
+                f"{self.node}: status word 0x{status_word:04X} tells no state of CiA 408"
+            ) from None
+
+    def _fault(self, state: ValveState) -> DeviceFaultError:
+        emergency = self.node.active_emergency
+        if emergency is None:
+            return DeviceFaultError(f"{self.node}: valve in {state.name}, no emergency message", 0)
+        return DeviceFaultError(
+            f"{self.node}: valve in {state.name} after emergency 0x{emergency.code:04X}, "
+            f"{emergency.meaning}",
+            emergency.code,
+        )

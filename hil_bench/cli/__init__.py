@@ -1,1 +1,119 @@
-"""The command line: one verb a file."""
+"""The command line: one verb a file.
+
+A verb is a module of this package with ``add_parser(subparsers)``, which sets ``run`` as a
+default, and ``run(args) -> int``. It is imported only when it is called, so that ``--help`` and
+``--version`` stay quick whatever a verb needs.
+"""
+
+import argparse
+import importlib
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from hil_bench import __version__
+from hil_bench.cli.exit_codes import ExitCode, exit_code_of
+from hil_bench.errors import HilBenchError
+
+VERBS = {
+    "check": "check a bench, and print each value with its origin",
+    "devices": "print the device table: node-IDs, profiles, PDOs",
+}
+"""Each verb, which is also the name of its module, and what it does in a line."""
+
+_EXAMPLES = """\
+examples:
+  hil-bench check bench.toml
+  hil-bench devices bench.toml
+  hil-bench VERB --help
+
+exit codes: 0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time
+budget missed under --strict-timing; 70 a bug in hil-bench; 130 interrupted
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb and return the exit code; see `ExitCode`."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        args = _build_parser(arguments).parse_args(arguments)
+    except SystemExit as end:  # argparse has said why
+        return int(end.code or ExitCode.DONE)
+    _set_up_logging(args.verbose, quiet=args.quiet)
+    try:
+        code: int = args.run(args)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return _leave_broken_pipe()
+    except KeyboardInterrupt:
+        return ExitCode.INTERRUPTED
+    except Exception as error:  # the last place where it can become one line
+        return _report(error, verbosity=args.verbose)
+    return code
+
+
+def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
+    """The parser with every verb by name, and the called one in full."""
+    parser = argparse.ArgumentParser(
+        prog="hil-bench",
+        description="A hydraulic axis behind CANopen devices, in software: a test bench.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    _add_output_arguments(parser, verbose=0, quiet=False)
+    subparsers = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    called = next((argument for argument in arguments if not argument.startswith("-")), None)
+    for verb, summary in VERBS.items():
+        if verb == called:
+            importlib.import_module(f"hil_bench.cli.{verb}").add_parser(subparsers)
+            _add_output_arguments(
+                subparsers.choices[verb], verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS
+            )
+        else:
+            subparsers.add_parser(verb, help=summary)
+    return parser
+
+
+def _add_output_arguments(
+    parser: argparse.ArgumentParser, *, verbose: int | str, quiet: bool | str
+) -> None:
+    """Let -v and -q stand before the verb and after it."""
+    parser.add_argument(
+        "-v",
+        "--verbose",
+        action="count",
+        default=verbose,
+        help="say more; twice: all, with the traceback of an error",
+    )
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", default=quiet, help="say nothing but errors"
+    )
+
+
+def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
+    level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
+    logging.basicConfig(level=level, format="hil-bench: %(message)s", force=True)
+
+
+def _report(error: Exception, *, verbosity: int) -> ExitCode:
+    """Tell an error on standard error, a line a problem."""
+    if verbosity >= 2:
+        traceback.print_exception(error)
+    text = str(error)
+    if not isinstance(error, HilBenchError):
+        text = f"{type(error).__name__}: {error}"
+        if verbosity < 2:
+            text += "; this is a bug, please report it with the output of the same command and -vv"
+    for line in text.splitlines():
+        print(f"hil-bench: error: {line}", file=sys.stderr)
+    return exit_code_of(error)
+
+
+def _leave_broken_pipe() -> ExitCode:
+    """End quietly when the reader of our output, such as `head`, has seen enough."""
+    # Or the interpreter would complain when it flushes standard output at exit.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return ExitCode.DONE

@@ -87,7 +87,7 @@ def _choose_file(path: str | os.PathLike[str] | None) -> Path | None:
 def _give_bench(document: Document, seed: int | None, problems: Problems) -> dict[str, Given]:
     given = read_section(document, "bench", problems)
     if seed is not None:
-        given["seed"] = Given(seed, Origin.COMMAND_LINE, "command line:seed")
+        given["seed"] = Given(seed, Origin.COMMAND_LINE, "--seed")
     elif text := os.environ.get(SEED_VARIABLE):
         value = int(text) if text.isascii() and text.isdecimal() else text
         given["seed"] = Given(value, Origin.ENVIRONMENT, f"environment:{SEED_VARIABLE}")
@@ -102,12 +102,15 @@ def _read_bus(document: Document, overrides: Mapping[str, object], problems: Pro
         given = {key: value for key, value in given.items() if key in known}
     for key, value in overrides.items():
         if value is not None:
-            given[key] = Given(value, Origin.COMMAND_LINE, f"command line:{key}")
+            place = f"--{key}" if key in known else f"--bus-kwargs {key}"
+            given[key] = Given(value, Origin.COMMAND_LINE, place)
     # Bus classes swallow keywords that they do not know, so a slip of the pen would go unseen.
     options = [
         Key(name, bus_option)
         for name in given
-        if name not in known and not get_close_matches(name, known, cutoff=0.85)
+        if name not in known
+        and name.isidentifier()
+        and not get_close_matches(name, known, cutoff=0.85)
     ]
     return read_table("bus", given, (*BUS_KEYS, *options), problems)
 

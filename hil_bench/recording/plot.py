@@ -1,17 +1,18 @@
 """A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
 
-The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, ``.pressure_a``,
-``.pressure_b``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out.
+The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, ``.P_A``,
+``.P_B``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out. Each
+panel is in the display unit that belongs to its channels' SI unit.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import TIME, Recording
+from hil_bench.recording.channels import TIME, Recording, recording_channels
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
 
 if TYPE_CHECKING:
@@ -22,42 +23,50 @@ if TYPE_CHECKING:
 _BLUE, _ORANGE, _GREEN, _RED, _GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#9A9A9A"
 
 
+_DISPLAY_UNITS = {"m": MILLIMETRE, "Pa": BAR, "-": PERCENT}  # by the symbol of the SI unit
+
+
 class _Curve(NamedTuple):
     quantity: str
     label: str
     colour: str
+    minus: str = ""  # the quantity to subtract, where the curve is a difference
     is_setpoint: bool = False
 
 
 class _Panel(NamedTuple):
     label: str
-    unit: Unit
     curves: tuple[_Curve, ...]
     share: float  # of the figure's height
 
 
-_TRACKING_ERROR = "tracking_error"
+class _Line(NamedTuple):
+    curve: _Curve
+    values: npt.NDArray[np.float64]  # in the display unit
+    unit: Unit
+
 
 _PANELS = (
     _Panel(
         "Position",
-        MILLIMETRE,
         (
             _Curve("position_setpoint", "set-point", _GREY, is_setpoint=True),
             _Curve("position", "actual", _BLUE),
         ),
         share=1.5,
     ),
-    _Panel("Tracking error", MILLIMETRE, (_Curve(_TRACKING_ERROR, "", _RED),), share=0.8),
+    _Panel(
+        "Tracking error",
+        (_Curve("position_setpoint", "", _RED, minus="position"),),
+        share=0.8,
+    ),
     _Panel(
         "Pressure",
-        BAR,
-        (_Curve("pressure_a", "$P_A$", _ORANGE), _Curve("pressure_b", "$P_B$", _GREEN)),
+        (_Curve("P_A", "$P_A$", _ORANGE), _Curve("P_B", "$P_B$", _GREEN)),
         share=1.0,
     ),
     _Panel(
         "Spool",
-        PERCENT,
         (
             _Curve("spool_setpoint", "set-point", _GREY, is_setpoint=True),
             _Curve("spool_position", "actual", _BLUE),
@@ -66,7 +75,7 @@ _PANELS = (
     ),
 )
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "axes.edgecolor": "#444444",
     "axes.axisbelow": True,
     "axes.grid": True,
@@ -109,11 +118,10 @@ def plot_result(recording: Recording, path: Path, *, title: str = "") -> None:
 def _draw(recording: Recording, axes: list[str], title: str) -> "Figure":
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
-    panels = [panel for panel in _PANELS if any(_curves(recording, axis, panel) for axis in axes)]
+    panels = [panel for panel in _PANELS if any(_lines(recording, axis, panel) for axis in axes)]
+    width = 9.0 if len(axes) == 1 else 6.5 * len(axes)
     height = 1.0 + 1.9 * sum(panel.share for panel in panels)
-    figure = Figure(
-        figsize=(9.0 if len(axes) == 1 else 6.5 * len(axes), height), layout="constrained"
-    )
+    figure = Figure(figsize=(width, height), layout="constrained")
     grid = figure.subplots(
         len(panels),
         len(axes),
@@ -126,20 +134,17 @@ def _draw(recording: Recording, axes: list[str], title: str) -> "Figure":
         for place, panel in zip(column, panels, strict=True):
             _draw_panel(place, recording, axis, panel)
         column[0].set_title(axis if len(axes) > 1 else "", loc="left", fontweight="bold")
-        column[-1].set_xlabel("Time [s]")
-    for place, panel in zip(grid[:, 0], panels, strict=True):
-        place.set_ylabel(f"{panel.label} [{panel.unit.symbol}]")
     figure.align_ylabels()
     figure.suptitle(title)
     return figure
 
 
 def _draw_panel(place: "Axes", recording: Recording, axis: str, panel: _Panel) -> None:
-    curves = _curves(recording, axis, panel)
-    for curve, values in curves:
+    lines = _lines(recording, axis, panel)
+    for curve, values, unit in lines:
         place.plot(
             recording[TIME.name],
-            values / panel.unit.factor,
+            values,
             color=curve.colour,
             label=curve.label,
             linestyle="--" if curve.is_setpoint else "-",
@@ -147,25 +152,26 @@ def _draw_panel(place: "Axes", recording: Recording, axis: str, panel: _Panel) -
             linewidth=2.6 if curve.is_setpoint else 1.3,
             zorder=1.5 if curve.is_setpoint else 2.0,
         )
+        place.set_ylabel(f"{panel.label} [{unit.symbol}]")
+    place.set_xlabel("Time [s]")
+    place.label_outer()
     place.margins(x=0.01)
-    if len(curves) > 1:
+    if len(lines) > 1:
         place.legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
 
 
-def _curves(
-    recording: Recording, axis: str, panel: _Panel
-) -> list[tuple[_Curve, npt.NDArray[np.float64]]]:
-    found = [(curve, _values(recording, axis, curve.quantity)) for curve in panel.curves]
-    return [(curve, values) for curve, values in found if values is not None]
-
-
-def _values(recording: Recording, axis: str, quantity: str) -> npt.NDArray[np.float64] | None:
-    if quantity == _TRACKING_ERROR:
-        setpoint = _values(recording, axis, "position_setpoint")
-        position = _values(recording, axis, "position")
-        return None if setpoint is None or position is None else setpoint - position
-    name = f"{axis}.{quantity}"
-    return recording[name] if name in (recording.dtype.names or ()) else None
+def _lines(recording: Recording, axis: str, panel: _Panel) -> list[_Line]:
+    """The lines of a panel for which the recording has the channels."""
+    units = {channel.name: channel.unit for channel in recording_channels(recording)}
+    lines = []
+    for curve in panel.curves:
+        names = [f"{axis}.{quantity}" for quantity in (curve.quantity, curve.minus) if quantity]
+        if all(name in units for name in names):
+            symbol = units[names[0]]
+            unit = _DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
+            values = recording[names[0]] - (recording[names[1]] if curve.minus else 0.0)
+            lines.append(_Line(curve, values / unit.factor, unit))
+    return lines
 
 
 def _axis_names(recording: Recording) -> list[str]:

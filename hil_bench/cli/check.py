@@ -1,0 +1,74 @@
+"""`hil-bench check`: the resolved configuration, without opening a bus."""
+
+import argparse
+import json
+from itertools import groupby
+
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.device_table import read_devices
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.config import BenchConfig, Setting
+
+_EXAMPLES = """\
+examples:
+  hil-bench check                       the built-in bench
+  hil-bench check bench.toml
+  hil-bench check bench.toml -i socketcan -c can0
+  hil-bench check > bench.toml          a file with every key, to begin with
+  hil-bench check bench.toml --json
+"""
+
+_COMMENT_COLUMN = 56
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "check",
+        description="Check a bench and its EDS files, and print each value with its origin\n"
+        "(default, file, environment, command line) as a bench.toml. No bus is opened.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_bench_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check everything that can be checked without a bus, then print it."""
+    config = load_bench_config(args)
+    read_devices(config)
+    print(_json_text(config) if args.json else _toml_text(config))
+    return ExitCode.DONE
+
+
+def _toml_text(config: BenchConfig) -> str:
+    """Return TOML that loads again, each value with its origin as a comment."""
+    lines = [f"# {config.path or 'built-in bench'}"]
+    for table, settings in groupby(config.settings, key=lambda setting: setting.table):
+        lines += ["", f"[{table}]", *map(_line, settings)]
+    return "\n".join(lines)
+
+
+def _line(setting: Setting) -> str:
+    name = setting.key.name
+    if setting.value is None:
+        return f"{f'# {name} =':{_COMMENT_COLUMN}}  # left to python-can"
+    assignment = f"{name} = {json.dumps(setting.value, ensure_ascii=False)}"
+    return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"
+
+
+def _json_text(config: BenchConfig) -> str:
+    settings = [
+        {
+            "table": setting.table,
+            "key": setting.key.name,
+            "value": setting.value,
+            "unit": setting.key.unit.symbol,
+            "origin": setting.origin,
+        }
+        for setting in config.settings
+    ]
+    path = str(config.path) if config.path else None
+    return json.dumps({"path": path, "settings": settings}, indent=2, ensure_ascii=False)

@@ -1,0 +1,157 @@
+"""The device table: what is on the bus, and on which identifiers one talks to it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import (
+    COMMUNICATION_INDICES,
+    EVENT_DRIVEN,
+    SYNCHRONOUS_ACYCLIC,
+    PdoParameters,
+)
+from hil_bench.config import BenchConfig, NodeConfig
+from hil_bench.errors import ConfigError, EdsError
+
+
+@dataclass(frozen=True, slots=True)
+class MappedObject:
+    """One object in a PDO.
+
+    Attributes:
+        index: its index.
+        subindex: its sub-index.
+        name: its name in the EDS.
+        data_type: its data type, as in ``INTEGER16``.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    data_type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pdo:
+    """One PDO that exists at power-on, as the device sees it.
+
+    Attributes:
+        name: ``RPDO1`` and so on.
+        can_id: its identifier.
+        transmission_type: 0 to 240 synchronous, 254 and 255 event driven.
+        event_time_ms: TPDO: longest time between two, RPDO: time-out; 0 for none [ms].
+        objects: what it carries, in order.
+    """
+
+    name: str
+    can_id: int
+    transmission_type: int
+    event_time_ms: int
+    objects: tuple[MappedObject, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """One node of the bench.
+
+    Attributes:
+        name: as in ``[nodes.NAME]``.
+        node_id: its node-ID.
+        profile: its device profile.
+        axis: the axis that it belongs to.
+        eds: its EDS file.
+        pdos: its PDOs.
+    """
+
+    name: str
+    node_id: int
+    profile: str
+    axis: str
+    eds: str
+    pdos: tuple[Pdo, ...]
+
+
+def read_devices(config: BenchConfig) -> list[Device]:
+    """Return the devices of a bench, from their EDS files, in the order of their node-IDs.
+
+    Raises:
+        ConfigError: EDS files that cannot serve, a line each.
+    """
+    devices, problems = [], []
+    for node in sorted(config.nodes, key=lambda node: node.node_id):
+        try:
+            devices.append(_read_device(node))
+        except EdsError as error:
+            problems.append(str(error))
+    if problems:
+        # Nodes may share an EDS, and then its problem.
+        raise ConfigError("\n".join(dict.fromkeys(problems)))
+    return devices
+
+
+def device_table(config: BenchConfig) -> str:
+    """Return the devices of a bench as text for people; `read_devices` says what can go wrong."""
+    return "\n\n".join("\n".join(_device_lines(device)) for device in read_devices(config))
+
+
+def _read_device(node: NodeConfig) -> Device:
+    object_dictionary = load_eds(node.eds, node.node_id)
+    return Device(
+        name=node.name,
+        node_id=node.node_id,
+        profile=node.profile.value,
+        axis=node.axis,
+        eds=str(node.eds),
+        pdos=tuple(_read_pdos(object_dictionary)),
+    )
+
+
+def _read_pdos(object_dictionary: ObjectDictionary) -> Iterator[Pdo]:
+    for direction, indices in COMMUNICATION_INDICES.items():
+        for index in object_dictionary.indices(indices):
+            parameters = PdoParameters(object_dictionary, index, direction)
+            if parameters.can_id is not None:
+                yield _read_pdo(parameters, parameters.can_id, direction)
+
+
+def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> Pdo:
+    mapping = parameters.mapping()
+    return Pdo(
+        name=f"{direction.value}{parameters.number}",
+        can_id=can_id,
+        transmission_type=parameters.transmission_type,
+        event_time_ms=parameters.event_time // 1_000_000,
+        objects=tuple(
+            MappedObject(variable.index, variable.subindex, variable.name, variable.data_type.name)
+            for variable in (mapping.variables if mapping else ())
+        ),
+    )
+
+
+def _device_lines(device: Device) -> Iterator[str]:
+    yield f"node {device.node_id}  {device.name}  {device.profile}  {device.axis}  {device.eds}"
+    for pdo in device.pdos:
+        head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"
+        for mapped in pdo.objects:
+            place = f"0x{mapped.index:04X}.{mapped.subindex:02X}"
+            yield f"{head}  {place}  {mapped.name} ({mapped.data_type})"
+            head = " " * len(head)
+        if not pdo.objects:
+            yield head.rstrip()
+
+
+def _transmission(pdo: Pdo) -> str:
+    kind = pdo.transmission_type
+    if kind in EVENT_DRIVEN:
+        how = "on event"
+    elif kind == SYNCHRONOUS_ACYCLIC:
+        how = "on event, with SYNC"
+    elif pdo.name.startswith(Direction.RPDO.value) or kind == 1:
+        how = "every SYNC"
+    else:
+        how = f"every {kind} SYNCs"
+    what = "time-out" if pdo.name.startswith(Direction.RPDO.value) else "timer"
+    timer = f", {what} {pdo.event_time_ms} ms" if pdo.event_time_ms else ""
+    return f"{kind:3} {how}{timer}"

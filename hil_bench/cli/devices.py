@@ -1,0 +1,40 @@
+"""`hil-bench devices`: what is on the bus, without opening one."""
+
+import argparse
+import json
+from dataclasses import asdict
+
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.device_table import device_table, read_devices
+from hil_bench.cli.exit_codes import ExitCode
+
+_EXAMPLES = """\
+examples:
+  hil-bench devices                     the built-in bench
+  hil-bench devices bench.toml
+  hil-bench devices bench.toml --json
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "devices",
+        description="Print the device table: node-ID, profile, EDS file and the PDOs of each node\n"
+        "at power-on, with identifier, transmission type, timer and mapped objects.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_bench_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the device table."""
+    config = load_bench_config(args)
+    if args.json:
+        print(json.dumps([asdict(device) for device in read_devices(config)], indent=2))
+    else:
+        print(device_table(config))
+    return ExitCode.DONE

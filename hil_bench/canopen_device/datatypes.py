@@ -168,7 +168,11 @@ class BytesType(DataType):
     __slots__ = ()
 
     def encode(self, value: Value) -> bytes:
-        """Return the bytes as they are; TypeError where `value` is none."""
+        """Return the bytes as they are.
+
+        Raises:
+            TypeError: `value` is no bytes.
+        """
         if isinstance(value, bytes):
             return value
         raise TypeError(f"{self.name} holds bytes, not {value!r}")

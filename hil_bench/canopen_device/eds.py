@@ -6,6 +6,7 @@ rely on is checked. Parameter values of a DCF take the place of the EDS defaults
 """
 
 import io
+import math
 import re
 from collections.abc import Iterator
 from configparser import Error as ConfigParserError
@@ -22,7 +23,9 @@ from hil_bench.canopen_device.eds_values import parse_integer, parse_value
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.errors import EdsError
 
-_OBJECT_SECTION: Final = re.compile(r"(?P<index>[0-9A-F]{4})(?:SUB(?P<sub>[0-9A-F]+))?", re.I)
+_OBJECT_SECTION: Final = re.compile(
+    r"(?P<index>[0-9A-F]{4})(?:SUB(?P<sub>[0-9A-F]+))?", re.IGNORECASE
+)
 _COMPOSED: Final = frozenset({0x8, 0x9})
 _OBJECT_TYPES: Final = frozenset({0x2, 0x7}) | _COMPOSED
 _FIRST_OBJECT: Final = 0x1000
@@ -51,7 +54,7 @@ class _EdsFile:
         self._sections = {section.upper(): section for section in self._parser.sections()}
         self._check_sections()
         try:
-            self._imported = import_eds(io.StringIO(text), node_id)
+            self._imported: objectdictionary.ObjectDictionary = _import(text, node_id)
         except (ConfigParserError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise EdsError(f"{path}: {_one_line(error)}; cannot be read as an EDS") from error
 
@@ -155,7 +158,7 @@ class _EdsFile:
             yield self._build_variable(imported, section)
             return
         count = self._number(section, "CompactSubObj", 0)
-        if count:
+        if count and isinstance(imported, objectdictionary.ODArray):
             yield from self._build_compact(imported, section, count)
             return
         for subindex in imported:
@@ -165,7 +168,7 @@ class _EdsFile:
     def _build_compact(
         self, imported: objectdictionary.ODArray, section: str, count: int
     ) -> Iterator[Variable]:
-        """The entries of a CompactSubObj array, each like the array's own section."""
+        """Yield the entries of a CompactSubObj array, each like the array's own section."""
         if not 1 <= count <= 254:
             raise self._error(section, f"CompactSubObj {count} is not possible; write 1 to 254")
         number_of_entries = DATA_TYPES[0x05]
@@ -210,7 +213,7 @@ class _EdsFile:
         if text is None or data_type.low is None or isinstance(data_type, BooleanType):
             return None
         value = self._value(section, option, text, data_type)
-        if isinstance(value, int | float) and value == value:  # noqa: PLR0124 - no NaN
+        if isinstance(value, int | float) and not math.isnan(value):
             return value
         raise self._error(section, f"{option} {text} is no limit; write a number")
 
@@ -226,6 +229,12 @@ class _EdsFile:
             bounds = f"{'-' if low is None else low} to {'-' if high is None else high}"
             raise self._error(section, f"{option} {text} is outside its limits; write {bounds}")
         return value
+
+
+def _import(text: str, node_id: int) -> objectdictionary.ObjectDictionary:
+    imported: objectdictionary.ObjectDictionary
+    imported = import_eds(io.StringIO(text), node_id)  # type: ignore[no-untyped-call]  # untyped there
+    return imported
 
 
 def _nearest(value: Value, low: float | None, high: float | None) -> Value:

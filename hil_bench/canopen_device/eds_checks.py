@@ -1,7 +1,8 @@
 """What a device needs of its object dictionary before it can go on a bus (CiA 301, CiA 306)."""
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from typing import Final
 
 from hil_bench.canopen_device.datatypes import (
     UNSIGNED8,
@@ -18,7 +19,8 @@ from hil_bench.canopen_device.pdo_mapping import (
 )
 
 
-class Fault(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Fault:
     """What is wrong with an object.
 
     Attributes:

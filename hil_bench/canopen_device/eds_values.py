@@ -44,8 +44,7 @@ def parse_integer(text: str, node_id: int = 0) -> int:
 def parse_value(text: str, data_type: DataType, node_id: int) -> Value:
     """Return the value of `data_type` that `text` means.
 
-    Raises:
-        ValueError: it means none; the message says what would be right.
+    ValueError where it means none; the message says what would be right.
     """
     if isinstance(data_type, IntegerType):
         return _parse_ranged_integer(text, data_type, node_id)
@@ -76,7 +75,11 @@ def _parse_boolean(text: str) -> bool:
 
 
 def _parse_real(text: str, data_type: RealType) -> float:
-    """A decimal number, rounded to the type, or its bit pattern as 0x hexadecimal."""
+    """Return a decimal number, rounded to the type, or that of a 0x bit pattern.
+
+    Raises:
+        ValueError: it is neither.
+    """
     stripped = text.strip().lower()
     try:
         if stripped.startswith("0x"):

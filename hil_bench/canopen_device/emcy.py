@@ -179,6 +179,10 @@ class EmcyProducer:
 
 
 def _check_history_count(count: int) -> None:
-    """CiA 301, 0x1003: only 0 may be written to sub-index 0, which empties it."""
+    """Refuse all but 0, which empties 0x1003 (CiA 301).
+
+    Raises:
+        SdoAbort: 0609 0030.
+    """
     if count:
         raise SdoAbort(*abort_codes.VALUE)

@@ -1,6 +1,6 @@
 """The CAN frame as the devices see it: a value, free of any bus library."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 
@@ -27,3 +27,6 @@ Emit = Callable[[Frame], None]
 
 Handler = Callable[[Frame, int], None]
 """Takes a received frame and the time [ns]."""
+
+Routes = Mapping[int, Handler]
+"""Handlers of received frames by identifier."""

@@ -86,6 +86,10 @@ class HeartbeatConsumer:
 
     Watching begins with a node's first heartbeat. A boot-up message is none: of a node that is
     watched it means a loss, and watching begins again with the heartbeat after it.
+
+    Attributes:
+        due: the earliest time at which a node may be lost [ns]; never too late, but too early
+            where heartbeats came since.
     """
 
     def __init__(
@@ -95,6 +99,7 @@ class HeartbeatConsumer:
         self._agenda = agenda
         self._counters = counters
         self._watches: dict[int, _Watch] = {}
+        self.due = NEVER
         for subindex in self._entries():
             if object_dictionary.find(0x1016, subindex) is not None:
                 self._add_check(subindex)
@@ -105,11 +110,6 @@ class HeartbeatConsumer:
     def node_ids(self) -> frozenset[int]:
         """The watched nodes."""
         return frozenset(self._watches)
-
-    @property
-    def due(self) -> int:
-        """When the next node is lost unless its heartbeat comes [ns]."""
-        return min((watch.due for watch in self._watches.values()), default=NEVER)
 
     def receive(self, frame: Frame, now: int) -> HeartbeatChange | None:
         """Take a boot-up or heartbeat message and return what changed for its sender."""
@@ -122,15 +122,20 @@ class HeartbeatConsumer:
         if frame.data[0] == NmtState.INITIALISING:
             return HeartbeatChange.LOST if _lose(watch) else None
         watch.due = now + watch.period
+        self.due = min(self.due, watch.due)
         self._agenda.bring_forward(watch.due)
         was_lost, watch.is_lost = watch.is_lost, False
         return HeartbeatChange.RESUMED if was_lost else None
 
     def expire(self, now: int) -> list[int]:
         """Return the node-IDs whose heartbeat has just failed to come."""
-        return [
+        if now < self.due:
+            return []
+        lost = [
             node_id for node_id, watch in self._watches.items() if now >= watch.due and _lose(watch)
         ]
+        self._update_due()
+        return lost
 
     def reset(self) -> None:
         """Watch what 0x1016 says, from the first heartbeats on."""
@@ -151,10 +156,18 @@ class HeartbeatConsumer:
             is_same = watch is not None and watch.period == entry.period
             watches[entry.node_id] = watch if watch and is_same else _Watch(entry.period)
         self._watches = watches
+        self._update_due()
+
+    def _update_due(self) -> None:
+        self.due = min((watch.due for watch in self._watches.values()), default=NEVER)
 
     def _add_check(self, subindex: int) -> None:
         def refuse_duplicate(value: int) -> None:
-            """CiA 301, 0x1016: a node may be named by one entry only."""
+            """Refuse a node that another entry names (CiA 301, 0x1016).
+
+            Raises:
+                SdoAbort: 0604 0043.
+            """
             entry = _parse_entry(value)
             others = (sub for sub in self._entries() if sub != subindex)
             for other in others:

@@ -12,15 +12,13 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 """
 
 from collections import deque
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, Final
 
-from hil_bench.canopen_device.agenda import NEVER, Agenda
+from hil_bench.canopen_device.agenda import NEVER, Agenda, Timed
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, EmcyProducer
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
-from hil_bench.canopen_device.frame import Emit, Frame, Handler
+from hil_bench.canopen_device.frame import Emit, Frame, Handler, Routes
 from hil_bench.canopen_device.heartbeat import (
     ERROR_CONTROL,
     HeartbeatChange,
@@ -76,6 +74,7 @@ class Node:
         self.object_dictionary = object_dictionary
         self.state = NmtState.INITIALISING
         self.events: deque[NodeEvent] = deque(maxlen=_EVENTS)
+        self.routes: Routes = {}
         self.counters = NodeCounters()
         self._agenda = Agenda()
         self._is_started = False
@@ -129,13 +128,14 @@ class Node:
         self._sdo.serve(now, emit)
         self.emcy.serve(now, emit)
         self._producer.serve(now, emit, self.state)
-        self._agenda.due = min(
-            self._sdo.due,
-            self.emcy.due,
-            self._producer.due,
-            self._consumer.due,
-            min((rpdo.due for rpdo in self._rpdos), default=NEVER),
-        )
+        self._agenda.due = self._next_due()
+
+    def _next_due(self) -> int:
+        due = NEVER
+        for service in self._timed:
+            if service.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
+                due = service.due
+        return due
 
     def _compose(self) -> None:
         dictionary, agenda, counters = self.object_dictionary, self._agenda, self.counters
@@ -152,6 +152,10 @@ class Node:
             for index in dictionary.indices(COMMUNICATION_INDICES[Direction.RPDO])
         )
         self._tpdos = TpdoProducer(dictionary)
+        self._timed: tuple[Timed, ...] = (
+            *(self._sdo, self.emcy, self._producer, self._consumer),
+            *self._rpdos,
+        )
 
     def _watch_identifiers(self) -> None:
         """Renew the routes after each write to a COB-ID, or to the nodes to be watched."""
@@ -174,7 +178,7 @@ class Node:
         if self._sync.can_id is not None:
             _add_route(routes, self._sync.can_id, self._receive_sync)
         _add_route(routes, NMT_COB_ID, self._receive_nmt)
-        self.routes: Mapping[int, Handler] = MappingProxyType(routes)
+        self.routes = routes
 
     def _is_data(self, frame: Frame) -> bool:
         """Whether it is a data frame with an 11-bit identifier; others are counted."""

@@ -1,5 +1,6 @@
 """The object dictionary: every value of a device, and the rules of access to it (CiA 301)."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
 from typing import Any
@@ -69,7 +70,7 @@ class Variable:
         *("low", "mappable", "name", "subindex", "value"),
     )
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - one argument for each key of an EDS section
         self,
         index: int,
         subindex: int,
@@ -112,8 +113,7 @@ class Variable:
     def write(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
         """Set the value as the bus does: limits and checks, the assignment, then the hooks.
 
-        Raises:
-            SdoAbort: the value is refused; the old one stays.
+        `SdoAbort` where a limit or check refuses the value; the old one stays.
         """
         self._check_limits(value)
         for check in self._checks:
@@ -123,13 +123,15 @@ class Variable:
             hook(value)
 
     def _check_limits(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
+        if self.low is None and self.high is None:
+            return
+        # A NaN is neither above nor below, and still not between limits.
+        if math.isnan(value):
+            raise SdoAbort(*abort_codes.VALUE)
         if self.high is not None and value > self.high:
             raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
         if self.low is not None and value < self.low:
             raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
-        # A NaN is neither above nor below, and still not between limits.
-        if value != value and (self.high is not None or self.low is not None):  # noqa: PLR0124
-            raise SdoAbort(*abort_codes.VALUE)
 
 
 class ObjectDictionary:

@@ -1,6 +1,8 @@
 """PDO services (CiA 301, process data objects): RPDO to object dictionary, and back to TPDO."""
 
 from collections import deque
+from functools import partial
+from typing import Any
 
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
@@ -156,6 +158,7 @@ class Tpdo:
         self._parameters = parameters
         self._is_operational = False
         self._inhibited_until = 0
+        self._syncs = 0
         self.configure()
 
     def configure(self) -> None:
@@ -228,7 +231,7 @@ class TpdoProducer:
             parameters = PdoParameters(object_dictionary, index, Direction.TPDO)
             tpdo = Tpdo(parameters)
             self._tpdos[parameters.number] = tpdo
-            parameters.add_hook(lambda _value, tpdo=tpdo: self._configure(tpdo))
+            parameters.add_hook(partial(self._configure, tpdo))
 
     @property
     def can_ids(self) -> frozenset[int]:
@@ -269,9 +272,9 @@ class TpdoProducer:
             tpdo.configure()
         self._update_due()
 
-    def _configure(self, tpdo: Tpdo) -> None:
+    def _configure(self, tpdo: Tpdo, _value: Any) -> None:  # noqa: ANN401 - it is a hook
         tpdo.configure()
         self._update_due()
 
     def _update_due(self) -> None:
-        self.due = min((tpdo.due for tpdo in self._tpdos.values()), default=NEVER)
+        self.due = min([tpdo.due for tpdo in self._tpdos.values()], default=NEVER)

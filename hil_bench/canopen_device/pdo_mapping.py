@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +23,8 @@ class Direction(Enum):
     TPDO = "TPDO"
 
 
-class MappingEntry(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class MappingEntry:
     """One mapped object: what a mapping parameter's sub-index 1 to 64 holds."""
 
     index: int

@@ -132,6 +132,10 @@ class PdoParameters:
 
 
 def _check_transmission_type(value: int) -> None:
-    """CiA 301: 241 to 251 are reserved; 252 and 253 need remote requests, which are not answered."""
+    """Refuse 241 to 251, which are reserved, and 252 and 253, which need remote requests.
+
+    Raises:
+        SdoAbort: 0609 0030.
+    """
     if value not in SYNCHRONOUS and value not in EVENT_DRIVEN:
         raise SdoAbort(*abort_codes.VALUE)

@@ -11,7 +11,7 @@ initiate upload, ccs 3 upload segment, cs 4 abort. All others abort with 0504 00
 import struct
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
@@ -48,11 +48,8 @@ _HEADER: Final = struct.Struct("<BHB")
 _LONG: Final = struct.Struct("<BHBI")
 
 
-class _Object(NamedTuple):
-    """The multiplexer: which object a transfer is about."""
-
-    index: int
-    subindex: int
+_Object = tuple[int, int]
+"""The multiplexer, index and sub-index: which object a transfer is about."""
 
 
 @dataclass(slots=True)
@@ -77,7 +74,7 @@ class _Download:
     toggle: int = 0
 
 
-_NO_OBJECT: Final = _Object(0, 0)
+_NO_OBJECT: Final[_Object] = (0, 0)
 
 
 class SdoServer:
@@ -132,25 +129,26 @@ class SdoServer:
         if specifier == _ABORT:
             self._transfer = None
             return None
-        target = self._target(request, specifier)
         try:
-            if specifier == _INITIATE_UPLOAD:
-                return self._initiate_upload(target, now)
-            if specifier == _INITIATE_DOWNLOAD:
-                return self._initiate_download(target, request, now)
-            if specifier == _UPLOAD_SEGMENT:
-                return self._upload_segment(request[0], now)
-            if specifier == _DOWNLOAD_SEGMENT:
-                return self._download_segment(request, now)
-            raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
+            return self._dispatch(specifier, request, now)
         except SdoAbort as abort:
-            return self._abort(target, abort.code)
+            return self._abort(self._target(request, specifier), abort.code)
+
+    def _dispatch(self, specifier: int, request: bytes, now: int) -> bytes:
+        if specifier == _INITIATE_UPLOAD:
+            return self._initiate_upload(request, now)
+        if specifier == _INITIATE_DOWNLOAD:
+            return self._initiate_download(request, now)
+        if specifier == _UPLOAD_SEGMENT:
+            return self._upload_segment(request, now)
+        if specifier == _DOWNLOAD_SEGMENT:
+            return self._download_segment(request, now)
+        raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
 
     def _target(self, request: bytes, specifier: int) -> _Object:
         """The object that an abort names: a segment belongs to that of the transfer."""
         if specifier not in {_UPLOAD_SEGMENT, _DOWNLOAD_SEGMENT}:
-            _, index, subindex = _HEADER.unpack_from(request)
-            return _Object(index, subindex)
+            return _parse_object(request)
         return _NO_OBJECT if self._transfer is None else self._transfer.target
 
     def _abort(self, target: _Object, code: int) -> bytes:
@@ -158,9 +156,10 @@ class SdoServer:
         self._counters.sdo_aborts += 1
         return _LONG.pack(_ABORT << 5, *target, code)
 
-    def _initiate_upload(self, target: _Object, now: int) -> bytes:
+    def _initiate_upload(self, request: bytes, now: int) -> bytes:
         """Answer with the data themselves up to 4 bytes, else with their length."""
         self._transfer = None
+        target = _parse_object(request)
         data = self._object_dictionary.upload(*target)
         length = len(data)
         if 1 <= length <= 4:
@@ -169,11 +168,11 @@ class SdoServer:
         self._transfer = _Upload(target, data, now + TIME_OUT)
         return _LONG.pack(0x40 | _SIZE_INDICATED, *target, length)
 
-    def _upload_segment(self, command: int, now: int) -> bytes:
+    def _upload_segment(self, request: bytes, now: int) -> bytes:
         upload = self._transfer
         if not isinstance(upload, _Upload):
             raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
-        _check_toggle(upload, command)
+        _check_toggle(upload, request[0])
         segment, upload.rest = upload.rest[:_SEGMENT_BYTES], upload.rest[_SEGMENT_BYTES:]
         answer = upload.toggle | (_SEGMENT_BYTES - len(segment)) << 1
         upload.toggle ^= _TOGGLE
@@ -183,8 +182,9 @@ class SdoServer:
             self._transfer = None
         return bytes([answer]) + segment.ljust(_SEGMENT_BYTES, b"\0")
 
-    def _initiate_download(self, target: _Object, request: bytes, now: int) -> bytes:
+    def _initiate_download(self, request: bytes, now: int) -> bytes:
         self._transfer = None
+        target = _parse_object(request)
         command = request[0]
         data_type = self._object_dictionary.writable(*target).data_type
         is_sized = command & _SIZE_INDICATED
@@ -223,6 +223,10 @@ class SdoServer:
             raise SdoAbort(*abort_codes.LENGTH_TOO_LOW)
         self._object_dictionary.download(*download.target, bytes(download.data))
         self._transfer = None
+
+
+def _parse_object(request: bytes) -> _Object:
+    return request[1] | request[2] << 8, request[3]
 
 
 def _check_toggle(transfer: _Upload | _Download, command: int) -> None:

@@ -45,13 +45,21 @@ class SyncConsumer:
 
 
 def _check_cob_id(cob_id: int) -> None:
-    """CiA 301, 0x1005: bit 30 would make this device the SYNC producer, which it is not."""
+    """Refuse bit 30, which would make this device the SYNC producer, and odd identifiers.
+
+    Raises:
+        SdoAbort: 0609 0030.
+    """
     if cob_id & BIT_30:
         raise SdoAbort(*abort_codes.VALUE)
     check_identifier(cob_id & ~DISABLED)
 
 
 def _check_overflow(value: int) -> None:
-    """CiA 301, 0x1019: 0 (no counter) or 2 to 240."""
+    """Refuse all but 0 (no counter) and 2 to 240 (CiA 301, 0x1019).
+
+    Raises:
+        SdoAbort: 0609 0030.
+    """
     if value == 1 or value > 240:
         raise SdoAbort(*abort_codes.VALUE)

@@ -1,7 +1,7 @@
 """The device state machine of CiA 408, driven by the control word 0x6040.
 
-The control word carries D (bit 0), H (bit 1), M (bit 2) and R (bit 3); its other bits are not looked at. The
-status word 0x6041 shows the state in the same four bits, R meaning "ready":
+The control word carries D (bit 0), H (bit 1), M (bit 2) and R (bit 3); its other bits are not
+looked at. The status word 0x6041 shows the state in the same four bits, R meaning "ready":
 
     state            R M H D   reached by
     NOT_READY        0 0 0 0   TR0   power-on
@@ -24,15 +24,17 @@ status word 0x6041 shows the state in the same four bits, R meaning "ready":
 
 Rules:
 
-1. A control word is looked at once, when it is received. A word that only still stands in 0x6040 does nothing.
+1. A control word is looked at once, when it is received. A word that only still stands in 0x6040
+   does nothing.
 2. One control word walks as far as it can, and every state in between is passed.
-3. A reset is the rising edge of R from one control word to the next. The word that resets a fault does not lead to
-   ACTIVE; the next word may.
-4. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault never raises the state.
+3. A reset is the rising edge of R from one control word to the next. The word that resets a fault
+   does not lead to ACTIVE; the next word may.
+4. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault
+   never raises the state.
 
-Source: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2 (states, words, transitions and rule 2). Rules 1, 3
-(second sentence) and 4 are this device's own, as are the words of TR15 and TR16 and which of TR12 and TR13 is which;
-see decision 0003.
+Source: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2 (states, words, transitions and
+rule 2). Rules 1, 3 (second sentence) and 4 are this device's own, as are the words of TR15 and
+TR16 and which of TR12 and TR13 is which; see decision 0003.
 """
 
 from enum import Enum
@@ -59,25 +61,29 @@ class ValveState(Enum):
     FAULT_INIT = "FAULT_INIT"
 
 
-STATUS_BITS = MappingProxyType({
-    ValveState.NOT_READY: 0b0000,
-    ValveState.INIT: 0b1000,
-    ValveState.DISABLED: 0b1001,
-    ValveState.HOLD: 0b1011,
-    ValveState.ACTIVE: 0b1111,
-    ValveState.FAULT_REACTION: 0b0111,
-    ValveState.FAULT_HOLD: 0b0011,
-    ValveState.FAULT_DISABLED: 0b0001,
-    ValveState.FAULT_INIT: 0b0000,
-})
+STATUS_BITS = MappingProxyType(
+    {
+        ValveState.NOT_READY: 0b0000,
+        ValveState.INIT: 0b1000,
+        ValveState.DISABLED: 0b1001,
+        ValveState.HOLD: 0b1011,
+        ValveState.ACTIVE: 0b1111,
+        ValveState.FAULT_REACTION: 0b0111,
+        ValveState.FAULT_HOLD: 0b0011,
+        ValveState.FAULT_DISABLED: 0b0001,
+        ValveState.FAULT_INIT: 0b0000,
+    }
+)
 """Bits 3 to 0 (R, M, H, D) of the status word in each state."""
 
-FAULT_STATES = frozenset({
-    ValveState.FAULT_REACTION,
-    ValveState.FAULT_HOLD,
-    ValveState.FAULT_DISABLED,
-    ValveState.FAULT_INIT,
-})
+FAULT_STATES = frozenset(
+    {
+        ValveState.FAULT_REACTION,
+        ValveState.FAULT_HOLD,
+        ValveState.FAULT_DISABLED,
+        ValveState.FAULT_INIT,
+    }
+)
 
 
 class Transition(NamedTuple):
@@ -117,15 +123,17 @@ TRANSITIONS = (
 )
 """The transitions of the control word; from one state, a reset is tried before the others."""
 
-FAULT_TARGETS = MappingProxyType({
-    ValveState.INIT: ValveState.FAULT_INIT,
-    ValveState.DISABLED: ValveState.FAULT_DISABLED,
-    ValveState.HOLD: ValveState.FAULT_HOLD,
-    ValveState.ACTIVE: ValveState.FAULT_HOLD,
-    ValveState.FAULT_HOLD: ValveState.FAULT_HOLD,
-    ValveState.FAULT_DISABLED: ValveState.FAULT_DISABLED,
-    ValveState.FAULT_INIT: ValveState.FAULT_INIT,
-})
+FAULT_TARGETS = MappingProxyType(
+    {
+        ValveState.INIT: ValveState.FAULT_INIT,
+        ValveState.DISABLED: ValveState.FAULT_DISABLED,
+        ValveState.HOLD: ValveState.FAULT_HOLD,
+        ValveState.ACTIVE: ValveState.FAULT_HOLD,
+        ValveState.FAULT_HOLD: ValveState.FAULT_HOLD,
+        ValveState.FAULT_DISABLED: ValveState.FAULT_DISABLED,
+        ValveState.FAULT_INIT: ValveState.FAULT_INIT,
+    }
+)
 """Where a fault leads through FAULT_REACTION (TR8, then TR9, TR12 or TR13)."""
 
 

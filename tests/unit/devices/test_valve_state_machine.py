@@ -1,8 +1,9 @@
 """The CiA 408 state machine against tables written by hand.
 
-Source of the tables: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2: states and their status bits
-(figure 19), words of TR2 to TR7 (M H D = xx1, x11, 111, 0xx, 00x, 000), fault states by origin (page 48), "every
-transition between the actual state and the requested state will be processed". What it leaves open: decision 0003.
+Source of the tables: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2: states and their
+status bits (figure 19), words of TR2 to TR7 (M H D = xx1, x11, 111, 0xx, 00x, 000), fault states
+by origin (page 48), "every transition between the actual state and the requested state will be
+processed". What it leaves open: decision 0003.
 """
 
 import itertools
@@ -30,7 +31,7 @@ LETTERS = {
     "i": ValveState.FAULT_INIT,
 }
 
-# The states passed, by the state before the word; columns are MHD = 000, 001, 010, 011, 100, 101, 110, 111.
+# The states passed, by the state before the word; the columns are MHD = 000, 001, ... 111.
 WITHOUT_RESET = {
     "N": ("", "", "", "", "", "", "", ""),
     "I": ("", "D", "", "DH", "", "D", "", "DHA"),
@@ -43,7 +44,7 @@ WITHOUT_RESET = {
     "i": ("", "", "", "", "", "", "", ""),
 }
 
-# The same for a word with a rising edge of R: only the fault states know it, and none of them reaches ACTIVE.
+# The same with a rising edge of R: only the fault states know it, and none reaches ACTIVE.
 WITH_RESET = {
     **{letter: WITHOUT_RESET[letter] for letter in "NIDHAR"},
     "h": ("HDI", "HD", "H", "H", "H", "H", "H", "H"),
@@ -93,8 +94,10 @@ def test_bits_4_to_15_do_not_count(letter, word, upper_bits):
 @pytest.mark.parametrize(
     ("letter", "passed"),
     # Page 48, "coming from"; the reaction "hold" never raises the state.
-    [("N", ""), ("I", "Ri"), ("D", "Rd"), ("H", "Rh"), ("A", "Rh")]
-    + [("h", "Rh"), ("d", "Rd"), ("i", "Ri")],
+    [
+        *(("N", ""), ("I", "Ri"), ("D", "Rd"), ("H", "Rh"), ("A", "Rh")),
+        *(("h", "Rh"), ("d", "Rd"), ("i", "Ri")),
+    ],
 )
 def test_a_fault_passes_the_fault_reaction(letter, passed):
     machine = in_state(letter)

@@ -1,0 +1,172 @@
+"""A pressure transducer with one channel on the bus: profile CiA 404.
+
+The process value stands in three formats: REAL32 0x6130.01 in the unit of 0x6131.01, and INTEGER16
+0x7130.01 and INTEGER32 0x9130.01, both times 10^(0x6132.01). The unit may be bar, kPa or psi; the
+span 0x6148.01 to 0x6149.01 is the transducer's own and is shown in the same unit.
+
+A pressure further outside the span than 3.125 % of it is an overload: the status 0x6150.01 has bit
+0 (not valid) and bit 1 (positive) or bit 2 (negative), each format shows its mark for "no value"
+(NaN, -32768, -2147483648), and an EMCY 0xF001 goes out. When the pressure is back the values
+return and the EMCY is taken back.
+
+Source: WIKA MH-4-CAN special documentation 14547342, object 6150h. Its text leaves open what a
+value does that is valid but too large for an integer format: here that format alone shows its
+mark.
+"""
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import (
+    INTEGER16,
+    INTEGER32,
+    REAL32,
+    UNSIGNED8,
+    UNSIGNED32,
+)
+from hil_bench.canopen_device.events import NodeEventKind
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.profile_objects import optional, required
+from hil_bench.errors import EdsError, ParameterError, SdoAbort
+
+UNITS: Final[Mapping[int, float]] = MappingProxyType(
+    {
+        0x004E0000: 1e5,  # bar
+        0x03220000: 1e3,  # kPa
+        0x00AB0000: 0.45359237 * 9.80665 / 0.0254**2,  # psi: pound-force a square inch
+    }
+)
+"""Pressure of one unit [Pa], by the unit's code in 0x6131 (CiA 303-2)."""
+
+OVERLOAD_MARGIN: Final = 0.03125
+"""How far beyond the span a pressure is still measured, as a part of the span."""
+
+OVERLOAD_EMCY: Final = 0xF001
+DEVICE_PROFILE_ERROR: Final = 0x20
+"""Bit of the error register that an overload sets."""
+
+_MOST_DIGITS: Final = 3
+
+NOT_VALID: Final = 0x01
+POSITIVE_OVERLOAD: Final = 0x02
+NEGATIVE_OVERLOAD: Final = 0x04
+
+
+class PressureDevice:
+    """The transducer behind one node.
+
+    Attributes:
+        node: the node that carries it on the bus.
+    """
+
+    def __init__(self, node: Node, span: tuple[float, float]) -> None:
+        """Bind the profile's objects; EdsError where one is missing or of a wrong kind.
+
+        Args:
+            node: the node; its object dictionary comes from the transducer's EDS file.
+            span: pressures at the start and at the end of the measuring range [Pa].
+
+        Raises:
+            ParameterError: `span` is no range of pressures.
+        """
+        start, end = span
+        if not -math.inf < start < end < math.inf:
+            raise ParameterError(
+                f"span is {start!r} to {end!r} Pa; a measuring range ends above its start"
+            )
+        self.node = node
+        self._span = span
+        margin = OVERLOAD_MARGIN * (end - start)
+        self._lowest, self._highest = start - margin, end + margin
+        self._bind()
+        self._scale()
+
+    def _bind(self) -> None:
+        od = self.node.object_dictionary
+        self._process_value = required(od, 0x6130, 1, REAL32)
+        self._int16 = optional(od, 0x7130, 1, INTEGER16)
+        self._int32 = optional(od, 0x9130, 1, INTEGER32)
+        self._unit = required(od, 0x6131, 1, UNSIGNED32)
+        self._digits = optional(od, 0x6132, 1, UNSIGNED8)
+        self._span_start = optional(od, 0x6148, 1, REAL32)
+        self._span_end = optional(od, 0x6149, 1, REAL32)
+        self._status = required(od, 0x6150, 1, UNSIGNED8)
+        if self._unit.default not in UNITS:
+            raise EdsError(
+                f"object 0x6131.01 ({self._unit.name}) is 0x{self._unit.default:08X}; "
+                f"the units are {_unit_codes()}"
+            )
+        self._unit.add_check(_check_unit)
+        self._unit.add_hook(self._scale)
+        self._digits.add_check(_check_digits)
+        self._digits.add_hook(self._scale)
+        self._span_start.add_check(_refuse_span)
+        self._span_end.add_check(_refuse_span)
+
+    def publish(self, pressure: float, now: int) -> None:  # noqa: ARG002 - a sensor without delay
+        """Put the measured pressure into the object dictionary.
+
+        Args:
+            pressure: pressure at the port [Pa].
+            now: bench time [ns].
+        """
+        if self.node.events:
+            self._hear_events()
+        if not self._lowest <= pressure <= self._highest:
+            self._show_overload(pressure)
+            return
+        if self._status.value:
+            self._end_overload()
+        value = pressure / self._unit_pressure
+        self._process_value.value = value
+        scaled = round(value * self._decimals)
+        self._int16.value = scaled if -32768 <= scaled <= 32767 else -32768
+        self._int32.value = scaled if -2147483648 <= scaled <= 2147483647 else -2147483648
+
+    def _show_overload(self, pressure: float) -> None:
+        self.node.emcy.raise_error(OVERLOAD_EMCY, DEVICE_PROFILE_ERROR)
+        self._status.value = NOT_VALID
+        if pressure > self._highest:
+            self._status.value |= POSITIVE_OVERLOAD
+        elif pressure < self._lowest:
+            self._status.value |= NEGATIVE_OVERLOAD
+        self._process_value.value = math.nan
+        self._int16.value = -32768
+        self._int32.value = -2147483648
+
+    def _end_overload(self) -> None:
+        self._status.value = 0
+        self.node.emcy.clear_error(OVERLOAD_EMCY)
+
+    def _hear_events(self) -> None:
+        while self.node.events:
+            if self.node.events.popleft().kind is NodeEventKind.RESET_NODE:
+                self._scale()
+
+    def _scale(self, _written: int = 0) -> None:
+        self._unit_pressure = UNITS[self._unit.value]
+        self._decimals = 10**self._digits.value
+        start, end = self._span
+        self._span_start.value = start / self._unit_pressure
+        self._span_end.value = end / self._unit_pressure
+
+
+def _check_unit(code: int) -> None:
+    if code not in UNITS:
+        raise SdoAbort(*abort_codes.VALUE)
+
+
+def _check_digits(digits: int) -> None:
+    if digits > _MOST_DIGITS:
+        raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+
+
+def _refuse_span(_value: float) -> None:
+    raise SdoAbort(*abort_codes.READ_ONLY)
+
+
+def _unit_codes() -> str:
+    return ", ".join(f"0x{code:08X}" for code in UNITS)

@@ -1,0 +1,51 @@
+"""Finds the objects that a device profile asks for, and checks their data types.
+
+What the profile cannot do without is `required`; for the rest, `optional` gives a stand-in that no
+bus can reach, so that a device made from another maker's EDS file runs the same code.
+"""
+
+from hil_bench.canopen_device.datatypes import DataType, Value
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.errors import EdsError
+
+
+def required(
+    object_dictionary: ObjectDictionary, index: int, subindex: int, *data_types: DataType
+) -> Variable:
+    """Return the object at `index` and `subindex`.
+
+    Raises:
+        EdsError: there is none, or its data type is none of `data_types`.
+    """
+    variable = object_dictionary.find(index, subindex)
+    if variable is None:
+        raise EdsError(
+            f"object 0x{index:04X}.{subindex:02X} is missing; the device profile needs it, as "
+            f"{_names(data_types)}"
+        )
+    if variable.data_type not in data_types:
+        raise EdsError(
+            f"object 0x{index:04X}.{subindex:02X} ({variable.name}) is {variable.data_type.name}; "
+            f"the device profile needs {_names(data_types)}"
+        )
+    return variable
+
+
+def optional(
+    object_dictionary: ObjectDictionary,
+    index: int,
+    subindex: int,
+    *data_types: DataType,
+    absent: Value | None = None,
+) -> Variable:
+    """Return the object at `index` and `subindex`, or a stand-in with the value `absent`.
+
+    EdsError, as of `required`, where the object is there and its data type is wrong.
+    """
+    if object_dictionary.find(index, subindex) is None:
+        return Variable(index, subindex, "stand-in", data_types[0], default=absent)
+    return required(object_dictionary, index, subindex, *data_types)
+
+
+def _names(data_types: tuple[DataType, ...]) -> str:
+    return " or ".join(data_type.name for data_type in data_types)

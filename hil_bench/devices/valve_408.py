@@ -1,0 +1,253 @@
+"""A proportional valve with position feedback on the bus: profile CiA 408.
+
+The set-point 0x6300.01 reaches the spool only while the device is ACTIVE (`valve_state_machine`)
+with device mode 0x6042 = 1. In every other state the hold set-point 0x6314.01 takes its place.
+Either one is limited by 0x6321.01 and 0x6320.01 and then is the demand value 0x6310.01. The
+reference value 0x6311.01 stands for 100 %.
+
+ACTIVE needs the NMT state OPERATIONAL: leaving it leads to HOLD at once. Since a control word acts
+only when it arrives, one that still stands in 0x6040 does not bring ACTIVE back.
+
+An RPDO that missed its deadline and a lost heartbeat are faults. The node's services send the
+EMCY; the error code 0x604E shows it until the fault is reset. A reset is not obeyed while a
+heartbeat is still missing.
+
+With 0x604F = 1 the local control word rules, and this device has no local panel: that word is 0,
+which leads to INIT.
+"""
+
+import math
+from typing import Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED8, UNSIGNED16
+from hil_bench.canopen_device.emcy import HEARTBEAT, RPDO_TIMEOUT
+from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.profile_objects import optional, required
+from hil_bench.devices.saturation import saturate
+from hil_bench.devices.valve_state_machine import (
+    FAULT_STATES,
+    STATUS_BITS,
+    ValveState,
+    ValveStateMachine,
+)
+from hil_bench.errors import EdsError, ParameterError, SdoAbort
+
+LOCAL_BIT: Final = 1 << 4
+"""Bit of the status word: the local control word rules."""
+LIMIT_BIT: Final = 1 << 10
+"""Bit of the status word: a limit holds the demand value back."""
+
+SETPOINT_BY_BUS: Final = 1
+"""Value of the device mode 0x6042."""
+
+REFERENCE: Final = 16384
+"""Value of 100 % where the EDS has no 0x6311."""
+
+_MAPPED_STATUS_WORD: Final = 0x604100
+TPDO_MAPPINGS: Final = range(0x1A00, 0x1C00)
+CONSUMER_HEARTBEAT_TIME: Final = 0x1016
+
+_LOCAL_CONTROL_WORD: Final = 0
+_LOWEST: Final = -32768
+_HIGHEST: Final = 32767
+
+
+class ValveDevice:
+    """The valve behind one node: control word and set-point in, spool position and status word out.
+
+    Attributes:
+        node: the node that carries it on the bus.
+    """
+
+    def __init__(self, node: Node, full_opening: float) -> None:
+        """Bind the profile's objects; EdsError where one is missing or of a wrong kind.
+
+        Args:
+            node: the node; its object dictionary comes from the valve's EDS file.
+            full_opening: spool position of 100 % [m].
+
+        Raises:
+            ParameterError: `full_opening` is not a positive length.
+        """
+        if not 0.0 < full_opening < math.inf:
+            raise ParameterError(
+                f"full_opening is {full_opening!r} m; the spool position of 100 % is more than 0"
+            )
+        self.node = node
+        self._full_opening = full_opening
+        self._machine = ValveStateMachine()
+        self._lost_heartbeats: set[int] = set()
+        self._is_limited = False
+        self._bind_control()
+        self._bind_spool()
+        self._bind_limits()
+        self._bind_supervision()
+        self._start()
+
+    def _bind_control(self) -> None:
+        od = self.node.object_dictionary
+        required(od, 0x6040, 0, UNSIGNED16).add_hook(self._receive_control_word)
+        self._status_word = required(od, 0x6041, 0, UNSIGNED16)
+        self._mode = optional(od, 0x6042, 0, INTEGER8, UNSIGNED8, absent=SETPOINT_BY_BUS)
+        self._error_code = optional(od, 0x604E, 0, UNSIGNED16, UNSIGNED8)
+        self._local = optional(od, 0x604F, 0, INTEGER8, UNSIGNED8)
+        self._local.add_hook(self._change_control)
+        self._tpdo_mappings = od.indices(TPDO_MAPPINGS)
+
+    def _bind_spool(self) -> None:
+        od = self.node.object_dictionary
+        self._setpoint = required(od, 0x6300, 1, INTEGER16)
+        self._actual = required(od, 0x6301, 1, INTEGER16)
+        self._demand = optional(od, 0x6310, 1, INTEGER16)
+        self._reference = optional(od, 0x6311, 1, INTEGER16, absent=REFERENCE)
+        self._hold_setpoint = optional(od, 0x6314, 1, INTEGER16)
+        self._deviation = optional(od, 0x6350, 1, INTEGER16)
+        if self._reference.default <= 0:
+            raise EdsError(
+                f"object 0x6311.01 ({self._reference.name}) is {self._reference.default}; "
+                "the value that stands for 100 % is more than 0"
+            )
+        self._reference.add_check(_check_reference)
+        self._reference.add_hook(self._scale)
+
+    def _bind_limits(self) -> None:
+        od = self.node.object_dictionary
+        self._upper_limit = optional(od, 0x6320, 1, INTEGER16, absent=_HIGHEST)
+        self._lower_limit = optional(od, 0x6321, 1, INTEGER16, absent=_LOWEST)
+        self._upper_limit.add_check(self._check_upper_limit)
+        self._lower_limit.add_check(self._check_lower_limit)
+
+    def _bind_supervision(self) -> None:
+        for variable in self.node.object_dictionary:
+            if variable.index == CONSUMER_HEARTBEAT_TIME:
+                variable.add_hook(self._supervise_anew)
+
+    @property
+    def state(self) -> ValveState:
+        """State of the device state machine, as of the last `command` or control word."""
+        return self._machine.state
+
+    def command(self, now: int) -> float:  # noqa: ARG002 - the profile has no time in it yet
+        """Hear what happened on the bus and return the spool set-point [m].
+
+        Args:
+            now: bench time [ns].
+        """
+        if self.node.events:
+            self._hear_events()
+        wanted: int = (self._setpoint if self._follows_bus() else self._hold_setpoint).value
+        demand: int = min(max(wanted, self._lower_limit.value), self._upper_limit.value)
+        self._is_limited = demand != wanted
+        self._demand.value = demand
+        return demand * self._metres
+
+    def publish(self, spool_position: float, now: int) -> None:  # noqa: ARG002 - as in `command`
+        """Put the measured spool position and the status word into the object dictionary.
+
+        Args:
+            spool_position: actual spool position [m].
+            now: bench time [ns].
+        """
+        actual = saturate(
+            spool_position * self._increments, _LOWEST, _HIGHEST, unknown=self._actual.value
+        )
+        self._actual.value = actual
+        self._deviation.value = min(max(self._demand.value - actual, _LOWEST), _HIGHEST)
+        status = STATUS_BITS[self._machine.state]
+        if self._local.value:
+            status |= LOCAL_BIT
+        if self._is_limited:
+            status |= LIMIT_BIT
+        if status != self._status_word.value:
+            self._status_word.value = status
+            self._trigger_status()
+
+    def _follows_bus(self) -> bool:
+        return (
+            self._machine.state is ValveState.ACTIVE
+            and self._mode.value == SETPOINT_BY_BUS
+            and self.node.state is NmtState.OPERATIONAL
+        )
+
+    def _start(self) -> None:
+        self._machine.start()
+        self._lost_heartbeats.clear()
+        self._scale(self._reference.value)
+
+    def _scale(self, reference: int) -> None:
+        self._metres = self._full_opening / reference
+        self._increments = reference / self._full_opening
+
+    def _hear_events(self) -> None:
+        while self.node.events:
+            self._hear(self.node.events.popleft())
+
+    def _hear(self, event: NodeEvent) -> None:
+        kind, detail = event
+        if kind is NodeEventKind.RPDO_RECEIVED:
+            return  # the most frequent one; the hook of the control word has seen to it
+        if kind is NodeEventKind.STATE_CHANGED:
+            if detail != NmtState.OPERATIONAL:
+                self._machine.deactivate()
+        elif kind is NodeEventKind.RESET_NODE:
+            self._start()
+        elif kind is NodeEventKind.RESET_COMMUNICATION:
+            self._lost_heartbeats.clear()
+        elif kind is NodeEventKind.HEARTBEAT_RESUMED:
+            self._lost_heartbeats.discard(detail)
+        elif kind is NodeEventKind.HEARTBEAT_LOST:
+            self._lost_heartbeats.add(detail)
+            self._fault(HEARTBEAT)
+        elif kind is NodeEventKind.RPDO_TIMEOUT:
+            self._fault(RPDO_TIMEOUT)
+
+    def _fault(self, error_code: int) -> None:
+        if self._machine.fault():
+            self._error_code.value = error_code
+
+    def _receive_control_word(self, control_word: int) -> None:
+        self._hear_events()  # what came before this word counts before it
+        if not self._local.value:
+            self._obey(control_word)
+
+    def _change_control(self, local: int) -> None:
+        self._hear_events()
+        if local:
+            self._obey(_LOCAL_CONTROL_WORD)
+
+    def _obey(self, control_word: int) -> None:
+        self._machine.receive(
+            control_word,
+            may_activate=self.node.state is NmtState.OPERATIONAL,
+            may_reset=not self._lost_heartbeats,
+        )
+        if self._machine.state not in FAULT_STATES:
+            self._error_code.value = 0
+
+    def _supervise_anew(self, _written: int) -> None:
+        """A node that is no longer watched is not waited for."""
+        self._hear_events()
+        self._lost_heartbeats.clear()
+
+    def _trigger_status(self) -> None:
+        od = self.node.object_dictionary
+        for index in self._tpdo_mappings:
+            entries = (od.number(index, sub) for sub in range(1, od.number(index) + 1))
+            if any(entry >> 8 == _MAPPED_STATUS_WORD for entry in entries):
+                self.node.trigger_tpdo(index - TPDO_MAPPINGS.start + 1)
+
+    def _check_upper_limit(self, limit: int) -> None:
+        if limit < self._lower_limit.value:
+            raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
+
+    def _check_lower_limit(self, limit: int) -> None:
+        if limit > self._upper_limit.value:
+            raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+
+
+def _check_reference(reference: int) -> None:
+    if reference <= 0:
+        raise SdoAbort(*abort_codes.VALUE_TOO_LOW)

@@ -1,0 +1,431 @@
+"""The valve behind a real node. 100 % are 16384 increments (Moog ACV manual, 0x6311) and here 1 mm.
+
+Status words: low four bits R M H D as in `test_valve_state_machine`; bit 4 local, bit 10 limit
+(Moog, 0x6041).
+"""
+
+import math
+
+import pytest
+
+from device_profiles import VALVE_408
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.devices.valve_state_machine import ValveState
+from hil_bench.errors import EdsError, ParameterError
+
+FULL_OPENING = 1e-3
+INIT, DISABLED, HOLD, ACTIVE, FAULT_HOLD = 0x0008, 0x0009, 0x000B, 0x000F, 0x0003
+PDOS = range(0x1400, 0x1C00)
+CONTROLLER = 0x7F
+
+
+def fit_valve(rig):
+    """Put a valve on the rig whose spool is where it is told to be."""
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+
+    def work(now):
+        rig.spool = rig.valve.command(now)
+        rig.valve.publish(rig.spool, now)
+
+    rig.work = work
+    rig.tick()
+    return rig
+
+
+@pytest.fixture
+def rig(make_rig):
+    return fit_valve(make_rig(VALVE_408))
+
+
+@pytest.fixture
+def active(rig):
+    """A valve that follows the bus, at 50 %."""
+    rig.nmt(rig.START)
+    control(rig, 0x0007, 8192)
+    assert rig.spool == 0.5e-3
+    return rig
+
+
+def control(rig, word, setpoint=0):
+    """Send RPDO1, as the controller does, and run the tick that takes it."""
+    rig.receive(0x205, *word.to_bytes(2, "little"), *setpoint.to_bytes(2, "little", signed=True))
+    rig.tick()
+
+
+def status(rig):
+    return rig.value(0x6041)
+
+
+def test_after_power_on_the_valve_is_in_init_and_its_spool_in_the_centre(rig):
+    assert status(rig) == INIT
+    assert rig.spool == 0.0
+
+
+def test_the_control_word_leads_to_active_in_one_go(active):
+    assert status(active) == ACTIVE
+    assert active.valve.state is ValveState.ACTIVE
+
+
+@pytest.mark.parametrize(
+    ("setpoint", "position"),
+    # position = set-point / 16384 * 1 mm
+    [(0, 0.0), (16384, 1e-3), (-16384, -1e-3), (1, 1e-3 / 16384), (-4096, -0.25e-3)],
+)
+def test_the_spool_follows_the_setpoint(active, setpoint, position):
+    control(active, 0x0007, setpoint)
+    assert active.spool == pytest.approx(position, abs=1e-15)
+    assert active.value(0x6310, 1) == setpoint
+    assert active.value(0x6301, 1) == setpoint
+
+
+def test_tpdo1_carries_status_word_and_actual_value(active):
+    # 0x000F and 8192 = 0x2000, both little endian.
+    assert active.sent(0x185)[-1] == bytes.fromhex("0f00 0020")
+
+
+def test_a_change_of_the_status_word_sends_tpdo1_at_once(active):
+    active.tick(3)
+    active.sent(0x185)
+    control(active, 0x0003, 8192)  # 4 ms after the last one; the event timer is 10 ms
+    assert active.sent(0x185) == [bytes.fromhex("0b00 0000")]
+
+
+def test_without_a_change_tpdo1_comes_every_10_ms(active):
+    active.sent(0x185)
+    active.tick(30)
+    assert len(active.sent(0x185)) == 3
+
+
+@pytest.mark.parametrize(
+    ("word", "expected"), [(0x0000, INIT), (0x0001, DISABLED), (0x0003, HOLD), (0x0007, ACTIVE)]
+)
+def test_only_active_follows_the_bus(rig, word, expected):
+    rig.nmt(rig.START)
+    assert rig.write(0x6314, 1, 4096, 2) is None
+    control(rig, word, 8192)
+    assert status(rig) == expected
+    # The hold set-point: 4096 / 16384 * 1 mm.
+    assert rig.spool == (0.5e-3 if expected == ACTIVE else 0.25e-3)
+
+
+def test_device_mode_2_is_not_the_bus(active):
+    assert active.write(0x6042, 0, 2, 1) is None
+    active.tick()
+    assert status(active) == ACTIVE
+    assert active.spool == 0.0
+    assert active.write(0x6042, 0, 1, 1) is None
+    active.tick()
+    assert active.spool == 0.5e-3
+
+
+@pytest.mark.parametrize("command", ["STOP", "PRE_OPERATIONAL", "RESET_COMMUNICATION"])
+def test_leaving_operational_drops_to_hold_in_the_same_tick(active, command):
+    active.nmt(getattr(active, command))
+    active.tick()
+    assert status(active) == HOLD
+    assert active.spool == 0.0
+
+
+def test_a_node_reset_starts_in_init(active):
+    active.nmt(active.RESET_NODE)
+    active.tick()
+    assert status(active) == INIT
+    assert active.spool == 0.0
+
+
+@pytest.mark.parametrize(
+    "command", ["STOP", "PRE_OPERATIONAL", "RESET_COMMUNICATION", "RESET_NODE"]
+)
+def test_a_stale_control_word_does_not_bring_active_back(active, command):
+    active.nmt(getattr(active, command))
+    active.tick(2)
+    active.nmt(active.START)
+    active.tick(2)
+    assert status(active) != ACTIVE
+    assert active.spool == 0.0
+    control(active, 0x0007, 8192)
+    assert status(active) == ACTIVE
+    assert active.spool == 0.5e-3
+
+
+def test_leaving_operational_within_one_tick_is_not_missed(active):
+    active.nmt(active.PRE_OPERATIONAL)
+    active.nmt(active.START)
+    active.tick()
+    assert status(active) == HOLD
+
+
+def test_a_word_after_the_return_to_operational_counts_in_the_same_tick(active):
+    active.nmt(active.PRE_OPERATIONAL)
+    active.nmt(active.START)
+    control(active, 0x0007, 8192)
+    assert status(active) == ACTIVE
+
+
+def test_two_words_within_one_tick_both_count(active):
+    # The first has the rising edge of R, the second would hide it.
+    active.valve._machine.fault()
+    active.receive(0x205, 0x0B, 0x00, 0x00, 0x00)
+    active.receive(0x205, 0x03, 0x00, 0x00, 0x00)
+    active.tick()
+    assert status(active) == HOLD
+
+
+def test_outside_operational_a_word_by_sdo_leads_no_further_than_hold(rig):
+    assert rig.write(0x6040, 0, 0x0007, 2) is None
+    rig.tick()
+    assert status(rig) == HOLD
+    rig.nmt(rig.START)
+    rig.tick()
+    assert status(rig) == HOLD
+
+
+def watch_rpdo(rig, milliseconds):
+    assert rig.write(0x1400, 5, milliseconds, 2) is None
+
+
+def test_an_rpdo_timeout_is_a_fault_that_holds(active):
+    watch_rpdo(active, 50)
+    control(active, 0x0007, 8192)
+    active.tick(48)  # 49 ms after the RPDO
+    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
+    assert active.emcy_codes() == []
+    active.tick()
+    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
+    assert active.value(0x604E) == 0x8250
+    active.tick(100)
+    assert active.emcy_codes() == [0x8250]
+
+
+def test_an_rpdo_timeout_is_recovered_by_a_reset_and_another_word(active):
+    watch_rpdo(active, 50)
+    control(active, 0x0007, 8192)
+    active.tick(50)
+    control(active, 0x0007, 8192)
+    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
+    control(active, 0x000F, 8192)
+    assert (status(active), active.spool) == (HOLD, 0.0)
+    assert active.value(0x604E) == 0
+    control(active, 0x0007, 8192)
+    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
+    assert active.emcy_codes() == [0x8250, 0x0000]
+
+
+def watch_controller(rig, milliseconds, *, stays_operational):
+    """Consumer heartbeat time, and 0x1029.01: 1 is "no change of the NMT state" (CiA 301)."""
+    assert rig.write(0x1029, 1, int(stays_operational), 1) is None
+    assert rig.write(0x1016, 1, CONTROLLER << 16 | milliseconds, 4) is None
+
+
+def heartbeat(rig):
+    rig.receive(0x700 + CONTROLLER, 0x05)
+
+
+def test_a_lost_heartbeat_is_a_fault_that_holds(active):
+    watch_controller(active, 100, stays_operational=True)
+    heartbeat(active)
+    active.tick(99)
+    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
+    active.tick()
+    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
+    assert active.value(0x604E) == 0x8130
+    assert active.emcy_codes() == [0x8130]
+
+
+def test_a_lost_heartbeat_with_the_default_error_behaviour_holds_too(active):
+    watch_controller(active, 100, stays_operational=False)
+    heartbeat(active)
+    active.tick(100)
+    assert active.spool == 0.0
+    assert active.valve.state is ValveState.FAULT_HOLD
+    active.nmt(active.START)
+    control(active, 0x0007, 8192)
+    assert active.spool == 0.0
+
+
+def test_no_reset_while_the_heartbeat_is_missing(active):
+    watch_controller(active, 100, stays_operational=True)
+    heartbeat(active)
+    active.tick(100)
+    control(active, 0x000F, 8192)
+    assert status(active) == FAULT_HOLD
+    heartbeat(active)
+    control(active, 0x0007, 8192)
+    control(active, 0x000F, 8192)
+    assert status(active) == HOLD
+    control(active, 0x0007, 8192)
+    assert status(active) == ACTIVE
+
+
+def test_a_heartbeat_that_is_no_longer_watched_does_not_bar_the_reset(active):
+    watch_controller(active, 100, stays_operational=True)
+    heartbeat(active)
+    active.tick(100)
+    assert active.write(0x1016, 1, 0, 4) is None
+    control(active, 0x000F)
+    assert status(active) == HOLD
+
+
+def test_local_control_leads_to_init_and_ignores_the_bus(active):
+    assert active.write(0x604F, 0, 1, 1) is None
+    active.tick()
+    assert (status(active), active.spool) == (INIT | 0x0010, 0.0)
+    control(active, 0x0007, 8192)
+    assert status(active) == INIT | 0x0010
+    assert active.write(0x604F, 0, 0, 1) is None
+    active.tick()
+    assert status(active) == INIT
+    control(active, 0x0007, 8192)
+    assert status(active) == ACTIVE
+
+
+@pytest.mark.parametrize(("setpoint", "position"), [(16384, 0.25e-3), (-16384, -0.125e-3)])
+def test_limits_hold_the_demand_back_and_show_in_bit_10(active, setpoint, position):
+    assert active.write(0x6320, 1, 4096, 2) is None
+    assert active.write(0x6321, 1, -2048, 2, signed=True) is None
+    control(active, 0x0007, setpoint)
+    assert active.spool == position
+    assert status(active) == ACTIVE | 0x0400
+    control(active, 0x0007, 4096)
+    assert status(active) == ACTIVE
+
+
+def test_setpoints_beyond_100_percent_need_wider_limits(active):
+    control(active, 0x0007, 32767)
+    assert (active.spool, status(active)) == (1e-3, ACTIVE | 0x0400)
+    assert active.write(0x6320, 1, 32767, 2) is None
+    active.tick()
+    assert active.spool == pytest.approx(32767 / 16384 * 1e-3)
+    assert status(active) == ACTIVE
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "value", "size", "abort"),
+    [
+        (0x6320, 1, -16385, 2, 0x06090032),  # below the lower limit
+        (0x6321, 1, 16385, 2, 0x06090031),  # above the upper limit
+        (0x6042, 0, 0, 1, 0x06090032),
+        (0x6042, 0, 3, 1, 0x06090031),
+        (0x6043, 0, 1, 1, 0x06090032),  # spool position open loop
+        (0x6043, 0, 9, 1, 0x06090031),  # axis position control
+        (0x604F, 0, 2, 1, 0x06090031),
+        (0x6041, 0, 0, 2, 0x06010002),
+        (0x6301, 1, 0, 2, 0x06010002),
+        (0x6311, 1, 10000, 2, 0x06010002),
+        (0x6314, 1, 100, 2, None),
+        (0x6320, 1, -16384, 2, None),  # both limits equal is no contradiction
+    ],
+)
+def test_writes_are_checked(rig, index, subindex, value, size, abort):
+    assert rig.write(index, subindex, value, size, signed=value < 0) == abort
+
+
+def place_spool(rig, position):
+    def work(now):
+        rig.valve.command(now)
+        rig.valve.publish(position, now)
+
+    rig.work = work
+    rig.tick()
+
+
+@pytest.mark.parametrize(
+    ("position", "actual", "deviation"),
+    # actual = position / 1 mm * 16384; deviation = 8192 - actual; both within INTEGER16
+    [
+        (0.25e-3, 4096, 4096),
+        (0.75e-3, 12288, -4096),
+        (0.0, 0, 8192),
+        (3e-3, 32767, 8192 - 32767),
+        (-3e-3, -32768, 32767),
+        (math.inf, 32767, -24575),
+    ],
+)
+def test_actual_value_and_control_deviation(active, position, actual, deviation):
+    place_spool(active, position)
+    assert active.value(0x6301, 1) == actual
+    assert active.value(0x6350, 1) == deviation
+
+
+def test_an_unknown_spool_position_leaves_the_last_one(active):
+    place_spool(active, 0.25e-3)
+    place_spool(active, math.nan)
+    assert active.value(0x6301, 1) == 4096
+
+
+@pytest.mark.parametrize("full_opening", [0.0, -1e-3, math.nan, math.inf])
+def test_an_impossible_full_opening_is_refused(make_rig, full_opening):
+    with pytest.raises(ParameterError, match="full_opening is"):
+        ValveDevice(make_rig(VALVE_408).node, full_opening)
+
+
+@pytest.mark.parametrize("index", [0x6040, 0x6041, 0x6300, 0x6301])
+def test_an_eds_without_a_needed_object_is_refused(make_rig, index):
+    rig = make_rig(VALVE_408, without={*PDOS, index})
+    with pytest.raises(EdsError, match=f"object 0x{index:04X}"):
+        ValveDevice(rig.node, FULL_OPENING)
+
+
+OPTIONAL = {0x6042, 0x6043, 0x604E, 0x604F, 0x6310, 0x6311, 0x6314, 0x6320, 0x6321, 0x6350}
+
+
+def test_the_smallest_object_set_works(make_rig):
+    rig = fit_valve(make_rig(VALVE_408, without=OPTIONAL))
+    rig.nmt(rig.START)
+    control(rig, 0x0007, 32767)
+    assert (status(rig), rig.spool) == (ACTIVE, pytest.approx(32767 / 16384 * 1e-3))
+    control(rig, 0x0003, 32767)
+    assert (status(rig), rig.spool) == (HOLD, 0.0)
+
+
+@pytest.fixture
+def edited_eds(tmp_path):
+    """Another maker's EDS: ours with one text replaced."""
+
+    def edit(old, new):
+        text = VALVE_408.read_text()
+        assert text.count(old) == 1
+        path = tmp_path / "other.eds"
+        path.write_text(text.replace(old, new))
+        return path
+
+    return edit
+
+
+REFERENCE = "[6311sub1]\nParameterName=Value\nObjectType=0x7\nDataType=0x0003\nAccessType=ro\n"
+
+
+def test_another_reference_value_scales_setpoint_and_actual_value(make_rig, edited_eds):
+    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{REFERENCE}DefaultValue=10000")
+    rig = fit_valve(make_rig(eds))
+    rig.nmt(rig.START)
+    control(rig, 0x0007, 2500)
+    assert rig.spool == 0.25e-3
+    assert rig.value(0x6301, 1) == 2500
+
+
+def test_a_reference_value_of_zero_is_refused(make_rig, edited_eds):
+    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{REFERENCE}DefaultValue=0")
+    with pytest.raises(EdsError, match=r"object 0x6311\.01"):
+        ValveDevice(make_rig(eds).node, FULL_OPENING)
+
+
+def test_a_reference_value_may_be_written_where_the_eds_allows_it(make_rig, edited_eds):
+    eds = edited_eds(REFERENCE, REFERENCE.replace("=ro", "=rw"))
+    rig = fit_valve(make_rig(eds))
+    rig.nmt(rig.START)
+    assert rig.write(0x6311, 1, 0, 2) == 0x06090032
+    assert rig.write(0x6311, 1, 8192, 2) is None
+    control(rig, 0x0007, 8192)
+    assert rig.spool == 1e-3
+    rig.nmt(rig.RESET_NODE)
+    rig.tick()
+    rig.nmt(rig.START)
+    control(rig, 0x0007, 8192)
+    assert rig.spool == 0.5e-3
+
+
+def test_a_wrong_data_type_is_refused(make_rig, edited_eds):
+    unsigned = REFERENCE.replace("0x0003", "0x0006")
+    with pytest.raises(EdsError, match=r"0x6311\.01 \(Value\) is UNSIGNED16; .* INTEGER16"):
+        ValveDevice(make_rig(edited_eds(REFERENCE, unsigned)).node, FULL_OPENING)

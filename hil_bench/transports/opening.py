@@ -14,7 +14,7 @@ from hil_bench.transports.socketcan import RawCanBus, SocketCanTransport
 from hil_bench.transports.transport import Transport
 
 _HUB_HINT = "'hil-bench run --hub' makes a bus that needs none"
-_CONNECT_TIMEOUT = 5.0
+_ANSWER_TIMEOUT = 5.0
 
 
 def open_transport(
@@ -88,14 +88,17 @@ def _check(settings: dict[str, Any], what: str) -> None:
     if settings["interface"] == "socketcand":
         # Small writes must not wait for the acknowledgement of the one before (Nagle's algorithm).
         settings.setdefault("tcp_tune", True)
-        _check_listens(settings, what)
+        _check_socketcand(settings, what)
 
 
-def _check_listens(settings: dict[str, Any], what: str) -> None:
-    """Connect once, since python-can tries for ten seconds and logs each refusal.
+def _check_socketcand(settings: dict[str, Any], what: str) -> None:
+    """Open the channel once to see the answer.
+
+    python-can tries to connect for ten seconds, logging each refusal, and leaves its socket open
+    where the channel is refused.
 
     Raises:
-        BusError: the address is incomplete, or nobody answers there.
+        BusError: the address is incomplete, nobody answers there, or there is no such channel.
     """
     if any(settings.get(key) is None for key in ("channel", "host", "port")):
         raise BusError(
@@ -103,15 +106,22 @@ def _check_listens(settings: dict[str, Any], what: str) -> None:
         )
     address = f"{settings['host']}:{settings['port']}"
     try:
-        with socket.create_connection(
-            (settings["host"], settings["port"]), timeout=_CONNECT_TIMEOUT
-        ):
-            pass
+        answer = _answer_to_open(settings["host"], settings["port"], str(settings["channel"]))
     except OSError as error:
         raise BusError(
             f"{what}: nobody answers at {address} ({_first_line(error)}); "
             "'hil-bench run --hub' makes a bus there"
         ) from error
+    if answer != "ok":
+        raise BusError(f"{what}: {answer}")
+
+
+def _answer_to_open(host: str, port: int, channel: str) -> str:
+    """Return what a socketcand says to "< open CHANNEL >", without its brackets."""
+    with socket.create_connection((host, port), timeout=_ANSWER_TIMEOUT) as probe:
+        probe.recv(256)  # the greeting
+        probe.sendall(f"< open {channel} >".encode("ascii", "replace"))
+        return ascii(probe.recv(256).decode("ascii", "replace").strip("<> "))[1:-1]
 
 
 def _open(settings: dict[str, Any], what: str) -> can.BusABC:

@@ -155,9 +155,6 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Carry out the commands that are complete."""
-        if _QUICKACK is not None:
-            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
-            self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
         *commands, self._rest = (self._rest + data).split(b">")
         frames = [frame for command in commands if (frame := self._obey(command.lstrip()))]
         if frames:
@@ -165,6 +162,9 @@ class _Client(asyncio.Protocol):
         if len(self._rest) > MAX_COMMAND:
             self._hub.counters.bad_commands += 1
             self._drop()
+        elif _QUICKACK is not None:
+            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
+            self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
 
     def deliver(self, data: bytes) -> None:
         """Send frames to this client."""

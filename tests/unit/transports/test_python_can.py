@@ -1,0 +1,148 @@
+import can
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.transports.python_can import PythonCanTransport, frame_of, message_of
+from hil_bench.transports.transport import TransportCounters
+
+
+class ScriptedBus(can.BusABC):
+    """Gives or raises what `received` holds; raises what `send_errors` holds."""
+
+    def __init__(self, received=(), send_errors=()):
+        super().__init__("scripted")
+        self.received = list(received)
+        self.send_errors = list(send_errors)
+        self.sent = []
+
+    def _recv_internal(self, timeout):
+        assert timeout == 0
+        if not self.received:
+            return None, True
+        answer = self.received.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer, True
+
+    def send(self, msg, timeout=None):
+        assert timeout is None
+        error = self.send_errors.pop(0) if self.send_errors else None
+        if error is not None:
+            raise error
+        self.sent.append(msg)
+
+
+@pytest.fixture
+def make_transport():
+    transports = []
+
+    def make(**script):
+        bus = ScriptedBus(**script)
+        transports.append(PythonCanTransport(bus, "virtual test"))
+        return transports[-1], bus
+
+    yield make
+    for transport in transports:
+        transport.close()
+
+
+def message(can_id, **fields):
+    return can.Message(arbitration_id=can_id, is_extended_id=False, **fields)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Frame(0x7FF, bytes(8)),
+        Frame(0x0),
+        Frame(0x701, is_remote=True),
+        Frame(0x1FFF_FFFF, b"\x01", is_extended=True),
+    ],
+)
+def test_a_frame_survives_the_way_through_a_message(frame):
+    assert frame_of(message_of(frame)) == frame
+
+
+def test_frames_arrive_in_order_and_not_more_than_the_limit(make_transport):
+    transport, _ = make_transport(received=[message(n, data=b"x") for n in (1, 2, 3)])
+    assert transport.receive(2) == [Frame(1, b"x"), Frame(2, b"x")]
+    assert transport.receive(2) == [Frame(3, b"x")]
+    assert transport.receive(2) == []
+    assert transport.counters() == TransportCounters(received=3)
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        message(1, is_fd=True, data=bytes(64)),
+        message(1, is_fd=True),
+        message(1, is_error_frame=True),
+        message(1, data=bytes(9)),
+        message(0x800),
+        message(-1),
+    ],
+    ids=["fd", "short fd", "error frame", "nine bytes", "12-bit identifier", "negative"],
+)
+def test_what_is_no_classical_frame_is_ignored_and_counted(make_transport, foreign):
+    transport, _ = make_transport(received=[foreign, message(2)])
+    assert transport.receive(10) == [Frame(2)]
+    assert transport.counters() == TransportCounters(received=1, ignored=1)
+
+
+def test_a_flood_of_foreign_frames_is_bounded_too(make_transport):
+    transport, bus = make_transport(received=[message(1, is_error_frame=True)] * 50)
+    assert transport.receive(10) == []
+    assert len(bus.received) == 40
+
+
+def test_frames_are_sent_in_order(make_transport):
+    transport, bus = make_transport()
+    transport.send([Frame(1, b"a"), Frame(0x12345, b"b", is_extended=True)])
+    assert [(m.arbitration_id, bytes(m.data), m.is_extended_id) for m in bus.sent] == [
+        (1, b"a", False),
+        (0x12345, b"b", True),
+    ]
+    assert transport.counters() == TransportCounters(sent=2)
+
+
+def test_a_frame_that_is_refused_is_counted_and_the_next_one_sent(make_transport):
+    transport, bus = make_transport(send_errors=[can.CanOperationError("Transmit buffer full")])
+    transport.send([Frame(1), Frame(2)])
+    assert [m.arbitration_id for m in bus.sent] == [2]
+    assert transport.counters() == TransportCounters(sent=1, send_failures=1)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [can.CanOperationError("gone"), can.CanError("gone"), OSError("gone"), ValueError("gone")],
+)
+def test_an_error_while_receiving_is_a_lost_bus(make_transport, error):
+    transport, _ = make_transport(received=[error])
+    with pytest.raises(BusError, match=r"^virtual test: bus lost: gone$"):
+        transport.receive(1)
+
+
+@pytest.mark.parametrize("error", [can.CanInitializationError("gone"), BrokenPipeError("gone")])
+def test_an_error_while_sending_is_a_lost_bus(make_transport, error):
+    transport, _ = make_transport(send_errors=[error])
+    with pytest.raises(BusError, match=r"^virtual test: bus lost: gone$"):
+        transport.send([Frame(1)])
+
+
+def test_listening_leaves_all_frames_through(make_transport):
+    transport, _ = make_transport(received=[message(1)])
+    transport.listen_to([2])
+    assert transport.receive(1) == [Frame(1)]
+
+
+def test_two_transports_meet_on_python_cans_virtual_bus():
+    names = {"interface": "virtual", "channel": "test_python_can", "ignore_config": True}
+    left = PythonCanTransport(can.Bus(**names), "left")
+    right = PythonCanTransport(can.Bus(**names), "right")
+    left.send([Frame(0x181, b"\x01\x02")])
+    assert right.receive(10) == [Frame(0x181, b"\x01\x02")]
+    assert left.receive(10) == []
+    left.close()
+    left.close()
+    right.close()

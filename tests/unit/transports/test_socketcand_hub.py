@@ -1,0 +1,307 @@
+"""The hub over real loopback sockets, in the test's own event loop.
+
+What clients write and read is what python-can 4.6 and socketcand's doc/protocol.md have;
+python-can's own client is the peer in test_hub_process.py.
+"""
+
+import asyncio
+import re
+
+import pytest
+
+from hil_bench.errors import BusError
+from hil_bench.transports import socketcand_hub
+from hil_bench.transports.socketcand_hub import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
+
+TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")
+
+
+class Client:
+    def __init__(self, reader, writer):
+        self.reader = reader
+        self.writer = writer
+
+    async def say(self, text):
+        self.writer.write(text)
+        await self.writer.drain()
+
+    async def hear(self):
+        """Return the next message, the time stamp of a frame left out."""
+        async with asyncio.timeout(10):
+            message = await self.reader.readuntil(b">")
+        return TIME_STAMP.sub(rb"\1", message)
+
+    async def hear_end(self):
+        """Wait until the hub has closed the connection."""
+        async with asyncio.timeout(10):
+            try:
+                while await self.reader.read(65_536):
+                    pass
+            except ConnectionResetError:
+                pass
+
+
+class Place:
+    """A hub and ways to join it."""
+
+    def __init__(self, hub, port):
+        self.hub = hub
+        self.port = port
+        self.clients = []
+
+    async def connect(self):
+        self.clients.append(Client(*await asyncio.open_connection("127.0.0.1", self.port)))
+        return self.clients[-1]
+
+    async def join(self, channel=b"can0"):
+        client = await self.connect()
+        assert await client.hear() == b"< hi >"
+        await client.say(b"< open " + channel + b" >")
+        assert await client.hear() == b"< ok >"
+        await client.say(b"< rawmode >")
+        assert await client.hear() == b"< ok >"
+        return client
+
+
+def with_hub(scenario, **options):
+    """Run the scenario beside a hub and return the hub's counters."""
+
+    async def run():
+        hub = Hub(**options)
+        server = await hub.start("127.0.0.1", 0)
+        place = Place(hub, server.sockets[0].getsockname()[1])
+        try:
+            await scenario(place)
+        finally:
+            for client in place.clients:
+                client.writer.close()
+            server.close()
+        return hub.counters
+
+    return asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("sent", "heard"),
+    [
+        (b"< send 123 2 de ad >", b"< frame 123 DEAD >"),
+        (b"< send 123 2 1 f >", b"< frame 123 010F >"),
+        (b"< send 080 0  >", b"< frame 080  >"),  # python-can's own words for no data
+        (b"< send 080 0 >", b"< frame 080  >"),
+        (b"< send 7ff 8 1 2 3 4 5 6 7 8 >", b"< frame 7FF 0102030405060708 >"),
+        (b"< send 5 0 >", b"< frame 005  >"),
+        (b"< send 00000123 1 ff >", b"< frame 00000123 FF >"),
+        (b"< send 1FFFFFFF 0  >", b"< frame 1FFFFFFF  >"),
+    ],
+)
+def test_a_frame_reaches_the_others_and_not_its_sender(sent, heard):
+    async def scenario(place):
+        sender, first, second = [await place.join() for _ in range(3)]
+        await sender.say(sent)
+        assert await first.hear() == heard
+        assert await second.hear() == heard
+        await first.say(b"< send 001 0 >")
+        assert await sender.hear() == b"< frame 001  >"  # the first thing it hears
+
+    assert with_hub(scenario) == HubCounters(connections=3, frames=2)
+
+
+def test_a_frame_carries_the_time_in_seconds_and_microseconds(monkeypatch):
+    monkeypatch.setattr(socketcand_hub.time, "time_ns", lambda: 1_700_000_000_000_042_999)
+
+    async def scenario(place):
+        sender, listener = await place.join(), await place.join()
+        await sender.say(b"< send 123 1 1 >")
+        async with asyncio.timeout(10):
+            message = await listener.reader.readuntil(b">")
+        assert message == b"< frame 123 1700000000.000042 01 >"
+
+    with_hub(scenario)
+
+
+def test_frames_keep_their_order_however_they_are_cut_up():
+    async def scenario(place):
+        sender, listener = await place.join(), await place.join()
+        stream = b"".join(b"< send %03x 0  >" % n for n in range(200))
+        for start in range(0, len(stream), 7):
+            await sender.say(stream[start : start + 7])
+        for n in range(200):
+            assert await listener.hear() == b"< frame %03X  >" % n
+
+    assert with_hub(scenario).frames == 200
+
+
+def test_channels_are_separate_buses():
+    async def scenario(place):
+        left, right = await place.join(b"can0"), await place.join(b"can1")
+        listener = await place.join(b"can1")
+        await left.say(b"< send 001 0 >")
+        await right.say(b"< send 002 0 >")
+        assert await listener.hear() == b"< frame 002  >"
+
+    with_hub(scenario, channels=("can0", "can1"))
+
+
+def test_a_channel_that_is_not_there_is_refused_with_those_that_are():
+    async def scenario(place):
+        client = await place.connect()
+        await client.hear()
+        await client.say(b"< open vcan7 >")
+        assert await client.hear() == b"< error could not open bus; this hub has can0, can1 >"
+        await client.say(b"< open can1 >")
+        assert await client.hear() == b"< ok >"
+
+    assert with_hub(scenario, channels=("can0", "can1")).bad_commands == 1
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b"< send 123 9 1 2 3 4 5 6 7 8 9 >",
+        b"< send 123 2 1 >",
+        b"< send 123 0 1 >",
+        b"< send 123 4  >",  # what python-can makes of a remote frame
+        b"< send 123 1 100 >",
+        b"< send 123 1 -1 >",
+        b"< send 123 1 0x1 >",
+        b"< send 800 0 >",
+        b"< send 20000000 0 >",
+        b"< send 1234 0 >",
+        b"< send >",
+        b"< bcmmode >",
+        b"< open can0 >",
+        b"send 123 0 >",
+        b"<>",
+        b"\xff\x00>",
+    ],
+)
+def test_a_bad_command_is_answered_and_the_client_stays(bad):
+    async def scenario(place):
+        client, listener = await place.join(), await place.join()
+        await client.say(bad)
+        assert await client.hear() == b"< error unknown command >"
+        await client.say(b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+
+    assert with_hub(scenario) == HubCounters(connections=2, frames=1, bad_commands=1)
+
+
+@pytest.mark.parametrize("early", [b"< rawmode >", b"< send 123 0 >", b"< open >", b"< open a b >"])
+def test_commands_out_of_turn_are_refused(early):
+    async def scenario(place):
+        client = await place.connect()
+        await client.hear()
+        await client.say(early)
+        assert await client.hear() == b"< error unknown command >"
+
+    with_hub(scenario)
+
+
+def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else():
+    async def scenario(place):
+        client, other, listener = [await place.join() for _ in range(3)]
+        await client.say(b"< send " + b"1" * MAX_COMMAND)
+        await client.hear_end()
+        await other.say(b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+
+    counters = with_hub(scenario)
+    assert (counters.bad_commands, counters.dropped_clients) == (1, 1)
+
+
+def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(monkeypatch):
+    monkeypatch.setattr(socketcand_hub, "MAX_BACKLOG", 10_000)
+    frames = 2_000
+
+    async def scenario(place):
+        sender, slow, listener = [await place.join() for _ in range(3)]
+        slow.writer.transport.pause_reading()
+        n = 0
+        while not place.hub.counters.dropped_clients:
+            await sender.say(b"".join(b"< send 123 1 %x >" % (k % 256) for k in range(frames)))
+            for k in range(frames):
+                assert await listener.hear() == b"< frame 123 %02X >" % (k % 256)
+            n += 1
+            assert n < 1_000, "the kernel's buffers cannot hold 100 MB"
+
+    assert with_hub(scenario).dropped_clients == 1
+
+
+def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(monkeypatch):
+    monkeypatch.setattr(socketcand_hub, "_JOIN_DELAY", 3_600)
+
+    async def scenario(place):
+        sender, listener = await place.join(), await place.join()
+        await sender.say(b"< send 001 0 >< send 002 0 >< bad >")
+        assert await sender.hear() == b"< error unknown command >"  # so the frames are through
+        await listener.say(b"< send 003 0 >")  # only now may they follow
+        assert await listener.hear() == b"< frame 001  >"
+        assert await listener.hear() == b"< frame 002  >"
+        assert await sender.hear() == b"< frame 003  >"
+
+    with_hub(scenario)
+
+
+def test_a_client_that_leaves_is_forgotten():
+    async def scenario(place):
+        stays = await place.join()
+        for _ in range(3 * MAX_CLIENTS):
+            client = await place.join()
+            client.writer.close()
+            await client.writer.wait_closed()
+        await stays.say(b"< send 001 0 >")
+        await (await place.join()).say(b"< send 002 0 >")
+        assert await stays.hear() == b"< frame 002  >"
+
+    assert with_hub(scenario).connections == 3 * MAX_CLIENTS + 2
+
+
+def test_thousands_of_connections_that_say_nothing_do_no_harm():
+    async def scenario(place):
+        for _ in range(3_000):
+            _, writer = await asyncio.open_connection("127.0.0.1", place.port)
+            writer.transport.abort()
+        sender, listener = await place.join(), await place.join()
+        await sender.say(b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+
+    with_hub(scenario)
+
+
+def test_more_clients_than_there_is_room_for_are_turned_away():
+    async def scenario(place):
+        for _ in range(MAX_CLIENTS):
+            assert await (await place.connect()).hear() == b"< hi >"
+        late = await place.connect()
+        assert await late.hear() == b"< error too many clients >"
+        await late.hear_end()
+        place.clients[0].writer.close()
+        await place.clients[0].writer.wait_closed()
+
+    with_hub(scenario)
+
+
+@pytest.mark.parametrize("name", ["", "can 0", "a" * 16, "can0>", "kän"])
+def test_a_channel_without_a_proper_name_is_refused(name):
+    with pytest.raises(ValueError, match="1 to 15 letters"):
+        Hub((name,))
+
+
+def test_a_port_in_use_is_said_in_one_line():
+    async def scenario(place):
+        with pytest.raises(BusError) as caught:
+            await Hub().start("127.0.0.1", place.port)
+        assert str(caught.value) == (
+            f"hub 127.0.0.1:{place.port}: the port is in use, by another hub?; "
+            "port 0 takes a free one"
+        )
+
+    with_hub(scenario)
+
+
+def test_an_address_that_is_not_this_machines_is_said():
+    async def scenario(_place):
+        with pytest.raises(BusError, match=r"^hub 192\.0\.2\.1:0: "):  # RFC 5737: nobody's
+            await Hub().start("192.0.2.1", 0)
+
+    with_hub(scenario)

@@ -19,8 +19,8 @@ from hil_bench.plant.spool import SpoolTransition, spool_transition
 ValveConstants = tuple[float, float, float, float]
 """(alpha, beta, omega_0², 2 xi omega_0)."""
 
-StepConstants = tuple[float, float, float]
-"""(dt [s], m [kg], lowest chamber pressure [Pa])."""
+StepConstants = tuple[float, float, float, float]
+"""(dt [s], m [kg], 1 / (E dt) [1/(Pa s)], lowest chamber pressure [Pa])."""
 
 Constants = tuple[
     StepConstants,
@@ -39,12 +39,12 @@ def pack(parameters: PlantParameters, options: PlantOptions, dt: float) -> Seque
     stop = options.end_stop
     floor = options.cavitation_floor
     constants: Constants = (
-        (dt, p.m, -math.inf if floor is None else floor),
+        (dt, p.m, 1.0 / (p.E * dt), -math.inf if floor is None else floor),
         (p.alpha, p.beta, p.omega_0**2, 2.0 * p.xi * p.omega_0),
         spool_transition(p.omega_0, p.xi, dt),
         (p.K, p.P_S, p.P_T, options.laminar_transition**2, float(options.signed_root)),
         (p.E, p.C_L, p.A_A, p.A_B, p.V_A0, p.V_B0, p.h),
-        (p.F_c, p.F_s - p.F_c, p.sigma, p.chi, p.delta, options.tanh_gain),
+        (p.F_c, p.F_s - p.F_c, p.sigma, math.log(p.chi), p.delta, options.tanh_gain),
         (math.inf, 0.0, 0.0) if stop is None else (p.h, stop.stiffness, stop.damping),
     )
     return [float(value) for group in constants for value in group]
@@ -54,11 +54,11 @@ def pack(parameters: PlantParameters, options: PlantOptions, dt: float) -> Seque
 def unpack(row: Floats) -> Constants:
     """Return the constants in their groups."""
     return (
-        (row[0], row[1], row[2]),
-        (row[3], row[4], row[5], row[6]),
-        (row[7], row[8], row[9], row[10]),
-        (row[11], row[12], row[13], row[14], row[15]),
-        (row[16], row[17], row[18], row[19], row[20], row[21], row[22]),
-        (row[23], row[24], row[25], row[26], row[27], row[28]),
-        (row[29], row[30], row[31]),
+        (row[0], row[1], row[2], row[3]),
+        (row[4], row[5], row[6], row[7]),
+        (row[8], row[9], row[10], row[11]),
+        (row[12], row[13], row[14], row[15], row[16]),
+        (row[17], row[18], row[19], row[20], row[21], row[22], row[23]),
+        (row[24], row[25], row[26], row[27], row[28], row[29]),
+        (row[30], row[31], row[32]),
     )

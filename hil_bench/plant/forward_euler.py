@@ -26,7 +26,7 @@ def advance_forward_euler(
         The fields of `hil_bench.plant.state.PlantOutput` after the last step.
     """
     step, valve, _, orifice, chambers, friction, stop = unpack(constants)
-    dt, m, floor = step
+    dt, m, _, floor = step
     alpha, beta, stiffness, damping = valve
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
@@ -40,7 +40,8 @@ def advance_forward_euler(
         x, v = x + dt * v, v + dt * force / m
         P_A, P_B = P_A + dt * E / V_A * net_A, P_B + dt * E / V_B * net_B
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
-        P_A, P_B = max(P_A, floor), max(P_B, floor)
+        P_A = floor if P_A < floor else P_A
+        P_B = floor if P_B < floor else P_B
         z = orifice_state(nu, alpha, beta)
         Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot

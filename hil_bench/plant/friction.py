@@ -5,7 +5,7 @@ import math
 from hil_bench.plant.kernel import kernel
 
 FrictionConstants = tuple[float, float, float, float, float, float]
-"""(F_c, F_s - F_c, sigma, chi, delta, tanh gain)."""
+"""(F_c, F_s - F_c, sigma, log(chi), delta, tanh gain)."""
 
 # Below this speed the secant is taken as constant: its limit at rest is finite, 0 / 0 is not.
 _CREEP = 1e-12
@@ -20,16 +20,18 @@ def linearise_friction(v: float, friction: FrictionConstants) -> tuple[float, fl
 
     f(v) = tanh(gain v) (F_c + (F_s - F_c) exp(-|v / chi|^delta)) + sigma v, eq. (13).
     """
-    F_c, weakening, sigma, chi, delta, gain = friction
-    speed = max(abs(v), _CREEP)
-    exponent = delta * math.log(speed / chi)
-    power = math.exp(min(exponent, _WEAKENED))
+    F_c, weakening, sigma, log_chi, delta, gain = friction
+    speed = abs(v)
+    speed = _CREEP if speed < _CREEP else speed
+    exponent = delta * (math.log(speed) - log_chi)
+    power = math.exp(_WEAKENED if exponent > _WEAKENED else exponent)
     stribeck = weakening * math.exp(-power)
     level = F_c + stribeck
     sign = math.tanh(gain * speed)
+    sign_secant = sign / speed
     rise = gain * (1.0 - sign * sign) * level if sign < 1.0 else 0.0
-    tangent = rise - sign * stribeck * power * delta / speed + sigma
-    return sign * level / speed + sigma, tangent
+    fall = sign_secant * stribeck * power * delta
+    return sign_secant * level + sigma, rise - fall + sigma
 
 
 @kernel

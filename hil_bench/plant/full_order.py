@@ -101,11 +101,14 @@ class FullOrderPlant:
         as the limit does.
 
         Raises:
-            ParameterError: for an input that is not finite, or when forward Euler has diverged.
+            ParameterError: for an input that is not finite, for a negative number of steps, or when
+                forward Euler has diverged.
         """
         u, F_L = plant_input
         if not (math.isfinite(u) and math.isfinite(F_L)):
             raise ParameterError(f"u = {u} m, F_L = {F_L} N: both must be finite")
+        if steps < 0:
+            raise ParameterError(f"steps = {steps}: must be 0 or greater")
         if not (
             -SPOOL_SETPOINT_LIMIT <= u <= SPOOL_SETPOINT_LIMIT and -LOAD_LIMIT <= F_L <= LOAD_LIMIT
         ):
@@ -118,7 +121,7 @@ class FullOrderPlant:
         if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
             raise ParameterError(
                 f"dt = {self.dt:g} s: {self.solver.value} has diverged with these parameters; "
-                f"take a shorter step or {Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"
+                "it needs a shorter step"
             )
         self._output = PlantOutput._make(seen)
         return self._output

@@ -1,8 +1,8 @@
 """The bench's solver: the spool exactly, the cylinder by a linearly implicit midpoint step.
 
 One step solves (I - W) dy = dt f(y) for y = (P_A, P_B, v), with f taken at the middle of the step
-in spool and piston position. W = dt J / 2 makes that a Rosenbrock step of second order (gamma = 1/2).
-On the diagonal, W grows beyond that by terms of order dt² where an orifice or the friction curve is
+in spool and piston position. W = dt J / 2 makes that a Rosenbrock step of order 2 (gamma = 1/2). On
+the diagonal, W grows beyond that by terms of order dt² where an orifice or the friction curve is
 stiff, up to the backward Euler step on the secant: so nothing rings there and the order stays
 (`docs/decisions/0001-plant-and-solver.md`).
 """
@@ -30,7 +30,10 @@ def implicit_share(secant: float, tangent: float, inertia: float) -> float:
         inertia: V / (E dt) or m / dt, in the unit of the two.
     """
     share = 0.5 * tangent + 0.125 * secant * secant / inertia
-    return max(min(share, max(secant, tangent)), -0.25 * inertia)
+    if share > secant:
+        return secant
+    least = -0.25 * inertia
+    return least if share < least else share
 
 
 @kernel
@@ -66,14 +69,14 @@ def move_cylinder(
         F_L: external load [N].
         constants: in their groups.
     """
-    (dt, m, floor), _, _, orifice, chambers, friction, stop = constants
-    E, C_L, A_A, A_B, _, _, _ = chambers
+    (dt, m, per_E_dt, floor), _, _, orifice, chambers, friction, stop = constants
+    _, C_L, A_A, A_B, _, _, _ = chambers
 
     Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
     Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
     net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
     V_A, V_B = chamber_volumes(x + 0.5 * dt * v, chambers)
-    C_A, C_B = V_A / (E * dt), V_B / (E * dt)
+    C_A, C_B = V_A * per_E_dt, V_B * per_E_dt
 
     # [[a, -c], [-c, b]] (dP_A, dP_B) = (net_A - A_A dv / 2, net_B + A_B dv / 2)
     c = 0.5 * C_L
@@ -101,8 +104,8 @@ def move_cylinder(
     return (
         x + dt * (v + 0.5 * dv),
         v + dv,
-        max(P_A, floor),
-        max(P_B, floor),
+        floor if P_A < floor else P_A,
+        floor if P_B < floor else P_B,
     )
 
 

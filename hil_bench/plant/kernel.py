@@ -34,7 +34,9 @@ def kernel(function: _Kernel) -> _Kernel:
     """Return the function compiled where Numba is present, and unchanged where it is not."""
     if not IS_COMPILED:
         return function
+    # forceinline: left to itself the compiler passes the larger kernels every constant in memory.
     try:
-        return cast("_Kernel", numba.njit(cache=True, error_model="numpy")(function))
+        compiled = numba.njit(cache=True, error_model="numpy", forceinline=True)(function)
     except RuntimeError:  # no directory to cache in: a read-only or zipped installation
-        return cast("_Kernel", numba.njit(error_model="numpy")(function))
+        compiled = numba.njit(error_model="numpy", forceinline=True)(function)
+    return cast("_Kernel", compiled)

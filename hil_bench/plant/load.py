@@ -16,10 +16,10 @@ def stop_force(x: float, v: float, stop: StopConstants) -> float:
     position, stiffness, damping = stop
     if x > position:
         push = stiffness * (x - position) + damping * v
-        return -max(push, 0.0)
+        return -push if push > 0.0 else 0.0
     if x < -position:
         push = stiffness * (-position - x) - damping * v
-        return max(push, 0.0)
+        return push if push > 0.0 else 0.0
     return 0.0
 
 

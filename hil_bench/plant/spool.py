@@ -66,5 +66,5 @@ def orifice_state(nu: float, alpha: float, beta: float) -> float:
     opening = abs(nu) - beta
     if opening <= 0.0:
         return 0.0
-    opening = min(opening, alpha)
+    opening = alpha if opening > alpha else opening
     return opening if nu > 0.0 else -opening

@@ -1,0 +1,148 @@
+/* The full-order plant in C: the same equations, options and constants as hil_bench/plant, written the
+ * way C is written, as the yardstick of benchmarks/plant_step.py. */
+#include <math.h>
+
+/* The order of hil_bench.plant.constants.pack. */
+typedef struct {
+    double dt, m, per_E_dt, floor;
+    double alpha, beta, omega_0_squared, two_xi_omega_0;
+    double a_11, a_12, a_21, a_22;
+    double K, P_S, P_T, transition_squared, signed_root;
+    double E, C_L, A_A, A_B, V_A0, V_B0, h;
+    double F_c, weakening, sigma, log_chi, delta, gain;
+    double stop_position, stop_stiffness, stop_damping;
+} Plant;
+
+/* Unlike fmin and fmax, these become one instruction without -ffast-math. */
+static inline double least(double a, double b) { return a < b ? a : b; }
+static inline double most(double a, double b) { return a > b ? a : b; }
+
+typedef struct { double force_or_flow, secant, tangent; } Slopes;
+
+static inline double orifice_state(double nu, const Plant *p)
+{
+    double opening = fabs(nu) - p->beta;
+    if (opening <= 0.0) return 0.0;
+    return copysign(least(opening, p->alpha), nu);
+}
+
+static inline Slopes port(double opening, double pressure, const Plant *p)
+{
+    if (opening == 0.0) return (Slopes){0.0, 0.0, 0.0};
+    double drop = opening > 0.0 ? p->P_S - pressure : pressure - p->P_T;
+    double square = drop * drop, total = square + p->transition_squared;
+    if (total == 0.0 || (drop < 0.0 && p->signed_root == 0.0)) return (Slopes){0.0, 0.0, 0.0};
+    double gain = opening * p->K / sqrt(sqrt(total)), secant = fabs(gain);
+    return (Slopes){gain * drop, secant, secant * (1.0 - 0.5 * square / total)};
+}
+
+static inline Slopes friction(double v, const Plant *p)
+{
+    double speed = most(fabs(v), 1e-12);
+    double power = exp(p->delta * (log(speed) - p->log_chi));
+    double stribeck = p->weakening * exp(-power), level = p->F_c + stribeck;
+    double sign = tanh(p->gain * speed);
+    double rise = sign < 1.0 ? p->gain * (1.0 - sign * sign) * level : 0.0;
+    double sign_secant = sign / speed, secant = sign_secant * level + p->sigma;
+    double tangent = rise - sign_secant * stribeck * power * p->delta + p->sigma;
+    return (Slopes){v * secant, secant, tangent};
+}
+
+static inline double sat(double x, double h) { return least(most(x, -h), h); }
+
+static inline double stop_force(double x, double v, const Plant *p)
+{
+    if (x > p->stop_position)
+        return -most(p->stop_stiffness * (x - p->stop_position) + p->stop_damping * v, 0.0);
+    if (x < -p->stop_position)
+        return most(p->stop_stiffness * (-p->stop_position - x) - p->stop_damping * v, 0.0);
+    return 0.0;
+}
+
+void advance_forward_euler(double *state, const Plant *plant, double u, double F_L, long steps)
+{
+    const Plant c = *plant, *p = &c;
+    double x = state[0], v = state[1], P_A = state[2], P_B = state[3], nu = state[4], nu_dot = state[5];
+    for (long i = 0; i < steps; i++) {
+        double z = orifice_state(nu, p);
+        double leak = p->C_L * (P_A - P_B);
+        double net_A = port(z, P_A, p).force_or_flow - p->A_A * v - leak;
+        double net_B = port(-z, P_B, p).force_or_flow + p->A_B * v + leak;
+        double V_A = p->V_A0 + p->A_A * sat(x, p->h), V_B = p->V_B0 - p->A_B * sat(x, p->h);
+        double force = P_A * p->A_A - P_B * p->A_B - friction(v, p).force_or_flow - F_L
+                     + stop_force(x, v, p);
+        double acceleration = p->omega_0_squared * (u - nu) - p->two_xi_omega_0 * nu_dot;
+        x += p->dt * v;
+        v += p->dt * force / p->m;
+        P_A = most(P_A + p->dt * p->E / V_A * net_A, p->floor);
+        P_B = most(P_B + p->dt * p->E / V_B * net_B, p->floor);
+        nu += p->dt * nu_dot;
+        nu_dot += p->dt * acceleration;
+    }
+    state[0] = x, state[1] = v, state[2] = P_A, state[3] = P_B, state[4] = nu, state[5] = nu_dot;
+}
+
+static inline double share(double secant, double tangent, double inertia)
+{
+    double middle = 0.5 * tangent + 0.125 * secant * secant / inertia;
+    return middle > secant ? secant : most(middle, -0.25 * inertia);
+}
+
+static inline double stopped(double dv, double resistance, double x, double v, const Plant *p)
+{
+    double travel = p->dt * (v + 0.5 * dv);
+    if (fabs(x + travel) <= p->stop_position) return dv;
+    double side = copysign(1.0, x + travel);
+    double push = p->stop_stiffness * (side * (x + travel) - p->stop_position)
+                + p->stop_damping * side * travel / p->dt;
+    if (push <= 0.0) return dv;
+    return dv - side * push / (resistance + 0.5 * (p->stop_stiffness * p->dt + p->stop_damping));
+}
+
+void advance_implicit_midpoint(double *state, const Plant *plant, double u, double F_L, long steps)
+{
+    const Plant constants = *plant, *p = &constants;
+    double x = state[0], v = state[1], P_A = state[2], P_B = state[3], nu = state[4], nu_dot = state[5];
+    for (long i = 0; i < steps; i++) {
+        double error = nu - u, nu_before = nu;
+        nu = u + p->a_11 * error + p->a_12 * nu_dot;
+        nu_dot = p->a_21 * error + p->a_22 * nu_dot;
+        double z = orifice_state(0.5 * (nu_before + nu), p);
+
+        Slopes A = port(z, P_A, p), B = port(-z, P_B, p), f = friction(v, p);
+        double leak = p->C_L * (P_A - P_B);
+        double net_A = A.force_or_flow - p->A_A * v - leak;
+        double net_B = B.force_or_flow + p->A_B * v + leak;
+        double middle = sat(x + 0.5 * p->dt * v, p->h);
+        double C_A = (p->V_A0 + p->A_A * middle) * p->per_E_dt;
+        double C_B = (p->V_B0 - p->A_B * middle) * p->per_E_dt;
+
+        double c = 0.5 * p->C_L;
+        double a = C_A + c + share(A.secant, A.tangent, C_A);
+        double b = C_B + c + share(B.secant, B.tangent, C_B);
+        double per_det = 1.0 / (a * b - c * c);
+        double dP_A = (b * net_A + c * net_B) * per_det;
+        double dP_B = (c * net_A + a * net_B) * per_det;
+        double fall_A = 0.5 * (b * p->A_A - c * p->A_B) * per_det;
+        double fall_B = 0.5 * (c * p->A_A - a * p->A_B) * per_det;
+
+        double inertia = p->m / p->dt + share(f.secant, f.tangent, p->m / p->dt);
+        double force = P_A * p->A_A - P_B * p->A_B - f.force_or_flow - F_L;
+        double resistance = inertia + 0.5 * (p->A_A * fall_A - p->A_B * fall_B);
+        double dv = (force + 0.5 * (p->A_A * dP_A - p->A_B * dP_B)) / resistance;
+
+        int low_A = P_A + dP_A - fall_A * dv < p->floor, low_B = P_B + dP_B - fall_B * dv < p->floor;
+        if (low_A || low_B) {
+            if (low_A) dP_A = p->floor - P_A, fall_A = 0.0;
+            if (low_B) dP_B = p->floor - P_B, fall_B = 0.0;
+            resistance = inertia + 0.5 * (p->A_A * fall_A - p->A_B * fall_B);
+            dv = (force + 0.5 * (p->A_A * dP_A - p->A_B * dP_B)) / resistance;
+        }
+        dv = stopped(dv, resistance, x, v, p);
+        x += p->dt * (v + 0.5 * dv);
+        v += dv;
+        P_A = most(P_A + dP_A - fall_A * dv, p->floor);
+        P_B = most(P_B + dP_B - fall_B * dv, p->floor);
+    }
+    state[0] = x, state[1] = v, state[2] = P_A, state[3] = P_B, state[4] = nu, state[5] = nu_dot;
+}

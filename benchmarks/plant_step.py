@@ -1,0 +1,148 @@
+"""Cost of one plant step, beside the same equations in C. Run: `python benchmarks/plant_step.py`.
+
+Prints Markdown tables. Each figure is the median of repeats, Numba and C interleaved in one process.
+The C source, `plant_step.c`, is built with `gcc -O3 -march=native` into a temporary directory.
+"""
+
+import ctypes
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from hil_bench.plant import FullOrderPlant, PlantInput, PlantOptions, Solver, balanced_state
+from hil_bench.plant.constants import pack
+from hil_bench.plant.parameters import paper_parameters
+
+DT = 1e-4
+STEPS_PER_MOVE = 5_000  # half a second each way, so that the piston stays off its stops
+MOVES = 40
+REPEATS = 15
+SPOOL_SETPOINT = 1e-3
+SOURCE = Path(__file__).with_suffix(".c")
+FUNCTIONS = {
+    Solver.FORWARD_EULER: "advance_forward_euler",
+    Solver.LINEARLY_IMPLICIT_MIDPOINT: "advance_implicit_midpoint",
+}
+
+Advance = Callable[[float, int], object]
+
+
+def build_c(directory: Path) -> ctypes.CDLL:
+    """Return the C plant, compiled into `directory`."""
+    library = directory / "plant_step.so"
+    flags = ["-O3", "-march=native", "-std=c17", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *flags, SOURCE, "-o", library, "-lm"], check=True)  # noqa: S603, S607
+    return ctypes.CDLL(str(library))
+
+
+def c_plant(library: ctypes.CDLL, solver: Solver, options: PlantOptions) -> Advance:
+    """Return what advances a C plant by (u, steps)."""
+    parameters = paper_parameters()
+    state = np.array(balanced_state(parameters), dtype=np.float64)
+    constants = np.array(pack(parameters, options, DT), dtype=np.float64)
+    function = library[FUNCTIONS[solver]]
+    pointer = ctypes.c_void_p
+    function.argtypes = [pointer, pointer, ctypes.c_double, ctypes.c_double, ctypes.c_long]
+    function.restype = None
+    return lambda u, steps: function(state.ctypes.data, constants.ctypes.data, u, 0.0, steps)
+
+
+def bench_plant(solver: Solver, options: PlantOptions) -> Advance:
+    """Return what advances a bench plant by (u, steps)."""
+    plant = FullOrderPlant(paper_parameters(), options=options, solver=solver, dt=DT)
+    return lambda u, steps: plant.step(PlantInput(u, 0.0), steps)
+
+
+def ns_per_step(advance: Advance, moves: int, steps: int) -> float:
+    """Return the cost of one step [ns] while the piston goes to and fro."""
+    start = time.perf_counter_ns()
+    for move in range(moves):
+        advance(-SPOOL_SETPOINT if move % 2 else SPOOL_SETPOINT, steps)
+    return (time.perf_counter_ns() - start) / (moves * steps)
+
+
+def interleaved_medians(variants: dict[str, Advance], moves: int, steps: int) -> dict[str, float]:
+    """Return the median cost of one step [ns] of each variant, all measured in turn."""
+    costs: dict[str, list[float]] = {name: [] for name in variants}
+    for _ in range(REPEATS):
+        for name, advance in variants.items():
+            costs[name].append(ns_per_step(advance, moves, steps))
+    return {name: statistics.median(values) for name, values in costs.items()}
+
+
+def pure_python_ns(solver: Solver, options_name: str) -> float:
+    """Return the cost of one step [ns] in plain Python, measured in a process of its own."""
+    command = [sys.executable, __file__, "--pure", solver.value, options_name]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    answer = subprocess.run(command, env=environment, check=True, capture_output=True)  # noqa: S603
+    return float(answer.stdout)
+
+
+def print_pure(solver: Solver, options_name: str) -> None:
+    """Print the cost of one step [ns] in this process, for `pure_python_ns`."""
+    advance = bench_plant(solver, getattr(PlantOptions, options_name)())
+    print(statistics.median(ns_per_step(advance, 10, 500) for _ in range(REPEATS)))
+
+
+def print_report(library: ctypes.CDLL) -> None:
+    """Print the table and the machine it was measured on."""
+    print(f"{machine()}\n")
+    print("| solver | options | Numba ns/step | C ns/step | Numba / C | plain Python ns/step |")
+    print("|---|---|---|---|---|---|")
+    for solver in Solver:
+        for name in ("paper", "bench"):
+            options = getattr(PlantOptions, name)()
+            variants = {
+                "Numba": bench_plant(solver, options),
+                "C": c_plant(library, solver, options),
+            }
+            cost = interleaved_medians(variants, MOVES, STEPS_PER_MOVE)
+            pure = pure_python_ns(solver, name)
+            ratio = cost["Numba"] / cost["C"]
+            print(
+                f"| {solver.value} | {name} | {cost['Numba']:.1f} | {cost['C']:.1f} "
+                f"| {ratio:.2f} | {pure:.0f} |"
+            )
+    print("\n| call from Python, bench defaults | ns |\n|---|---|")
+    advance = bench_plant(Solver.LINEARLY_IMPLICIT_MIDPOINT, PlantOptions.bench())
+    for steps in (1, 10):
+        per_call = statistics.median(
+            ns_per_step(advance, 20_000, steps) * steps for _ in range(REPEATS)
+        )
+        print(f"| `plant.step(input, {steps})` | {per_call:.0f} |")
+
+
+def machine() -> str:
+    """Return what the figures were measured on, in one line."""
+    models = [
+        line.split(":")[1].strip()
+        for line in Path("/proc/cpuinfo").read_text(encoding="ascii").splitlines()
+        if line.startswith("model name")
+    ]
+    gcc = subprocess.run(["gcc", "-dumpfullversion"], check=True, capture_output=True, text=True)  # noqa: S607
+    return (
+        f"{len(models)} x {models[0]}, {platform.system()} {platform.release()}, "
+        f"Python {platform.python_version()}, Numba {numba.__version__}, gcc {gcc.stdout.strip()}"
+    )
+
+
+def main() -> None:
+    """Measure and print."""
+    if sys.argv[1:2] == ["--pure"]:
+        print_pure(Solver(sys.argv[2]), sys.argv[3])
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        print_report(build_c(Path(directory)))
+
+
+if __name__ == "__main__":
+    main()

@@ -60,12 +60,13 @@ class _EdsFile:
 
     def build(self) -> ObjectDictionary:
         """Return the object dictionary; EdsError where it cannot serve."""
-        object_dictionary = ObjectDictionary(
+        variables = (
             variable
             for index in self._imported
             if index >= _FIRST_OBJECT
             for variable in self._build_object(self._imported[index])
         )
+        object_dictionary = ObjectDictionary(variables, source=str(self._path))
         for fault in find_faults(object_dictionary):
             section = f"{fault.index:04X}"
             if fault.subindex and fault.index in object_dictionary:

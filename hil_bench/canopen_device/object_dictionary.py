@@ -135,9 +135,14 @@ class Variable:
 
 
 class ObjectDictionary:
-    """All variables of one device, by index and sub-index."""
+    """All variables of one device, by index and sub-index.
 
-    def __init__(self, variables: Iterable[Variable]) -> None:
+    Attributes:
+        source: the file it was read from, for messages; empty where there is none.
+    """
+
+    def __init__(self, variables: Iterable[Variable], source: str = "") -> None:
+        self.source = source
         self._objects: dict[int, dict[int, Variable]] = {}
         for variable in variables:
             self._objects.setdefault(variable.index, {})[variable.subindex] = variable

@@ -23,7 +23,7 @@ from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32, UNSIGNED16,
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.devices.profile_objects import optional, required
+from hil_bench.devices.profile_objects import locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.errors import EdsError, SdoAbort
 
@@ -74,7 +74,8 @@ class EncoderDevice:
         )
         if not self._positions:
             raise EdsError(
-                "objects 0x6004.00 and 0x6020.01 are missing; the device profile needs one of them"
+                f"{od.source}: objects 0x6004.00 and 0x6020.01 are missing; "
+                "the device profile needs one of them"
             )
         self._lowest = max(int(position.data_type.low or 0) for position in self._positions)
         self._highest = min(int(position.data_type.high or 0) for position in self._positions)
@@ -89,10 +90,8 @@ class EncoderDevice:
 
     def _bind_step(self, step: Variable) -> None:
         if step.default == 0:
-            raise EdsError(
-                f"object 0x{step.index:04X}.{step.subindex:02X} ({step.name}) is 0; "
-                "a measuring step is more than 0"
-            )
+            place = locate(self.node.object_dictionary, step)
+            raise EdsError(f"{place} is 0; a measuring step is more than 0")
         step.add_check(_check_step)
         step.add_hook(self._scale)
 

@@ -29,7 +29,7 @@ from hil_bench.canopen_device.datatypes import (
 )
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.profile_objects import optional, required
+from hil_bench.devices.profile_objects import locate, optional, required
 from hil_bench.errors import EdsError, ParameterError, SdoAbort
 
 UNITS: Final[Mapping[int, float]] = MappingProxyType(
@@ -96,7 +96,7 @@ class PressureDevice:
         self._status = required(od, 0x6150, 1, UNSIGNED8)
         if self._unit.default not in UNITS:
             raise EdsError(
-                f"object 0x6131.01 ({self._unit.name}) is 0x{self._unit.default:08X}; "
+                f"{locate(od, self._unit)} is 0x{self._unit.default:08X}; "
                 f"the units are {_unit_codes()}"
             )
         self._unit.add_check(_check_unit)

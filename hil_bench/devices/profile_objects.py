@@ -20,12 +20,12 @@ def required(
     variable = object_dictionary.find(index, subindex)
     if variable is None:
         raise EdsError(
-            f"object 0x{index:04X}.{subindex:02X} is missing; the device profile needs it, as "
-            f"{_names(data_types)}"
+            f"{object_dictionary.source}: object 0x{index:04X}.{subindex:02X} is missing; "
+            f"the device profile needs it, as {_names(data_types)}"
         )
     if variable.data_type not in data_types:
         raise EdsError(
-            f"object 0x{index:04X}.{subindex:02X} ({variable.name}) is {variable.data_type.name}; "
+            f"{locate(object_dictionary, variable)} is {variable.data_type.name}; "
             f"the device profile needs {_names(data_types)}"
         )
     return variable
@@ -45,6 +45,12 @@ def optional(
     if object_dictionary.find(index, subindex) is None:
         return Variable(index, subindex, "stand-in", data_types[0], default=absent)
     return required(object_dictionary, index, subindex, *data_types)
+
+
+def locate(object_dictionary: ObjectDictionary, variable: Variable) -> str:
+    """Return where a variable stands, for messages: file, object and name."""
+    place = f"object 0x{variable.index:04X}.{variable.subindex:02X} ({variable.name})"
+    return f"{object_dictionary.source}: {place}"
 
 
 def _names(data_types: tuple[DataType, ...]) -> str:

@@ -25,7 +25,7 @@ from hil_bench.canopen_device.emcy import HEARTBEAT, RPDO_TIMEOUT
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.profile_objects import optional, required
+from hil_bench.devices.profile_objects import locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.devices.valve_state_machine import (
     FAULT_STATES,
@@ -92,7 +92,7 @@ class ValveDevice:
         required(od, 0x6040, 0, UNSIGNED16).add_hook(self._receive_control_word)
         self._status_word = required(od, 0x6041, 0, UNSIGNED16)
         self._mode = optional(od, 0x6042, 0, INTEGER8, UNSIGNED8, absent=SETPOINT_BY_BUS)
-        self._error_code = optional(od, 0x604E, 0, UNSIGNED16, UNSIGNED8)
+        self._error_code = optional(od, 0x604E, 0, UNSIGNED16)
         self._local = optional(od, 0x604F, 0, INTEGER8, UNSIGNED8)
         self._local.add_hook(self._change_control)
         self._tpdo_mappings = od.indices(TPDO_MAPPINGS)
@@ -107,7 +107,7 @@ class ValveDevice:
         self._deviation = optional(od, 0x6350, 1, INTEGER16)
         if self._reference.default <= 0:
             raise EdsError(
-                f"object 0x6311.01 ({self._reference.name}) is {self._reference.default}; "
+                f"{locate(od, self._reference)} is {self._reference.default}; "
                 "the value that stands for 100 % is more than 0"
             )
         self._reference.add_check(_check_reference)

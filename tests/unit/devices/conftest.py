@@ -18,7 +18,10 @@ class Rig:
 
     def __init__(self, eds, without=()):
         everything = load_eds(eds, NODE_ID)
-        self.object_dictionary = ObjectDictionary(v for v in everything if v.index not in without)
+        self.object_dictionary = ObjectDictionary(
+            (variable for variable in everything if variable.index not in without),
+            source=everything.source,
+        )
         self.node = Node(self.object_dictionary, NODE_ID)
         self.now = 0
         self.frames = []

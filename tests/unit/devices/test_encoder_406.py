@@ -207,7 +207,10 @@ def test_the_smallest_object_set_works(make_rig):
 
 @pytest.mark.parametrize(
     ("without", "message"),
-    [({0x6004, 0x6020}, r"0x6004\.00 and 0x6020\.01"), ({0x6005}, r"object 0x6005\.01")],
+    [
+        ({0x6004, 0x6020}, r"encoder_406\.eds: objects 0x6004\.00 and 0x6020\.01"),
+        ({0x6005}, r"object 0x6005\.01"),
+    ],
 )
 def test_an_eds_without_a_needed_object_is_refused(make_rig, without, message):
     rig = make_rig(ENCODER_406, without={*PDOS, *without})

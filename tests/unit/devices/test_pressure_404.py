@@ -190,7 +190,7 @@ def test_an_impossible_span_is_refused(make_rig, span):
 @pytest.mark.parametrize("index", [0x6130, 0x6131, 0x6150])
 def test_an_eds_without_a_needed_object_is_refused(make_rig, index):
     rig = make_rig(PRESSURE_404, without={*PDOS, index})
-    with pytest.raises(EdsError, match=rf"object 0x{index:04X}\.01"):
+    with pytest.raises(EdsError, match=rf"pressure_404\.eds: object 0x{index:04X}\.01"):
         PressureDevice(rig.node, SPAN)
 
 

@@ -362,7 +362,7 @@ def test_an_impossible_full_opening_is_refused(make_rig, full_opening):
 @pytest.mark.parametrize("index", [0x6040, 0x6041, 0x6300, 0x6301])
 def test_an_eds_without_a_needed_object_is_refused(make_rig, index):
     rig = make_rig(VALVE_408, without={*PDOS, index})
-    with pytest.raises(EdsError, match=f"object 0x{index:04X}"):
+    with pytest.raises(EdsError, match=rf"valve_408\.eds: object 0x{index:04X}"):
         ValveDevice(rig.node, FULL_OPENING)
 
 

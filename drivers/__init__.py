@@ -22,23 +22,35 @@ from drivers.errors import (
     SdoAbortError,
     StaleValueError,
 )
+from drivers.motion_profile import MotionProfile
 from drivers.network import Network
 from drivers.node import NmtState, Node
 from drivers.position import PositionSensor
+from drivers.position_control import (
+    ControllerParameters,
+    CycleRecord,
+    PositionController,
+    PositionLoop,
+)
 from drivers.pressure import PressureSensor
 from drivers.valve import ProportionalValve
 from drivers.valve_state import ValveState
 
 __all__ = [
     "BusLostError",
+    "ControllerParameters",
+    "CycleRecord",
     "DeviceFaultError",
     "DeviceMismatchError",
     "DriverError",
     "DriverTimeoutError",
     "EdsError",
+    "MotionProfile",
     "Network",
     "NmtState",
     "Node",
+    "PositionController",
+    "PositionLoop",
     "PositionSensor",
     "PressureSensor",
     "ProportionalValve",

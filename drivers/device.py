@@ -113,6 +113,7 @@ class Device:
             )
         milliseconds("event timer", event_timer)
         period_ms = milliseconds("heartbeat period", heartbeat_period)
+        self.node.wait_until_up()
         self._check_identity()
         for pdo in self._received:
             verify_mapping(self.node, pdo.mapping)

@@ -9,7 +9,7 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── DeviceMismatchError (ValueError)    EDS and device differ, or the EDS lacks an object
      ├── SdoAbortError                       the device refused an access, and said why
      ├── RemoteProtocolError                 the device broke the protocol
-     ├── DeviceFaultError                    the valve is in one of its fault states
+     ├── DeviceFaultError                    the valve is in a fault state, or left ACTIVE
      └── StaleValueError                     no value was received recently enough
 
 Whatever sends or receives may raise `BusLostError`. What reads or writes an object of a device,
@@ -58,7 +58,7 @@ class RemoteProtocolError(DriverError):
 
 
 class DeviceFaultError(DriverError):
-    """The valve is in a fault state.
+    """The valve is in a fault state, or has left ACTIVE by itself.
 
     Attributes:
         code: code of the last emergency message, 0 where none was received.

@@ -10,7 +10,7 @@ import configparser
 import struct
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
 
@@ -35,6 +35,7 @@ WaitFor = Callable[[Callable[[], bool], float], bool]
 
 EMERGENCIES_KEPT = 32
 ANSWERS_KEPT = 256
+PROBES, PROBE_TIMEOUT = 20, 0.1
 
 _SDO_ABORT = 0x80
 
@@ -177,6 +178,25 @@ class Node(canopen.RemoteNode):
         self.emergencies.append(emergency)
         self.active_emergency = None if emergency.is_reset else emergency
         return True
+
+    def wait_until_up(self) -> None:
+        """Waits until the device answers an SDO request: it may be booting up just now.
+
+        Raises:
+            DriverTimeoutError: it did not within 2 s.
+        """
+        patience, self.sdo.RESPONSE_TIMEOUT = self.sdo.RESPONSE_TIMEOUT, PROBE_TIMEOUT
+        try:
+            for _ in range(PROBES):
+                with suppress(DriverTimeoutError):
+                    self.read(0x1000)
+                    return
+        finally:
+            self.sdo.RESPONSE_TIMEOUT = patience
+        raise DriverTimeoutError(
+            f"{self}: no answer within {PROBES * PROBE_TIMEOUT:g} s; "
+            "a device with this node-ID, powered and on this bus, is right"
+        )
 
     def variable(self, index: int, subindex: int = 0) -> ODVariable:
         """Returns the EDS entry of an object.

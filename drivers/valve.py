@@ -140,6 +140,12 @@ class ProportionalValve(Device):
         """State by the last status word."""
         return self._state_of(int(self._value(self._status)))
 
+    def check_active(self) -> None:
+        """Raises a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
+        state = self.state
+        if state is not ValveState.ACTIVE:
+            raise self._fault(state)
+
     @property
     def spool_position(self) -> float:
         """Spool position as fraction of full opening [-], positive for P to A."""
@@ -307,9 +313,11 @@ class ProportionalValve(Device):
             ) from None
 
     def _fault(self, state: ValveState) -> DeviceFaultError:
-        emergency = self.node.active_emergency
-        if emergency is None:
+        # A device may take the error back while the fault that it caused is still there.
+        errors = [emergency for emergency in self.node.emergencies if not emergency.is_reset]
+        if not errors:
             return DeviceFaultError(f"{self.node}: valve in {state.name}, no emergency message", 0)
+        emergency = errors[-1]
         return DeviceFaultError(
             f"{self.node}: valve in {state.name} after emergency 0x{emergency.code:04X}, "
             f"{emergency.meaning}",

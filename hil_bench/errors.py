@@ -3,11 +3,11 @@
 Each error is also the builtin that it is, so that a caller may catch either::
 
     HilBenchError
-     ├── ConfigError (ValueError)         a file, an argument or a value is wrong: exit code 2
-     │    ├── ParameterError              a plant parameter or state makes no physical sense
-     │    └── EdsError                    an EDS file cannot serve as a device
-     ├── BusError (OSError)               a bus or port could not be opened, or was lost: exit code 3
-     └── SdoAbort                         an access to an object was refused, with its CiA 301 abort code
+     ├── ConfigError (ValueError)   a file, an argument or a value is wrong: exit code 2
+     │    ├── ParameterError        a plant parameter or state makes no sense
+     │    └── EdsError              an EDS file cannot serve as a device
+     ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
+     └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
 The controller side has a tree of its own, in `drivers.errors`.
 """
@@ -18,7 +18,7 @@ class HilBenchError(Exception):
 
 
 class ConfigError(HilBenchError, ValueError):
-    """A file, an argument or a value is wrong; the message says what, where and what would be right."""
+    """A file, an argument or a value is wrong; the message says what, where, what is right."""
 
 
 class ParameterError(ConfigError):
@@ -33,7 +33,7 @@ class BusError(HilBenchError, OSError):
     """A CAN bus or a port could not be opened, or was lost."""
 
 
-class SdoAbort(HilBenchError):
+class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word
     """An access to an object was refused.
 
     Attributes:

@@ -18,6 +18,8 @@ from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.errors import HilBenchError
 
 VERBS = {
+    "demo": "see a controller move the cylinder, no set-up",
+    "run": "run the bench in real time on a CAN bus",
     "check": "check a bench, and print each value with its origin",
     "devices": "print the device table: node-IDs, profiles, PDOs",
 }
@@ -96,6 +98,8 @@ def _add_output_arguments(
 def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
     logging.basicConfig(level=level, format="hil-bench: %(message)s", force=True)
+    # What python-can logs of a bus that it cannot open, our own message says too.
+    logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
 
 
 def _report(error: Exception, *, verbosity: int) -> ExitCode:

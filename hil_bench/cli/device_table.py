@@ -131,7 +131,8 @@ def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> P
 
 
 def _device_lines(device: Device) -> Iterator[str]:
-    yield f"node {device.node_id}  {device.name}  {device.profile}  {device.axis}  {device.eds}"
+    yield f"node {device.node_id}  {device.name}  {device.profile}  {device.axis}"
+    yield f"  EDS    {device.eds}"
     for pdo in device.pdos:
         head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"
         for mapped in pdo.objects:

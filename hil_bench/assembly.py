@@ -1,0 +1,79 @@
+"""Builds a bench from its configuration: plants, nodes and the devices that join them."""
+
+from hil_bench.bench import Axis, Bench, Publish, encoder_publisher, pressure_publisher
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.node import Node
+from hil_bench.config import (
+    AxisConfig,
+    BenchConfig,
+    EncoderConfig,
+    NodeConfig,
+    PressureConfig,
+    ValveConfig,
+)
+from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.pressure_404 import PressureDevice
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.errors import ConfigError
+from hil_bench.plant import FullOrderPlant, balanced_state
+
+
+def build_bench(config: BenchConfig) -> Bench:
+    """Return the bench that `config` describes, not yet powered on."""
+    nodes = {node.name: build_node(node) for node in config.nodes}
+    axes = [build_axis(axis, config, nodes) for axis in config.axes]
+    return Bench(axes, list(nodes.values()), steps=config.steps_per_tick)
+
+
+def build_node(config: NodeConfig) -> Node:
+    """Return the CANopen node of one device, made from its EDS."""
+    return Node(load_eds(config.eds, config.node_id), config.node_id)
+
+
+def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) -> Axis:
+    """Return one cylinder with its valve and its sensors."""
+    members = [node for node in config.nodes if node.axis == axis.name]
+    plant = FullOrderPlant(
+        axis.parameters,
+        options=axis.options,
+        solver=axis.solver,
+        dt=config.dt,
+        state=balanced_state(axis.parameters, x=axis.position),
+    )
+    return Axis(
+        name=axis.name,
+        plant=plant,
+        valve=build_valve(axis, members, nodes),
+        sensors=tuple(
+            build_sensor(node, nodes[node.name])
+            for node in members
+            if not isinstance(node, ValveConfig)
+        ),
+    )
+
+
+def build_valve(axis: AxisConfig, members: list[NodeConfig], nodes: dict[str, Node]) -> ValveDevice:
+    """Return the valve among the members of an axis.
+
+    Raises:
+        ConfigError: there is not exactly one.
+    """
+    valves = [node for node in members if isinstance(node, ValveConfig)]
+    if len(valves) != 1:
+        raise ConfigError(f"plant.{axis.name}: {len(valves)} valves; exactly one is right")
+    return ValveDevice(nodes[valves[0].name], valves[0].full_opening)
+
+
+def build_sensor(config: NodeConfig, node: Node) -> Publish:
+    """Return what hands the plant's quantities to one sensor.
+
+    Raises:
+        ConfigError: the node is no sensor.
+    """
+    match config:
+        case PressureConfig():
+            return pressure_publisher(PressureDevice(node, config.span), config.source)
+        case EncoderConfig():
+            return encoder_publisher(EncoderDevice(node))
+        case _:
+            raise ConfigError(f"nodes.{config.name}: profile {config.profile} is not a sensor")

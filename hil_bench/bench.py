@@ -1,0 +1,167 @@
+"""One tick of the bench: frames and a time in, frames out.
+
+The order inside a tick is fixed, as in the real-time thread of a CANopen device:
+
+1. received frames, in the order they came: NMT, SYNC and RPDO act at once, SDO requests wait;
+2. deadlines that have passed: RPDO time-outs, lost heartbeats, SDO time-outs;
+3. for each axis: the valve's command, the plant's sub-steps, the sensors' new values;
+4. TPDOs that are due;
+5. what has time: boot-up, SDO answers, EMCY, heartbeats.
+
+A frame that one node of the bench sends is heard by the other nodes of the bench in the next tick,
+as on a wire.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from hil_bench.canopen_device.frame import Frame, Handler
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.pressure_404 import PressureDevice
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.plant.full_order import FullOrderPlant
+from hil_bench.plant.state import PlantInput, PlantOutput
+
+Publish = Callable[[PlantOutput, int], None]
+
+
+def pressure_publisher(device: PressureDevice, source: str) -> Publish:
+    """Return what hands the pressure `source` ("P_A" or "P_B") of an axis to a transducer."""
+    field = PlantOutput._fields.index(source)
+
+    def publish(output: PlantOutput, now: int) -> None:
+        device.publish(output[field], now)
+
+    return publish
+
+
+def encoder_publisher(device: EncoderDevice) -> Publish:
+    """Return what hands position and speed of an axis to a position sensor."""
+
+    def publish(output: PlantOutput, now: int) -> None:
+        device.publish(output.x, output.v, now)
+
+    return publish
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One cylinder with its valve and its sensors.
+
+    Attributes:
+        name: as in the configuration.
+        plant: valve and cylinder.
+        valve: the device that commands the spool.
+        sensors: what to call with the plant's new quantities, one a sensor.
+        load: external load force F_L [N], constant.
+    """
+
+    name: str
+    plant: FullOrderPlant
+    valve: ValveDevice
+    sensors: tuple[Publish, ...]
+    load: float = 0.0
+
+    def advance(self, now: int, steps: int) -> float:
+        """Move the axis on by `steps` plant steps and return the spool set-point used [m]."""
+        u = self.valve.command(now)
+        output = self.plant.step(PlantInput(u, self.load), steps)
+        self.valve.publish(output.nu, now)
+        for publish in self.sensors:
+            publish(output, now)
+        return u
+
+
+class Bench:
+    """All axes and nodes on one bus.
+
+    Args:
+        axes: the cylinders, at least one.
+        nodes: every CANopen node on the bus.
+        steps: plant steps in one tick, one or more.
+    """
+
+    def __init__(self, axes: Sequence[Axis], nodes: Sequence[Node], *, steps: int) -> None:
+        self.axes = tuple(axes)
+        self.nodes = tuple(nodes)
+        self.commands = [0.0] * len(self.axes)
+        self.unrouted = 0
+        self._steps = steps
+        self._routes: dict[int, tuple[Handler, ...]] = {}
+        self._merged: list[Mapping[int, Handler]] = []
+        self._overheard: frozenset[int] = frozenset()
+        self._heard: list[Frame] = []
+
+    def start(self, now: int) -> None:
+        """Power all nodes on at `now` [ns]; each boots up in the first tick."""
+        for node in self.nodes:
+            node.start(now)
+        self._merge_routes()
+
+    @property
+    def routes(self) -> Mapping[int, tuple[Handler, ...]]:
+        """Every COB-ID that some node listens to; a new object whenever they change."""
+        return self._routes
+
+    def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+        """Move the whole bench on by one tick.
+
+        Args:
+            frames: what arrived since the last tick, oldest first.
+            now: scheduled time of this tick [ns].
+
+        Returns:
+            The frames that the nodes send, in the order they would reach the bus.
+        """
+        self._receive(frames, now)
+        nodes = self.nodes
+        for node in nodes:
+            if now >= node.deadline:
+                node.expire(now)
+        for number, axis in enumerate(self.axes):
+            self.commands[number] = axis.advance(now, self._steps)
+        sent: list[Frame] = []
+        for node in nodes:
+            node.transmit_pdos(now, sent.append)
+        for node in nodes:
+            if now >= node.deadline:
+                node.serve(now, sent.append)
+        if self._routes_changed():
+            self._merge_routes()
+        overheard = self._overheard
+        self._heard = [frame for frame in sent if frame.can_id in overheard]
+        return sent
+
+    def _receive(self, frames: Sequence[Frame], now: int) -> None:
+        """Hand what came from the bus, and what our own nodes sent last, to who listens."""
+        for frame in self._heard:
+            self._dispatch(frame, now)
+        for frame in frames:
+            self._dispatch(frame, now)
+
+    def _dispatch(self, frame: Frame, now: int) -> None:
+        handlers = None if frame.is_extended else self._routes.get(frame.can_id)
+        if handlers is None:
+            self.unrouted += 1
+            return
+        for handle in handlers:
+            handle(frame, now)
+
+    def _merge_routes(self) -> None:
+        """Join the nodes' routes into one table of COB-ID to all that listen to it."""
+        self._merged = [node.routes for node in self.nodes]
+        routes: dict[int, tuple[Handler, ...]] = {}
+        for table in self._merged:
+            for can_id, handler in table.items():
+                routes[can_id] = (*routes.get(can_id, ()), handler)
+        self._routes = routes
+        # A node routes what it sends itself too, so a second handler is another node's.
+        self._overheard = frozenset(
+            can_id for can_id, handlers in routes.items() if len(handlers) > 1
+        )
+
+    def _routes_changed(self) -> bool:
+        return any(
+            node.routes is not table for node, table in zip(self.nodes, self._merged, strict=True)
+        )

@@ -1,0 +1,125 @@
+"""`hil-bench demo`: a position controller moves the cylinder, without any set-up."""
+
+import argparse
+import contextlib
+import importlib.util
+from pathlib import Path
+
+from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interruption
+from hil_bench.cli.loop_summary import loop_lines
+from hil_bench.cli.status_line import StatusLine
+from hil_bench.config import BenchConfig, load_config
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import Recording
+from hil_bench.recording.files import RecordingFile
+from hil_bench.recording.frames import FrameFile
+from hil_bench.recording.plot import plot_result
+
+_LONGEST = 3600.0
+
+_EXAMPLES = """\
+examples:
+  hil-bench demo
+  hil-bench demo --duration 30 --output results
+  hil-bench demo --speed max            as fast as the machine can
+  hil-bench demo bench.toml             with your own cylinder
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "demo",
+        description="A position controller, written with the drivers only, moves the first axis "
+        "of the bench\nalong a motion profile. Bench and controller meet on a bus inside this "
+        "process.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "config",
+        nargs="?",
+        metavar="bench.toml",
+        help="the bench; without it HIL_BENCH_CONFIG, or else the built-in bench of one axis",
+    )
+    parser.add_argument(
+        "--duration", type=float, default=10.0, metavar="S", help="length of the motion (10 s)"
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("hil-bench-demo"),
+        metavar="DIR",
+        help="where recording and plot go (hil-bench-demo)",
+    )
+    parser.add_argument(
+        "--speed", choices=("1", "max"), default="1", help="real time (1), or without waiting"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo, leave its files, print its summary.
+
+    Raises:
+        ConfigError: the duration makes no sense.
+    """
+    if not 0 < args.duration <= _LONGEST:
+        raise ConfigError(f"--duration {args.duration:g}: above 0, up to {_LONGEST:g} s, is right")
+    config = load_config(args.config)
+    session = DemoSession(config, duration=args.duration, is_paced=args.speed == "1")
+    make_directory(args.output)
+    with contextlib.ExitStack() as stack:
+        signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
+        frames = stack.enter_context(FrameFile(args.output / "demo.log"))
+        wish = stack.enter_context(interruption())
+        with StatusLine(session.snapshot, session.fields, wanted=not args.quiet):
+            report = session.run(lambda: wish.requested)
+        recording = session.recorder.result()
+        signals.write(recording)
+        for frame, now, is_received in session.frames:
+            frames.append(frame, now, is_received=is_received)
+    print("\n".join(summary_lines(report, config)))
+    print(f"recording {signals.path}\nframes    {frames.path}")
+    print(f"plot      {plot_line(recording, args.output / 'demo.png')}")
+    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+
+
+def make_directory(path: Path) -> None:
+    """Make the output directory where it is not there yet.
+
+    Raises:
+        ConfigError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
+        ) from None
+
+
+def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:
+    """Return the figures of a demo, a line a fact."""
+    speed = report.bench_time / report.wall_time
+    lines = [
+        (
+            f"motion    {report.bench_time:.1f} s in {report.wall_time:.1f} s, "
+            f"{speed:.{0 if speed > 2 else 2}f} times real time"
+        ),
+        f"error     RMS {report.error.rms * 1e3:.3f} mm, max {report.error.maximum * 1e3:.3f} mm",
+        f"control   {report.cycles} cycles of {CYCLE * 1e3:g} ms, {report.overruns} left out",
+    ]
+    if report.ticks is not None:
+        lines += loop_lines(report.ticks, config.tick_ns)
+    return lines
+
+
+def plot_line(recording: Recording, path: Path) -> str:
+    """Draw the recording and return where, or what is missing for it."""
+    if importlib.util.find_spec("matplotlib") is None:
+        return "none, matplotlib is missing: pip install 'hil-bench[plot]'"
+    plot_result(recording, path, title="Position control over CANopen")
+    return str(path)

@@ -1,0 +1,263 @@
+"""A bench and a position controller on one bus inside this process, and their recording."""
+
+import contextlib
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers import (
+    ControllerParameters,
+    DriverError,
+    MotionProfile,
+    Network,
+    PositionController,
+    PositionLoop,
+    PositionSensor,
+    PressureSensor,
+    ProportionalValve,
+)
+from hil_bench.assembly import build_bench
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli.status_line import Field, bench_status, bench_status_row
+from hil_bench.config import BenchConfig, NodeConfig, PressureConfig, PressureSource, Profile
+from hil_bench.errors import ConfigError
+from hil_bench.plant import PlantParameters
+from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.realtime.pacer import Pacer
+from hil_bench.realtime.scheduling import undisturbed_by_garbage_collection
+from hil_bench.realtime.statistics import TickSummary
+from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
+from hil_bench.recording.snapshot import Snapshot
+from hil_bench.telemetry import bench_channels, sample
+from hil_bench.transports.embedded import EmbeddedBus
+
+CYCLE = 0.002
+"""Period of the controller [s]."""
+
+CONTROLLER_ID = 127
+"""Node-ID under which the controller sends its heartbeat."""
+
+HEARTBEAT_PERIOD = 0.05
+"""Time between two heartbeats of the controller [s]."""
+
+_SET_UP_TIME = 5.0  # more than it takes to boot and configure the nodes [s]
+_LOGGED_FRAMES = 2_000_000
+
+
+class TrackingError(NamedTuple):
+    """Root mean square and largest absolute value of a tracking error [m]."""
+
+    rms: float
+    maximum: float
+
+
+@dataclass(frozen=True, slots=True)
+class DemoReport:
+    """What the demo found.
+
+    Attributes:
+        error: set-point minus position during the motion.
+        bench_time: length of the motion on the bench's clock [s].
+        wall_time: how long that took [s].
+        cycles: cycles of the controller.
+        overruns: cycles that the controller left out.
+        ticks: statistics of the loop, None where it was not paced.
+    """
+
+    error: TrackingError
+    bench_time: float
+    wall_time: float
+    cycles: int
+    overruns: int
+    ticks: TickSummary | None
+
+
+class DemoSession:
+    """Bench and controller in one thread: the controller's waits let the bench's ticks run.
+
+    Args:
+        config: the bench; its first axis is moved.
+        duration: length of the motion [s].
+        is_paced: whether the ticks wait for real time.
+
+    Attributes:
+        recorder: set-point and all quantities of the bench, a row a tick.
+        frames: every frame, its bench time [ns] and whether the bench received it.
+        snapshot: what the status line shows.
+        fields: how it shows it.
+    """
+
+    def __init__(self, config: BenchConfig, *, duration: float, is_paced: bool) -> None:
+        self._config = config
+        self._duration = duration
+        self._bench = build_bench(config)
+        self._pacer = Pacer(MonotonicClock(), config.tick_ns) if is_paced else None
+        self._setpoint_at = no_setpoint
+        axis = config.axes[0]
+        rows = round((duration + _SET_UP_TIME) * 1e9 / config.tick_ns)
+        setpoint = Channel(f"{axis.name}.position_setpoint", "m")
+        self.recorder = ChannelRecorder((setpoint, *bench_channels(self._bench)), rows)
+        self.frames: deque[tuple[Frame, int, bool]] = deque(maxlen=_LOGGED_FRAMES)
+        channels, fields = bench_status(self._bench)
+        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels))
+        self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
+
+    def run(self, stopped: Callable[[], bool]) -> DemoReport:
+        """Move the axis along its profile, until the end or until `stopped` says so.
+
+        Raises:
+            ConfigError: the controller could not work with the devices; it says why.
+        """
+        self._bench.start(0)
+        bus = EmbeddedBus(self._tick, self._config.tick_ns, pacer=self._pacer)
+        try:
+            with bus, Network(bus, clock=bus.now) as network, undisturbed_by_garbage_collection():
+                return self._control(network, stopped)
+        except DriverError as error:
+            raise ConfigError(f"the demo's controller: {error}") from error
+
+    def _tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
+        """The bench's tick, with its traces."""
+        sent = self._bench.tick(frames, now)
+        self.frames.extend((frame, now, True) for frame in frames)
+        self.frames.extend((frame, now, False) for frame in sent)
+        seconds = now * 1e-9
+        setpoint = self._setpoint_at(seconds)
+        self.recorder.append((seconds, setpoint, *sample(self._bench)))
+        self.snapshot.write((seconds, setpoint, *bench_status_row(self._bench)))
+        return sent
+
+    def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
+        plant = self._bench.axes[0].plant
+        profile = demo_profile(plant.state.x, plant.parameters.h)
+        cycles = 0
+        with self._ready_loop(network) as loop:
+            start, wall_start = network.now(), time.perf_counter()
+            for record in loop.run(profile, self._duration):
+                if not cycles:
+                    start = network.now() - record.time
+                    self._setpoint_at = partial(setpoint_position, profile, start)
+                cycles += 1
+                if stopped():
+                    break
+            self._setpoint_at = no_setpoint
+            wall_time = time.perf_counter() - wall_start
+        return DemoReport(
+            error=tracking_error(self.recorder.result(), self._config.axes[0].name),
+            bench_time=cycles * loop.period,
+            wall_time=wall_time,
+            cycles=cycles,
+            overruns=loop.overruns,
+            ticks=self._pacer.statistics.summary() if self._pacer else None,
+        )
+
+    @contextlib.contextmanager
+    def _ready_loop(self, network: Network) -> Iterator[PositionLoop]:
+        """Set the devices up, bring the valve to ACTIVE, and leave it disabled.
+
+        Yields:
+            The control loop.
+        """
+        members = [n for n in self._config.nodes if n.axis == self._config.axes[0].name]
+        valve_node = the_node(members, Profile.VALVE_408)
+        encoder_node = the_node(members, Profile.ENCODER_406)
+        network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+        with ProportionalValve(network, valve_node.node_id, valve_node.eds) as valve:
+            position = PositionSensor(network, encoder_node.node_id, encoder_node.eds)
+            pressures = (
+                pressure_sensor(network, members, PressureSource.P_A),
+                pressure_sensor(network, members, PressureSource.P_B),
+            )
+            valve.setup(heartbeat_timeout=4 * HEARTBEAT_PERIOD)
+            for sensor in (position, *pressures):
+                sensor.setup()
+            for node in members:
+                network.start_node(node.node_id)
+            valve.enable()
+            yield PositionLoop(
+                network,
+                valve=valve,
+                position=position,
+                pressures=pressures,
+                controller=PositionController(
+                    tuned_parameters(self._bench.axes[0].plant.parameters)
+                ),
+                period=CYCLE,
+            )
+
+
+def no_setpoint(_time: float) -> float:
+    """Return NaN: there is no motion."""
+    return math.nan
+
+
+def setpoint_position(profile: MotionProfile, start: float, time: float) -> float:
+    """Return the set-point [m] at a time of a profile that began at `start` [s]."""
+    return profile.at(time - start).position
+
+
+def tracking_error(recording: Recording, axis: str) -> TrackingError:
+    """Return the error of an axis over the rows that have a set-point; NaN without any."""
+    error = recording[f"{axis}.position_setpoint"] - recording[f"{axis}.position"]
+    error = error[np.isfinite(error)]
+    if not error.size:
+        return TrackingError(math.nan, math.nan)
+    return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
+
+
+def demo_profile(start: float, half_stroke: float) -> MotionProfile:
+    """Return moves of different lengths within half of the stroke, for ever.
+
+    Args:
+        start: where the piston is [m].
+        half_stroke: h [m].
+    """
+    waypoints = [share * half_stroke for share in (0.4, -0.3, 0.1, 0.5, 0.0)]
+    return MotionProfile(start, waypoints, speed=0.15, acceleration=1.5, dwell=0.4, repeat=True)
+
+
+def tuned_parameters(parameters: PlantParameters) -> ControllerParameters:
+    """Return a controller that fits valve and cylinder.
+
+    The speed at full opening is that of the reduced model without load, eqs. (14), (16); the gain
+    is a fifth of where the hydraulic mode becomes unstable, 2 ζ ω_c = σ / m, eqs. (18) to (20).
+    """
+    drop = 0.5 * (parameters.P_S - parameters.P_T)
+    full_flow = parameters.alpha * parameters.K * drop**0.5
+    return ControllerParameters(
+        position_gain=0.2 * parameters.sigma / parameters.m,
+        full_speed=full_flow / parameters.mean_area,
+        dead_zone=parameters.beta / parameters.full_opening,
+    )
+
+
+def the_node(members: Sequence[NodeConfig], profile: Profile) -> NodeConfig:
+    """Return the first node of an axis with this profile.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    for node in members:
+        if node.profile is profile:
+            return node
+    raise ConfigError(f"the demo's controller needs a {profile} on the first axis; add one")
+
+
+def pressure_sensor(
+    network: Network, members: Sequence[NodeConfig], source: PressureSource
+) -> PressureSensor:
+    """Return the driver of the transducer at one port.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    for node in members:
+        if isinstance(node, PressureConfig) and node.source is source:
+            return PressureSensor(network, node.node_id, node.eds)
+    raise ConfigError(f"the demo's controller needs a pressure_404 at {source}; add one")

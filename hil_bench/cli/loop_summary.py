@@ -1,0 +1,56 @@
+"""The figures of a loop in words, for the summary at the end of a run."""
+
+from dataclasses import asdict
+
+from hil_bench.bench import Bench
+from hil_bench.config import BenchConfig
+from hil_bench.realtime.statistics import DurationSummary, TickSummary
+from hil_bench.transports.transport import TransportCounters
+
+
+def loop_lines(summary: TickSummary, period_ns: int) -> list[str]:
+    """Return what the loop did, a line a fact."""
+    return [
+        (
+            f"ticks     {summary.ticks} of {period_ns / 1000:g} us, {summary.overruns} overran, "
+            f"{summary.skipped} skipped"
+        ),
+        f"lateness  {duration_text(summary.lateness)}",
+        f"work      {duration_text(summary.work)}",
+    ]
+
+
+def duration_text(duration: DurationSummary) -> str:
+    """Return the percentiles of a duration in microseconds."""
+    return (
+        f"p50 {duration.p50_us:.0f}  p99 {duration.p99_us:.0f}  p99.9 {duration.p999_us:.0f}  "
+        f"max {duration.max_us:.0f} us"
+    )
+
+
+def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
+    """Return what passed the bus, a line a fact; losses only where there were some."""
+    lines = [
+        f"frames    {counters.received} received ({unrouted} for nobody here), {counters.sent} sent"
+    ]
+    losses = {
+        "dropped by the kernel's full receive buffer": counters.dropped,
+        "ignored (CAN FD or error frames)": counters.ignored,
+        "not taken by the bus": counters.send_failures,
+    }
+    lines += [f"          {count} {what}" for what, count in losses.items() if count]
+    return lines
+
+
+def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
+    """Return how each node ended and what it refused, a line a node."""
+    lines = []
+    for settings, node in zip(config.nodes, bench.nodes, strict=True):
+        refused = [
+            f"{count} {name.replace('_', ' ')}"
+            for name, count in asdict(node.counters).items()
+            if count
+        ]
+        state = node.state.name.replace("_", "-")
+        lines.append(f"node {node.node_id:<4} {settings.name}: {', '.join((state, *refused))}")
+    return lines

@@ -1,0 +1,153 @@
+"""`hil-bench run`: the bench alone, in real time, on a bus that a controller joins."""
+
+import argparse
+import contextlib
+from collections.abc import Iterator
+
+from hil_bench.assembly import build_bench
+from hil_bench.bench import Bench
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.device_table import device_table
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import Interruption, interruption
+from hil_bench.cli.loop_summary import frame_lines, loop_lines, node_lines
+from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
+from hil_bench.config import BenchConfig
+from hil_bench.errors import ConfigError
+from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.realtime.pacer import Pacer
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.snapshot import Snapshot
+from hil_bench.runner import RunReport, run_paced
+from hil_bench.transports.hub_process import HubProcess
+from hil_bench.transports.opening import open_transport
+from hil_bench.transports.socketcand_hub import DEFAULT_PORT
+from hil_bench.transports.transport import Transport
+
+HUB_CHANNEL = "can0"
+
+_EXAMPLES = f"""\
+examples:
+  hil-bench run -i socketcan -c vcan0
+  hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
+  hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
+                                       they join it with: -i socketcand -c {HUB_CHANNEL}
+                                       --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "run",
+        description="Run the bench in real time on a CAN bus, until Ctrl-C or --duration.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_bench_arguments(parser)
+    parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
+    parser.add_argument(
+        "--hub",
+        nargs="?",
+        type=int,
+        const=DEFAULT_PORT,
+        metavar="PORT",
+        help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port {DEFAULT_PORT})",
+    )
+    parser.add_argument(
+        "--strict-timing",
+        action="store_true",
+        help=f"end with exit code {ExitCode.TIMING} if a tick overran",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the bench until it is told to stop, or its bus is lost."""
+    check_arguments(args)
+    config = load_bench_config(args)
+    bench = build_bench(config)
+    with contextlib.ExitStack() as stack:
+        wish = stack.enter_context(interruption())
+        transport = stack.enter_context(open_bus(args, config))
+        print(introduction(config, transport.description), flush=True)
+        report = run_until_told(args, config, bench, transport, wish)
+    print("\n".join(summary_lines(report, config, bench)), flush=True)
+    if report.lost is not None:
+        raise report.lost
+    if args.strict_timing and report.ticks.overruns:
+        return ExitCode.TIMING
+    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+
+
+def check_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.duration is not None and not 0 < args.duration < float("inf"):
+        raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
+    if args.hub is not None and ("interface" in args or "channel" in args):
+        raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
+
+
+@contextlib.contextmanager
+def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[Transport]:
+    """Open the bus of the configuration, or host one and join it.
+
+    Yields:
+        The bus.
+    """
+    with contextlib.ExitStack() as stack:
+        if args.hub is None:
+            bus = config.bus
+            transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+        else:
+            hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
+            address = {"host": hub.host, "port": hub.port}
+            transport = open_transport("socketcand", HUB_CHANNEL, None, address)
+        stack.callback(transport.close)
+        yield transport
+
+
+def introduction(config: BenchConfig, bus: str) -> str:
+    """Return what a controller engineer needs to know to join."""
+    source = config.path or "built-in configuration"
+    rate = f"{1e9 / config.tick_ns:g} Hz, {config.steps_per_tick} plant steps a tick"
+    return f"bench  {source}, {rate}\nbus    {bus}\n\n{device_table(config)}\n"
+
+
+def run_until_told(
+    args: argparse.Namespace,
+    config: BenchConfig,
+    bench: Bench,
+    transport: Transport,
+    wish: Interruption,
+) -> RunReport:
+    """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
+    pacer = Pacer(MonotonicClock(), config.tick_ns)
+    ticks = None if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
+    channels, fields = bench_status(bench)
+    snapshot = Snapshot((*channels, Channel("ticks", "-"), Channel("overruns", "-")))
+    fields += [Field("{:.0f} ticks", 1.0), Field("{:.0f} overran", 1.0)]
+
+    def publish(bench: Bench, _now: int) -> None:
+        statistics = pacer.statistics
+        snapshot.write((*bench_status_row(bench), statistics.ticks, statistics.overruns))
+
+    def stopped() -> bool:
+        return wish.requested or pacer.statistics.ticks == ticks
+
+    with StatusLine(snapshot, fields, wanted=not args.quiet):
+        return run_paced(bench, transport, pacer, stopped=stopped, observers=[publish])
+
+
+def summary_lines(report: RunReport, config: BenchConfig, bench: Bench) -> list[str]:
+    """Return the summary at the end of a run."""
+    return [
+        "summary",
+        *loop_lines(report.ticks, config.tick_ns),
+        *frame_lines(report.frames, bench.unrouted),
+        *node_lines(config, bench),
+    ]

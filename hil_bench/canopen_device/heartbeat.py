@@ -48,8 +48,10 @@ class HeartbeatProducer:
         if now < self.due:
             return
         emit(Frame(self._can_id, bytes([state])))
-        following = self.due + self._period()
-        self.due = following if following > now else now + self._period()
+        period = self._period()
+        # On the grid of the period, unless it has just begun (due 0) or was missed altogether.
+        following = (self.due or now) + period
+        self.due = following if following > now else now + period
 
     def stop(self) -> None:
         """Send nothing until the next boot-up."""

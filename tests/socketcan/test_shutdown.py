@@ -1,0 +1,61 @@
+"""How a bench on a bus ends, and how it does not start."""
+
+import signal
+import subprocess
+
+import can
+import pytest
+
+from hil_bench.cli.exit_codes import ExitCode
+
+NMT_START_ALL = "000#0100"
+POSITION = 0x184  # TPDO 1 of node 4, event timer 10 ms
+START_TIMEOUT = 50.0  # [s], as in conftest.py
+
+
+@pytest.fixture
+def own_channel():
+    """An interface of this test's own, which it may set down."""
+    name = "vcan_lost"
+    added = subprocess.run(["ip", "link", "add", name, "type", "vcan"], check=False)
+    if added.returncode:
+        pytest.skip("no right to add an interface; tests/socketcan/with_vcan.py gives it")
+    subprocess.run(["ip", "link", "set", name, "up"], check=True)
+    yield name
+    subprocess.run(["ip", "link", "del", name], check=True)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_within_a_few_ticks(start_bench, cansend, watch, number):
+    bench = start_bench()
+    cansend(NMT_START_ALL)
+    watch.wait_for(POSITION)
+    watch.take_all()
+    ended = bench.stop(number)
+    assert (ended.exit_code, ended.stderr) == (ExitCode.INTERRUPTED, "")
+    assert "summary\nticks" in ended.stdout
+    # One each 10 ms, so this says 20 ms; one more may have been under way.
+    assert sum(frame.arbitration_id == POSITION for frame in watch.take_all()) <= 3
+
+
+def test_a_duration_ends_the_run_by_itself(start_bench):
+    ended = start_bench("--duration", "0.5").wait()
+    assert (ended.exit_code, ended.stderr) == (ExitCode.DONE, "")
+    assert "ticks     500 of 1000 us" in ended.stdout
+
+
+def test_a_missing_interface_is_told_in_one_line(start):
+    ended = start("hil-bench", "run", "-i", "socketcan", "-c", "vcan9").wait()
+    assert (ended.exit_code, ended.stderr.count("\n")) == (ExitCode.BUS, 1), ended
+    assert "vcan9" in ended.stderr
+
+
+def test_an_interface_that_goes_down_ends_the_run_in_one_line(start, own_channel):
+    with can.Bus(interface="socketcan", channel=own_channel) as bus:
+        bench = start("hil-bench", "run", "-i", "socketcan", "-c", own_channel)
+        assert bus.recv(timeout=START_TIMEOUT), "no boot-up"
+        subprocess.run(["ip", "link", "set", own_channel, "down"], check=True)
+        ended = bench.wait()
+    assert (ended.exit_code, ended.stderr.count("\n")) == (ExitCode.BUS, 1), ended
+    assert own_channel in ended.stderr
+    assert "summary\nticks" in ended.stdout

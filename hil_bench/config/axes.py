@@ -23,8 +23,8 @@ _PHYSICAL_KEYS = {
     key.field or key.name: key.name
     for key in (*PARAMETER_KEYS, *OPTION_KEYS, *END_STOP_KEYS, *CAVITATION_KEYS)
 }
-# A symbol, but not a unit, which follows its number.
-_SYMBOL = re.compile(rf"(?<!\d )\b({'|'.join(_PHYSICAL_KEYS)})\b")
+# A symbol, but not a unit, which follows a number or a stroke.
+_SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
 
 def read_axes(document: Document, problems: Problems) -> dict[str, Settings]:

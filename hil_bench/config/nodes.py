@@ -64,8 +64,9 @@ def check_nodes(
 ) -> None:
     """Note node-IDs that clash, and axes that have no valve or several."""
     _check_node_ids(nodes, problems)
-    for axis in axes:
-        _check_valves(axis, nodes, problems)
+    if all(node["axis"].value in axes for node in nodes.values()):
+        for axis in axes:
+            _check_valves(axis, nodes, problems)
 
 
 def build_node(name: str, node: Settings) -> NodeConfig:

@@ -12,7 +12,13 @@ from typing import Self
 import numpy as np
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import Channel, Recording, recording_channels, recording_dtype
+from hil_bench.recording.channels import (
+    TIME,
+    Channel,
+    Recording,
+    recording_channels,
+    recording_dtype,
+)
 
 
 class RecordingFile:
@@ -75,12 +81,23 @@ def read_recording(path: Path) -> Recording:
     """
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            rows = csv.reader(file)
-            names, units = next(rows), next(rows)
-            dtype = recording_dtype([Channel(*pair) for pair in zip(names, units, strict=True)])
-            values = [tuple(map(float, row)) for row in rows]
-            return np.array(values, dtype=dtype)
+            return _parse(list(csv.reader(file)))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
-    except (ValueError, StopIteration, csv.Error) as error:
+    except (ValueError, csv.Error) as error:
         raise ConfigError(f"{path}: is no recording: {error}") from None
+
+
+def _parse(rows: list[list[str]]) -> Recording:
+    if len(rows) < 2:
+        raise ConfigError("it has no row of names and units")
+    names, units, *values = rows
+    if len(names) != len(units):
+        raise ConfigError(f"it has {len(names)} names and {len(units)} units")
+    if names[0] != TIME.name:
+        raise ConfigError(f"its first column is {names[0]}, not {TIME.name}")
+    for number, row in enumerate(values, start=3):
+        if len(row) != len(names):
+            raise ConfigError(f"row {number} has {len(row)} values, the first has {len(names)}")
+    dtype = recording_dtype([Channel(*pair) for pair in zip(names, units, strict=True)])
+    return np.array([tuple(map(float, row)) for row in values], dtype=dtype)

@@ -1,0 +1,84 @@
+"""The documentation and the examples say what the code does."""
+
+import json
+import re
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_bench.config import load_config
+from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS
+from hil_bench.config.settings import Key
+from hil_bench.errors import ConfigError
+
+ROOT = Path(__file__).parents[3]
+DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+ALL_KEYS = {
+    key.name: key for keys in (BENCH_KEYS, BUS_KEYS, AXIS_KEYS, *NODE_KEYS.values()) for key in keys
+}
+ROWS = {
+    name: (unit, default)
+    for name, unit, default in re.findall(r"^\| `(\w+)` \| (.+?) \| (.+?) \|", DOCUMENT, re.M)
+}
+WRONG = re.findall(r"```toml\n(.*?)```\n.*?```text\n(.*?)```", DOCUMENT, re.S)
+
+
+def test_the_document_has_each_key_and_no_other() -> None:
+    assert ROWS.keys() == ALL_KEYS.keys()
+
+
+@pytest.mark.parametrize("key", ALL_KEYS.values(), ids=ALL_KEYS.keys())
+def test_the_document_has_the_unit_and_the_default_of_a_key(key: Key) -> None:
+    unit, default = ROWS[key.name]
+    assert unit == (key.unit.symbol if key.name != "bitrate" else "bit/s")
+    if key.example:
+        assert default == "must be given"
+    elif key.default is not None:
+        assert default == f"`{json.dumps(key.default)}`"
+    else:
+        assert not default.startswith("`")
+
+
+@pytest.mark.parametrize("key", ALL_KEYS.values(), ids=ALL_KEYS.keys())
+def test_a_key_ends_in_the_suffix_of_its_unit(key: Key) -> None:
+    assert key.name.endswith(key.unit.suffix)
+
+
+@pytest.mark.parametrize(("text", "messages"), WRONG)
+def test_the_messages_in_the_document_are_the_real_ones(
+    write: Callable[[str], Path], text: str, messages: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(text))
+
+    assert str(caught.value) == messages.strip()
+
+
+def test_the_document_shows_messages() -> None:
+    assert len(WRONG) == 3
+
+
+def test_the_example_of_one_axis_is_the_built_in_bench() -> None:
+    example, default = load_config(ROOT / "examples" / "one_axis.toml"), load_config()
+
+    assert (example.tick_ns, example.step_ns, example.seed) == (
+        default.tick_ns,
+        default.step_ns,
+        default.seed,
+    )
+    assert (example.bus, example.axes, example.nodes) == (default.bus, default.axes, default.nodes)
+
+
+def test_the_example_of_one_axis_has_every_key_of_the_plant() -> None:
+    example = tomllib.loads((ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8"))
+
+    assert example["bench"].keys() == {key.name for key in BENCH_KEYS}
+    assert example["plant"]["axis1"].keys() == {key.name for key in AXIS_KEYS}
+
+
+def test_the_example_of_two_axes_loads() -> None:
+    config = load_config(ROOT / "examples" / "two_axes.toml")
+
+    assert [axis.name for axis in config.axes] == ["feed", "press"]

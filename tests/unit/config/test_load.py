@@ -1,0 +1,220 @@
+"""What a file, the environment and the command line make of a bench."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import device_profiles
+from hil_bench.config import (
+    BenchConfig,
+    BusConfig,
+    EncoderConfig,
+    Origin,
+    PressureConfig,
+    PressureSource,
+    ValveConfig,
+    load_config,
+)
+from hil_bench.plant.full_order import Solver
+from hil_bench.plant.options import EndStop, PlantOptions
+from hil_bench.plant.parameters import paper_parameters
+
+Write = Callable[[str], Path]
+
+
+def origin(config: BenchConfig, table: str, key: str) -> Origin:
+    return next(s.origin for s in config.settings if (s.table, s.key.name) == (table, key))
+
+
+def test_without_a_file_there_is_one_axis_with_table_1_and_four_nodes() -> None:
+    config = load_config()
+
+    assert config.path is None
+    assert (config.tick_ns, config.step_ns, config.steps_per_tick) == (1_000_000, 100_000, 10)
+    assert config.dt == pytest.approx(1e-4, rel=1e-15)
+    assert config.seed == 1
+    assert config.bus == BusConfig(None, None, None, {})
+    (axis,) = config.axes
+    assert axis.name == "axis1"
+    assert axis.parameters == paper_parameters()
+    assert axis.options == PlantOptions.bench()
+    assert axis.solver is Solver.LINEARLY_IMPLICIT_MIDPOINT
+    assert axis.position == 0.0
+    names = [(node.name, node.node_id, node.axis) for node in config.nodes]
+    assert names == [
+        ("valve", 1, "axis1"),
+        ("pressure_a", 2, "axis1"),
+        ("pressure_b", 3, "axis1"),
+        ("position", 4, "axis1"),
+    ]
+    assert {setting.origin for setting in config.settings} == {Origin.DEFAULT}
+
+
+def test_the_default_nodes_are_one_of_each_device() -> None:
+    valve, pressure_a, pressure_b, position = load_config().nodes
+
+    assert isinstance(valve, ValveConfig)
+    # alpha + beta of Table I: 1 mm + 0.3 mm.
+    assert valve.full_opening == pytest.approx(1.3e-3, rel=1e-12)
+    assert valve.eds == device_profiles.VALVE_408
+    assert isinstance(pressure_a, PressureConfig)
+    assert pressure_a.source is PressureSource.P_A
+    assert pressure_a.span == (0.0, 250e5)
+    assert pressure_a.eds == device_profiles.PRESSURE_404
+    assert isinstance(pressure_b, PressureConfig)
+    assert pressure_b.source is PressureSource.P_B
+    assert isinstance(position, EncoderConfig)
+    assert position.eds == device_profiles.ENCODER_406
+
+
+def test_values_are_converted_to_si(write: Write) -> None:
+    path = write("""
+        [plant.lift]
+        stroke_mm = 300
+        supply_pressure_bar = 210
+        bulk_modulus_mpa = 1200.0
+        internal_leakage_l_min_bar = 0.006
+        position_mm = -50
+        end_stop_stiffness_n_mm = 1e5
+        cavitation_floor_bar = -0.5
+        solver = "forward-euler"
+    """)
+    (axis,) = load_config(path).axes
+
+    expected = dataclasses.replace(
+        paper_parameters(), h=0.15, P_S=21e6, E=1.2e9, C_L=axis.parameters.C_L
+    )
+    assert axis.parameters == expected
+    assert axis.parameters.C_L == pytest.approx(1e-12)  # 0.006e-3 m³ / 60 s / 1e5 Pa
+    assert axis.position == pytest.approx(-0.05)
+    assert axis.options.end_stop == EndStop(stiffness=1e8, damping=2e4)
+    assert axis.options.cavitation_floor == -50_000.0
+    assert axis.solver is Solver.FORWARD_EULER
+
+
+def test_end_stop_and_cavitation_can_be_turned_off(write: Write) -> None:
+    path = write("""
+        [plant.axis1]
+        end_stop = false
+        cavitation = false
+        laminar_transition_pa = 0
+    """)
+
+    assert load_config(path).axes[0].options == PlantOptions.paper()
+
+
+def test_a_file_with_a_bus_alone_keeps_the_default_bench(write: Write) -> None:
+    config = load_config(write('[bus]\ninterface = "socketcan"\nchannel = "vcan0"\n'))
+
+    assert config.bus == BusConfig("socketcan", "vcan0", None, {})
+    assert config.axes == load_config().axes
+    assert config.nodes == load_config().nodes
+
+
+def test_the_default_nodes_belong_to_the_only_axis_whatever_its_name(write: Write) -> None:
+    config = load_config(write("[plant.lift]\n"))
+
+    assert {node.axis for node in config.nodes} == {"lift"}
+
+
+def test_a_relative_eds_path_is_relative_to_the_file(tmp_path: Path) -> None:
+    eds = tmp_path / "eds" / "my_valve.eds"
+    eds.parent.mkdir()
+    eds.touch()
+    path = tmp_path / "bench.toml"
+    path.write_text('[nodes.v]\nprofile = "valve_408"\nnode_id = 9\neds = "eds/my_valve.eds"\n')
+    (valve,) = load_config(path).nodes
+
+    assert valve.eds == eds
+
+
+def test_the_full_opening_follows_the_valve_of_its_axis_unless_given(write: Write) -> None:
+    text = """
+        [plant.a]
+        orifice_full_opening_mm = 2
+        [plant.b]
+        [nodes.va]
+        profile = "valve_408"
+        axis = "a"
+        node_id = 1
+        [nodes.vb]
+        profile = "valve_408"
+        axis = "b"
+        node_id = 2
+        full_opening_mm = 1.1
+    """
+    openings = [node.full_opening for node in load_config(write(text)).nodes]  # type: ignore[attr-defined]
+
+    assert openings == pytest.approx([2.3e-3, 1.1e-3])
+
+
+def test_further_keys_of_the_bus_become_options(write: Write) -> None:
+    text = '[bus]\ninterface = "socketcand"\nchannel = "can0"\nhost = "127.0.0.1"\nport = 29536\n'
+
+    assert load_config(write(text)).bus.options == {"host": "127.0.0.1", "port": 29536}
+
+
+def test_another_interface_on_the_command_line_lets_the_files_options_lapse(write: Write) -> None:
+    path = write('[bus]\ninterface = "socketcand"\nhost = "127.0.0.1"\nbitrate = 250000\n')
+    bus = load_config(
+        path, interface="socketcan", channel="can0", bus_options={"receive_own_messages": True}
+    ).bus
+
+    assert bus == BusConfig("socketcan", "can0", 250000, {"receive_own_messages": True})
+
+
+def test_the_command_line_wins_over_environment_file_and_default(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write("[bench]\nseed = 2\n")
+    found = [(load_config().seed, origin(load_config(), "bench", "seed"))]
+    found.append((load_config(path).seed, origin(load_config(path), "bench", "seed")))
+    monkeypatch.setenv("HIL_BENCH_SEED", "3")
+    found.append((load_config(path).seed, origin(load_config(path), "bench", "seed")))
+    config = load_config(path, seed=4)
+    found.append((config.seed, origin(config, "bench", "seed")))
+
+    assert found == [
+        (1, Origin.DEFAULT),
+        (2, Origin.FILE),
+        (3, Origin.ENVIRONMENT),
+        (4, Origin.COMMAND_LINE),
+    ]
+
+
+def test_the_environment_names_the_file_where_nobody_else_does(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write("[bench]\nseed = 2\n")
+    other = tmp_path / "other.toml"
+    other.write_text("[bench]\nseed = 5\n")
+    monkeypatch.setenv("HIL_BENCH_CONFIG", str(path))
+
+    assert load_config().path == path
+    assert load_config().seed == 2
+    assert load_config(str(other)).seed == 5
+
+
+def test_empty_variables_count_as_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_BENCH_CONFIG", "")
+    monkeypatch.setenv("HIL_BENCH_SEED", "")
+
+    assert load_config() == load_config()
+    assert load_config().path is None
+    assert load_config().seed == 1
+
+
+def test_each_value_knows_its_origin(write: Write) -> None:
+    config = load_config(write("[plant.axis1]\nstroke_mm = 300\n"), channel="vcan0")
+
+    assert origin(config, "plant.axis1", "stroke_mm") is Origin.FILE
+    assert origin(config, "plant.axis1", "moving_mass_kg") is Origin.DEFAULT
+    assert origin(config, "bus", "channel") is Origin.COMMAND_LINE
+    assert origin(config, "bus", "interface") is Origin.DEFAULT
+
+
+def test_records_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        load_config().seed = 2  # type: ignore[misc]

@@ -1,0 +1,176 @@
+"""Each mistake ends in one line that says where, what is wrong and what would be right."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_bench.config import load_config
+from hil_bench.errors import ConfigError
+
+Write = Callable[[str], Path]
+
+VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+
+ONE_VALUE = [
+    # Keys and tables that are not there
+    ("[bench]\ntick = 1000", "bench.tick: unknown key; the nearest known key is tick_us"),
+    ("[plant.axis1]\nStroke_MM = 1", "plant.axis1.Stroke_MM: unknown key; the nearest known key is stroke_mm"),
+    ("[plants.axis1]", "plants: unknown table; the nearest known is [plant]"),
+    ("tick_us = 1000\n[bench]", "tick_us: unknown table; the nearest known is [bus]"),
+    ("bench = 3", "bench: 3 is not a table; write it as [bench]"),
+    ("[plant]\nstroke_mm = 400", "plant.stroke_mm: 400 is not a table; write it as [plant.NAME]"),
+    ("[[plant.axis1]]", "plant.axis1: an array is not a table; write it as [plant.NAME]"),
+    ('[plant."a\\nb"]', 'plant: "a\\nb" is no good as a name; give at most 32 letters, digits, _ or -'),
+    # Numbers
+    ('[plant.axis1]\nstroke_mm = "400"', 'plant.axis1.stroke_mm: "400" is not a number; give a number in mm'),
+    ("[plant.axis1]\nstroke_mm = true", "plant.axis1.stroke_mm: true is not a number; give a number in mm"),
+    ("[plant.axis1]\nstroke_mm = nan", "plant.axis1.stroke_mm: nan is not finite; give a number in mm"),
+    ("[plant.axis1]\nstroke_mm = inf", "plant.axis1.stroke_mm: inf is not finite; give a number in mm"),
+    (f"[plant.axis1]\nstroke_mm = 1{'0' * 400}", f"plant.axis1.stroke_mm: 1{'0' * 36}... is not finite; give a number in mm"),
+    ("[plant.axis1]\nstroke_mm = [1]", "plant.axis1.stroke_mm: an array is not a number; give a number in mm"),
+    ("[plant.axis1]\nstroke_mm = {a = 1}", "plant.axis1.stroke_mm: a table is not a number; give a number in mm"),
+    ("[plant.axis1]\nstroke_mm = 2026-11-21", "plant.axis1.stroke_mm: a date or time is not a number; give a number in mm"),
+    ("[plant.axis1]\nspool_damping_ratio = false", "plant.axis1.spool_damping_ratio: false is not a number; give a number"),
+    # Integers
+    ("[bench]\nseed = 1.5", "bench.seed: 1.5 is not an integer; give an integer from 0 up"),
+    ("[bench]\nseed = -1", "bench.seed: -1 is out of range; give an integer from 0 up"),
+    ("[bench]\nseed = true", "bench.seed: true is not an integer; give an integer from 0 up"),
+    ("[bench]\ntick_us = 0", "bench.tick_us: 0 is out of range; give an integer from 100 to 1000000"),
+    ("[bench]\nstep_us = 0", "bench.step_us: 0 is out of range; give an integer from 1 to 10000"),
+    ("[bus]\nbitrate = 2000000", "bus.bitrate: 2000000 is out of range; give an integer from 1 to 1000000"),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 0', "nodes.v.node_id: 0 is out of range; give an integer from 1 to 127"),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 128', "nodes.v.node_id: 128 is out of range; give an integer from 1 to 127"),
+    # Other kinds
+    ("[plant.axis1]\nend_stop = 1", "plant.axis1.end_stop: 1 is not a truth value; give true or false"),
+    ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint"'),
+    ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),
+    ('[bus]\ninterface = ""', 'bus.interface: "" is not a name; give text in quotes'),
+    ("[bus]\nchannel = 1.5", 'bus.channel: 1.5 is not a channel; give text or a number, as in "can0"'),
+    ('[bus]\nchanel = "can0"', "bus.chanel: unknown key; the nearest known key is channel"),
+    ("[bus]\nhosts = [1]", "bus.hosts: an array cannot be a bus option; give text, a number or a truth value"),
+    # Nodes
+    ("[nodes.v]\nnode_id = 1", 'nodes.v.profile: missing; give for example profile = "valve_408"'),
+    ('[nodes.v]\nprofile = "valve_408"', "nodes.v.node_id: missing; give for example node_id = 1"),
+    ('[nodes.v]\nprofile = "valve"\nnod = 1', 'nodes.v.profile: "valve" is unknown; give one of "valve_408", "pressure_404", "encoder_406"'),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2', 'nodes.p.source: missing; give for example source = "P_A"'),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_S"', 'nodes.p.source: "P_S" is unknown; give one of "P_A", "P_B"'),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = 250', "nodes.p.span_bar: 250 is not a range; give [start, end] in bar, start below end"),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [250, 0]', "nodes.p.span_bar: [250, 0] is empty; give [start, end] in bar, start below end"),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [0, "x"]', 'nodes.p.span_bar: "x" is not a number; give [start, end] in bar, start below end'),
+    ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4\nspan_bar = [0, 1]', "nodes.e.span_bar: unknown key; the nearest known key is profile"),
+]  # fmt: skip
+
+TOGETHER = [
+    ("[bench]\ntick_us = 1050", "bench.tick_us: 1050 is not a multiple of step_us = 100; give 1000 or 1100"),
+    ("[bench]\ntick_us = 100\nstep_us = 300", "bench.tick_us: 100 is not a multiple of step_us = 300; give 300"),
+    (f'{VALVE}[nodes.e]\nprofile = "encoder_406"\nnode_id = 1', "nodes.e.node_id: 1 is taken by nodes.valve; 2 is free"),
+    (f'{VALVE}axis = "lift"', 'nodes.valve.axis: there is no axis "lift"; give one of axis1'),
+    (f'{VALVE}axis = "a\\nb"', 'nodes.valve.axis: there is no axis "a\\nb"; give one of axis1'),
+    (f"[plant.a]\n[plant.b]\n{VALVE}", "nodes.valve.axis: missing; give one of a, b"),
+    ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4', 'plant.axis1: has no valve; give it a node with profile = "valve_408" and axis = "axis1"'),
+    (f'{VALVE}[nodes.v2]\nprofile = "valve_408"\nnode_id = 2', "nodes.v2.axis: axis1 has the valve nodes.valve already; give each axis one valve"),
+    (f'{VALVE}eds = "no.eds"', "nodes.valve.eds: there is no file no.eds; give the path of an EDS file"),
+    # Physical sense is the plant's to judge; the key is the one that the user wrote.
+    ("[plant.axis1]\nbulk_modulus_mpa = -1", "plant.axis1.bulk_modulus_mpa: E = -1e+06 Pa; must be greater than 0"),
+    ("[plant.axis1]\nmoving_mass_kg = 0", "plant.axis1.moving_mass_kg: m = 0 kg; must be greater than 0"),
+    ("[plant.axis1]\nstroke_mm = -1", "plant.axis1.stroke_mm: h = -0.0005 m; must be greater than 0"),
+    ("[plant.axis1]\ntank_pressure_bar = 120", "plant.axis1.supply_pressure_bar: P_S = 1e+07 Pa; must be greater than P_T = 1.2e+07 Pa (see also tank_pressure_bar)"),
+    ("[plant.axis1]\nend_stop_stiffness_n_mm = -1", "plant.axis1.end_stop_stiffness_n_mm: stiffness of the end stop = -1000 N/m; must be greater than 0"),
+    ("[plant.axis1]\ncavitation_floor_bar = 1", "plant.axis1.cavitation_floor_bar: cavitation_floor = 100000 Pa; must be 0 or less, as a gauge pressure (absolute vacuum is -101325 Pa)"),
+    ("[plant.axis1]\nposition_mm = 250", "plant.axis1.position_mm: 250 is beyond the stroke; give -200 to 200, half of stroke_mm to each side"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), ONE_VALUE + TOGETHER)
+def test_a_mistake_is_told_in_one_line(write: Write, text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(text))
+
+    assert str(caught.value) == f"bench.toml:{message}"
+
+
+def test_several_mistakes_are_told_together(write: Write) -> None:
+    path = write("[bench]\ntick = 1\nseed = -1\n[plant.axis1]\nstroke_mm = true\n")
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+
+    assert str(caught.value).splitlines() == [
+        "bench.toml:bench.tick: unknown key; the nearest known key is tick_us",
+        "bench.toml:bench.seed: -1 is out of range; give an integer from 0 up",
+        "bench.toml:plant.axis1.stroke_mm: true is not a number; give a number in mm",
+    ]
+
+
+def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
+    sensor = '[nodes.n{0}]\nprofile = "encoder_406"\nnode_id = {0}\n'
+    extra = '[nodes.extra]\nprofile = "encoder_406"\nnode_id = 127\n'
+    path = write(VALVE + "".join(sensor.format(n) for n in range(2, 128)) + extra)
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+
+    assert str(caught.value) == (
+        "bench.toml:nodes.extra.node_id: 127 is taken by nodes.n127; "
+        "a bus has room for 127 nodes"
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"[bench\n", 'bench.toml:1: is not valid TOML: Expected \']\' at the end of a table declaration in column 7; see https://toml.io'),
+        (b"[bench]\n\ntick_us = 1 ms\n", "bench.toml:3: is not valid TOML: Expected newline or end of document after a statement in column 13; see https://toml.io"),
+        (b"[bench]\ntick_us =", "bench.toml: is not valid TOML: Invalid value at the end of the file; see https://toml.io"),
+        (b"# \xff\n", "bench.toml: is not UTF-8 text; save it as UTF-8"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_toml_names_the_line(
+    write: Write, content: bytes, message: str
+) -> None:
+    path = write("")
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+
+    assert str(caught.value) == message
+
+
+def test_deeply_nested_toml_is_refused(write: Write) -> None:
+    with pytest.raises(ConfigError, match=r"^bench.toml: is not valid TOML: "):
+        load_config(write("a = " + "[" * 100_000))
+
+
+def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as missing:
+        load_config(tmp_path / "no.toml")
+    with pytest.raises(ConfigError) as directory:
+        load_config(tmp_path)
+
+    assert str(missing.value) == (
+        f"{tmp_path}/no.toml: cannot be read: No such file or directory; give a TOML file"
+    )
+    assert str(directory.value) == f"{tmp_path}: cannot be read: Is a directory; give a TOML file"
+
+
+@pytest.mark.parametrize("text", ["x", "-1", "1.5", "٣", "1_0"])
+def test_a_bad_seed_in_the_environment_names_the_variable(
+    monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    monkeypatch.setenv("HIL_BENCH_SEED", text)
+    with pytest.raises(ConfigError) as caught:
+        load_config()
+
+    assert str(caught.value) == (
+        f'environment:HIL_BENCH_SEED: "{text}" is not an integer; give an integer from 0 up'
+    )
+
+
+def test_a_bad_value_on_the_command_line_names_the_option() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(seed=-1, interface="socketcn", bus_options={"chanel": "can0"})
+
+    assert str(caught.value).splitlines() == [
+        "--seed: -1 is out of range; give an integer from 0 up",
+        "--bus-kwargs chanel: unknown key; the nearest known key is channel",
+        '--interface: python-can has no interface "socketcn"; the nearest is "socketcan"',
+    ]

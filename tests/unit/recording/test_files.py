@@ -1,0 +1,141 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import (
+    Channel,
+    ChannelRecorder,
+    Recording,
+    recording_channels,
+    recording_dtype,
+)
+from hil_bench.recording.files import RecordingFile, read_recording
+
+CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.spool_position", "-"))
+
+
+def recording(*rows: tuple[float, ...]) -> Recording:
+    recorder = ChannelRecorder(CHANNELS, max(len(rows), 1))
+    for row in rows:
+        recorder.append(row)
+    return recorder.result()
+
+
+def write(path: Path, content: Recording) -> None:
+    with RecordingFile(path) as file:
+        file.write(content)
+
+
+def test_names_stand_in_the_first_row_and_units_in_the_second(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    write(path, recording((0.0, 0.1, -1.0), (0.001, 1e-17, 0.5)))
+
+    assert path.read_text(encoding="utf-8").splitlines() == [
+        "time,axis1.position,axis1.spool_position",
+        "s,m,-",
+        "0.0,0.1,-1.0",
+        "0.001,1e-17,0.5",
+    ]
+
+
+@given(values=st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), max_size=5))
+def test_what_was_written_reads_back_exactly(
+    tmp_path_factory: pytest.TempPathFactory, values: list[tuple[float, float, float]]
+) -> None:
+    path = tmp_path_factory.mktemp("recording") / "run.csv"
+    write(path, recording(*values))
+    found = read_recording(path)
+
+    assert found.tolist() == values
+    assert recording_channels(found) == (Channel("time", "s"), *CHANNELS)
+
+
+def test_not_a_number_reads_back(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    write(path, recording((0.0, math.nan, math.inf)))
+
+    assert np.isnan(read_recording(path)["axis1.position"]).all()
+
+
+def test_names_with_separators_and_quotes_read_back(tmp_path: Path) -> None:
+    channels = (Channel("time", "s"), Channel('a,"b"', "l/(min bar)"))
+    path = tmp_path / "run.csv"
+    write(path, np.zeros(1, dtype=recording_dtype(channels)))
+
+    assert recording_channels(read_recording(path)) == channels
+
+
+def test_the_file_is_not_there_before_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("the last good run")
+    with RecordingFile(path) as file:
+        assert path.read_text() == "the last good run"
+        file.write(recording((0.0, 1.0, 2.0)))
+
+    assert read_recording(path).tolist() == [(0.0, 1.0, 2.0)]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("the last good run")
+    with pytest.raises(RuntimeError), RecordingFile(path):
+        raise RuntimeError
+
+    assert path.read_text() == "the last good run"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as missing:
+        RecordingFile(tmp_path / "no" / "run.csv")
+    with pytest.raises(ConfigError) as directory:
+        RecordingFile(tmp_path)
+
+    assert str(missing.value) == (
+        f"{tmp_path}/no/run.csv: cannot be written: No such file or directory; "
+        "give a file in a directory of yours"
+    )
+    assert str(directory.value) == f"{tmp_path}: is a directory; give the name of a file to write"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "it has no row of names and units"),
+        ("time\n", "it has no row of names and units"),
+        ("time,x\ns\n", "it has 2 names and 1 units"),
+        ("time,time\ns,s\n", "recording channel time: is there twice; give each its own name"),
+        ("time,x\ns,m\n1\n", "row 3 has 1 values, the first has 2"),
+        ("time,x\ns,m\n1,fast\n", "could not convert string to float: 'fast'"),
+        ("x,time\nm,s\n", "its first column is x, not time"),
+    ],
+)
+def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read_recording(path)
+
+    assert str(caught.value) == f"{path}: is no recording: {reason}"
+
+
+def test_a_binary_file_is_no_recording(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(b"\xff\x00\xff")
+    with pytest.raises(ConfigError, match="is no recording: "):
+        read_recording(path)
+
+
+def test_a_missing_recording_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read_recording(tmp_path / "no.csv")
+
+    assert str(caught.value) == (
+        f"{tmp_path}/no.csv: cannot be read: No such file or directory; give a recording"
+    )

@@ -1,0 +1,130 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil_bench.errors import ConfigError
+from hil_bench.recording import plot
+from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
+
+QUANTITIES = {
+    "position_setpoint": "m",
+    "position": "m",
+    "P_A": "Pa",
+    "P_B": "Pa",
+    "spool_setpoint": "-",
+    "spool_position": "-",
+}
+
+
+def recording(*axes: str, without: tuple[str, ...] = (), spool_unit: str = "-") -> Recording:
+    quantities = QUANTITIES | {"spool_setpoint": spool_unit, "spool_position": spool_unit}
+    channels = [
+        Channel(f"{axis}.{quantity}", unit)
+        for axis in axes
+        for quantity, unit in quantities.items()
+        if quantity not in without
+    ]
+    recorder = ChannelRecorder(channels, 3)
+    values = {
+        "position_setpoint": 0.2,
+        "position": 0.15,
+        "P_A": 50e5,
+        "P_B": 40e5,
+        "spool_setpoint": 0.5,
+        "spool_position": 0.25,
+    }
+    for tick in range(3):
+        row = [values[channel.name.rpartition(".")[2]] for channel in channels]
+        recorder.append([tick * 1e-3, *row])
+    return recorder.result()
+
+
+def drawn(content: Recording) -> list[tuple[str, list[float]]]:
+    """The label of each panel and the last value of each of its lines, row by row."""
+    figure = plot._draw(content, plot._axis_names(content), "")
+    return [
+        (place.get_ylabel(), [round(float(line.get_ydata()[-1]), 9) for line in place.lines])  # type: ignore[index]
+        for place in figure.axes
+    ]
+
+
+def test_each_quantity_has_a_panel_in_its_display_unit() -> None:
+    # 0.2 m - 0.15 m = 50 mm; 5 MPa = 50 bar; 0.5 = 50 %.
+    assert drawn(recording("axis1")) == [
+        ("Position [mm]", [200.0, 150.0]),
+        ("Tracking error [mm]", [50.0]),
+        ("Pressure [bar]", [50.0, 40.0]),
+        ("Spool [%]", [50.0, 25.0]),
+    ]
+
+
+def test_a_spool_recorded_in_metres_is_drawn_in_millimetres() -> None:
+    assert drawn(recording("axis1", spool_unit="m"))[-1] == ("Spool [mm]", [500.0, 250.0])
+
+
+def test_what_a_recording_lacks_is_left_out() -> None:
+    assert drawn(recording("axis1", without=("position_setpoint", "P_A", "P_B"))) == [
+        ("Position [mm]", [150.0]),
+        ("Spool [%]", [50.0, 25.0]),
+    ]
+
+
+def test_set_points_are_dashed_and_behind_the_actual_value() -> None:
+    content = recording("axis1")
+    position = plot._draw(content, ["axis1"], "").axes[0]
+    setpoint, actual = position.lines
+
+    assert (setpoint.get_linestyle(), actual.get_linestyle()) == ("--", "-")
+    assert setpoint.get_zorder() < actual.get_zorder()
+
+
+def test_several_axes_stand_side_by_side_on_one_time_axis() -> None:
+    figure = plot._draw(recording("lift", "press"), ["lift", "press"], "")
+
+    titles = [place.get_title(loc="left") for place in figure.axes]
+    assert titles == ["lift", "press", *[""] * 6]
+    assert all(place.get_shared_x_axes().joined(place, figure.axes[0]) for place in figure.axes)
+
+
+def test_a_picture_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "run.png"
+    plot.plot_result(recording("axis1"), path, title="Run")
+
+    assert path.read_bytes().startswith(b"\x89PNG\r\n")
+
+
+def test_without_matplotlib_the_message_names_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    path = tmp_path / "run.png"
+    with pytest.raises(ConfigError) as caught:
+        plot.plot_result(recording("axis1"), path)
+
+    assert str(caught.value) == (
+        f"{path}: a plot needs matplotlib; install it with: pip install 'hil-bench[plot]'"
+    )
+
+
+def test_a_picture_that_cannot_be_written_says_why(tmp_path: Path) -> None:
+    path = tmp_path / "no" / "run.png"
+    with pytest.raises(ConfigError) as caught:
+        plot.plot_result(recording("axis1"), path)
+    with pytest.raises(ConfigError, match=r"run\.xyz: cannot be written: .*; give a \.png file"):
+        plot.plot_result(recording("axis1"), tmp_path / "run.xyz")
+
+    assert str(caught.value) == (
+        f"{path}: cannot be written: No such file or directory; give a .png file"
+    )
+
+
+def test_a_recording_without_an_axis_is_refused(tmp_path: Path) -> None:
+    recorder = ChannelRecorder([Channel("tick.work", "s")], 1)
+    path = tmp_path / "run.png"
+    with pytest.raises(ConfigError) as caught:
+        plot.plot_result(recorder.result(), path)
+
+    assert str(caught.value) == (
+        f"{path}: the recording has no axis to plot; record its channels"
+    )

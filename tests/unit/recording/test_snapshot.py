@@ -1,0 +1,135 @@
+"""The snapshot between two processes: whole rows, no waiting, nothing left behind."""
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.snapshot import Snapshot, SnapshotRow
+
+CHANNELS = tuple(Channel(f"c{number}", "m") for number in range(64))
+SPAWN = multiprocessing.get_context("spawn")
+
+
+def test_there_is_no_row_before_the_first_is_written() -> None:
+    assert Snapshot(CHANNELS).read() is None
+
+
+def test_a_reader_sees_the_newest_row() -> None:
+    snapshot = Snapshot(CHANNELS[:2])
+    snapshot.write((1.0, 2.0))
+    snapshot.write((3.0, 4.0))
+
+    assert snapshot.read() == SnapshotRow(2, (3.0, 4.0))
+    assert snapshot.read() == SnapshotRow(2, (3.0, 4.0))
+
+
+def test_a_row_half_written_is_not_shown() -> None:
+    snapshot = Snapshot(CHANNELS[:2])
+    snapshot.write((1.0, 2.0))
+    snapshot._memory[8:16] = b"\x00\x00\x00\x00\x00\x00\x08@"  # type: ignore[index]
+
+    assert snapshot.read() is None
+    snapshot.write((5.0, 6.0))
+    assert snapshot.read() == SnapshotRow(2, (5.0, 6.0))
+
+
+def test_a_row_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(Exception, match="pack expected 3 items"):
+        Snapshot(CHANNELS[:2]).write((1.0,))
+
+
+def read_many(snapshot: Snapshot, found: Connection) -> None:
+    """Reads until the row 0 tells the end; sends what was wrong and how many rows were seen."""
+    last, torn, seen = 0, 0, 0
+    found.send("ready")
+    while True:
+        row = snapshot.read()
+        if row is None:
+            continue
+        torn += len(set(row.values)) != 1 or row.sequence < last
+        seen += row.sequence != last
+        last = row.sequence
+        if row.values[0] < 0.0:
+            break
+    found.send((torn, seen))
+
+
+def test_a_reader_in_another_process_never_sees_a_torn_row() -> None:
+    snapshot = Snapshot(CHANNELS)
+    here, there = SPAWN.Pipe()
+    reader = SPAWN.Process(target=read_many, args=(snapshot, there))
+    reader.start()
+    assert here.recv() == "ready"
+    # All values of a row are the same, so that a torn row shows.
+    for number in range(200_000):
+        snapshot.write([float(number)] * len(CHANNELS))
+    snapshot.write([-1.0] * len(CHANNELS))
+    torn, seen = here.recv()
+    reader.join()
+
+    assert torn == 0
+    assert seen > 1
+    assert reader.exitcode == 0
+
+
+def wait_for_ever(_snapshot: Snapshot, found: Connection) -> None:
+    found.send("ready")
+    found.recv()
+
+
+def test_a_reader_that_is_killed_leaves_the_writer_at_work() -> None:
+    snapshot = Snapshot(CHANNELS[:1])
+    here, there = SPAWN.Pipe()
+    reader = SPAWN.Process(target=wait_for_ever, args=(snapshot, there))
+    reader.start()
+    assert here.recv() == "ready"
+    assert reader.pid is not None
+    os.kill(reader.pid, signal.SIGKILL)
+    reader.join()
+    snapshot.write((7.0,))
+
+    assert snapshot.read() == SnapshotRow(1, (7.0,))
+
+
+PROGRAM = """
+import multiprocessing, os, signal, sys
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.snapshot import Snapshot
+
+def read(snapshot, pipe):
+    pipe.send(snapshot.read().values)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context("spawn")
+    snapshot = Snapshot([Channel("x", "m")])
+    snapshot.write([3.0])
+    here, there = context.Pipe()
+    reader = context.Process(target=read, args=(snapshot, there))
+    reader.start()
+    print(here.recv())
+    reader.join()
+    print(reader.exitcode)
+"""
+
+
+def test_nothing_is_left_behind_nor_said_when_a_reader_is_killed(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    shared = Path("/dev/shm")
+    before = set(shared.iterdir()) if shared.is_dir() else set()
+    done = subprocess.run(
+        [sys.executable, "-W", "error", program], capture_output=True, text=True, check=True
+    )
+
+    assert done.stdout == "(3.0,)\n-9\n"
+    assert done.stderr == ""
+    mine = {path for path in shared.iterdir() if path not in before} if shared.is_dir() else set()
+    assert not [path for path in mine if path.name.startswith("pym-")]

@@ -5,7 +5,7 @@ takes 1 ms, and the node has node-ID 5 and the objects of tests/unit/canopen_dev
 
     (0.010) > 605#4000100000000000    ; a frame to the node, as can-utils write it (R for remote)
     (0.010) < 585#4300100091010000    ; the frame that the node sends in that round
-    (0.020) ! set 2010.00 = 7         ; the application: set, trigger N, raise CODE BITS [DETAIL], clear CODE
+    (0.020) ! set 2010.00 = 7         ; the application: set, trigger, raise CODE BITS [DATA], clear
     (0.020) ? value 2000.00 = 7       ; a look inside after the round: value, state, event, counter
 
 The node must send exactly the frames of the transcript, in its order and in its rounds.

@@ -1,6 +1,6 @@
 """Cost of one plant step, beside the same equations in C. Run: `python benchmarks/plant_step.py`.
 
-Prints Markdown tables. Each figure is the median of repeats, Numba and C interleaved in one process.
+Prints Markdown tables. Each figure is a median of repeats, Numba and C interleaved in one process.
 The C source, `plant_step.c`, is built with `gcc -O3 -march=native` into a temporary directory.
 """
 

@@ -1,0 +1,42 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from hil_bench.plant.kernel import IS_COMPILED
+
+RUN_AND_PRINT_BITS = """
+import random
+import sys
+sys.modules.update({name: None for name in sys.argv[1:]})  # None: as if not installed
+from hil_bench.plant import FullOrderPlant, PlantInput, PlantOptions, Solver, paper_parameters
+for solver in Solver:
+    for options in (PlantOptions.paper(), PlantOptions.bench()):
+        plant = FullOrderPlant(paper_parameters(), options=options, solver=solver)
+        source = random.Random(1)
+        for _ in range(400):
+            plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
+        print(*(value.hex() for value in (*plant.state, *plant.output)))
+"""
+
+
+def run_plants(disable_jit: str, *missing: str) -> str:
+    command = [sys.executable, "-c", RUN_AND_PRINT_BITS, *missing]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": disable_jit}
+    finished = subprocess.run(  # noqa: S603 - the script above
+        command, env=environment, check=True, capture_output=True, text=True
+    )
+    return finished.stdout
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
+def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
+    """One second through free motion, both stops, cavitation and overload.
+
+    A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
+    """
+    compiled = run_plants("0")
+    assert compiled.count("\n") == 4
+    assert compiled == run_plants("1")
+    assert compiled == run_plants("0", "numba")

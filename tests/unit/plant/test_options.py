@@ -1,0 +1,53 @@
+import dataclasses
+import math
+
+import pytest
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant import EndStop, PlantOptions
+
+
+def test_paper_is_as_printed_with_the_tanh_of_section_iv() -> None:
+    options = PlantOptions.paper()
+    assert options.tanh_gain == 400.0
+    assert options.end_stop is None
+    assert options.cavitation_floor is None
+    assert options.laminar_transition == 0.0
+    assert options.signed_root
+
+
+def test_bench_keeps_piston_and_pressures_where_they_can_be() -> None:
+    options = PlantOptions.bench()
+    assert options.end_stop == EndStop()
+    assert options.cavitation_floor == -101_325.0  # standard atmosphere, as gauge pressure
+    assert options.laminar_transition > 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tanh_gain": 0.0}, "tanh_gain = 0 s/m: must be greater than 0"),
+        ({"tanh_gain": math.nan}, "tanh_gain = nan s/m: must be finite"),
+        ({"tanh_gain": -math.inf}, "tanh_gain = -inf s/m: must be finite"),
+        ({"laminar_transition": -1.0}, "laminar_transition = -1 Pa: must be 0 or greater"),
+        ({"cavitation_floor": 1e5}, "cavitation_floor = 100000 Pa: must be 0 or less"),
+        ({"cavitation_floor": -math.inf}, "cavitation_floor = -inf Pa: must be finite"),
+    ],
+)
+def test_refuses_senseless_options(change: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        dataclasses.replace(PlantOptions.bench(), **change)
+    assert str(refusal.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"stiffness": 0.0}, "stiffness of the end stop = 0 N/m: must be greater than 0"),
+        ({"damping": -1.0}, "damping of the end stop = -1 N s/m: must be 0 or greater"),
+    ],
+)
+def test_refuses_a_senseless_end_stop(change: dict[str, float], message: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        EndStop(**change)
+    assert str(refusal.value).startswith(message)

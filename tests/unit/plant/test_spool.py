@@ -1,0 +1,59 @@
+import cmath
+import math
+
+import pytest
+
+from hil_bench.plant.spool import move_spool, orifice_state, spool_transition
+
+ALPHA, BETA = 1e-3, 3e-4  # Table I
+
+
+def step_response(t: float, omega: float, xi: float) -> float:
+    """Textbook step response of a second-order lag from rest."""
+    root = cmath.sqrt(xi * xi - 1.0)
+    fast, slow = -omega * (xi + root), -omega * (xi - root)
+    value = 1.0 + (fast * cmath.exp(slow * t) - slow * cmath.exp(fast * t)) / (slow - fast)
+    return value.real
+
+
+@pytest.mark.parametrize("xi", [0.1, 0.7, 0.999, 1.001, 3.0])
+@pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3])
+def test_is_exact_at_every_step_size(xi: float, dt: float) -> None:
+    transition = spool_transition(1200.0, xi, dt)
+    nu, nu_dot = 0.0, 0.0
+    for step in range(1, 51):
+        nu, nu_dot = move_spool(nu, nu_dot, 1.0, transition)
+        assert nu == pytest.approx(step_response(step * dt, 1200.0, xi), abs=1e-10)
+
+
+def test_critical_damping() -> None:
+    # Step response 1 - exp(-omega t) (1 + omega t) at omega t = 1.2.
+    nu, nu_dot = move_spool(0.0, 0.0, 1.0, spool_transition(1200.0, 1.0, 1e-3))
+    assert nu == pytest.approx(1.0 - math.exp(-1.2) * 2.2, rel=1e-12)
+    assert nu_dot == pytest.approx(1200.0 * 1.2 * math.exp(-1.2), rel=1e-12)
+
+
+def test_stiff_overdamped_spool_stays_finite() -> None:
+    nu, nu_dot = move_spool(0.0, 0.0, 1.0, spool_transition(1e6, 50.0, 1.0))
+    assert nu == pytest.approx(1.0)
+    assert nu_dot == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("nu", "z"),
+    [  # eq. (2) with Table I
+        (0.0, 0.0),
+        (2.9e-4, 0.0),
+        (-2.9e-4, 0.0),
+        (3e-4, 0.0),
+        (4e-4, 1e-4),
+        (-4e-4, -1e-4),
+        (1e-3, 0.7e-3),
+        (1.3e-3, 1e-3),
+        (-1.3e-3, -1e-3),
+        (5.0, 1e-3),
+        (-5.0, -1e-3),
+    ],
+)
+def test_dead_zone_and_saturation(nu: float, z: float) -> None:
+    assert orifice_state(nu, ALPHA, BETA) == pytest.approx(z, rel=1e-12, abs=1e-18)

@@ -1,0 +1,29 @@
+import math
+
+import pytest
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant import PlantParameters, balanced_state
+
+
+def test_balanced_state_holds_the_piston(paper: PlantParameters) -> None:
+    state = balanced_state(paper)
+    _, _, P_A, P_B, _, _ = state
+    assert math.isclose(P_A * paper.A_A, P_B * paper.A_B, rel_tol=1e-14)
+    assert math.isclose(P_A + P_B, paper.P_S, rel_tol=1e-14)
+    assert state[:2] == (0.0, 0.0)
+    assert state[4:] == (0.0, 0.0)
+
+
+def test_balanced_state_at_another_place_and_pressure(paper: PlantParameters) -> None:
+    # P_A = 2 p A_B / (A_A + A_B) = 2 * 3e6 * 4.7 / 9.7
+    state = balanced_state(paper, x=0.1, mean_pressure=3e6)
+    assert state.x == 0.1
+    assert state[2:4] == pytest.approx((2.907216e6, 3.092784e6), rel=1e-6)
+
+
+def test_balanced_state_refuses_nan(paper: PlantParameters) -> None:
+    with pytest.raises(ParameterError, match=r"^mean_pressure = nan Pa"):
+        balanced_state(paper, mean_pressure=math.nan)
+    with pytest.raises(ParameterError, match=r"^x = inf m"):
+        balanced_state(paper, x=math.inf)

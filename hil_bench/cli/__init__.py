@@ -26,13 +26,15 @@ VERBS = {
 """Each verb, which is also the name of its module, and what it does in a line."""
 
 _EXAMPLES = """\
-examples:
-  hil-bench check bench.toml
-  hil-bench devices bench.toml
-  hil-bench VERB --help
+exit codes:
+  0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
+  under --strict-timing; 70 a bug in hil-bench; 130 interrupted
 
-exit codes: 0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time
-budget missed under --strict-timing; 70 a bug in hil-bench; 130 interrupted
+examples:
+  hil-bench demo
+  hil-bench run -i socketcan -c vcan0
+  hil-bench check bench.toml
+  hil-bench VERB --help
 """
 
 
@@ -48,7 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         code: int = args.run(args)
         sys.stdout.flush()
     except BrokenPipeError:
-        return _leave_broken_pipe()
+        # The reader of our output, such as `head`, has seen enough.
+        _discard_standard_output()
+        return ExitCode.DONE
     except KeyboardInterrupt:
         return ExitCode.INTERRUPTED
     except Exception as error:  # the last place where it can become one line
@@ -116,8 +120,6 @@ def _report(error: Exception, *, verbosity: int) -> ExitCode:
     return exit_code_of(error)
 
 
-def _leave_broken_pipe() -> ExitCode:
-    """End quietly when the reader of our output, such as `head`, has seen enough."""
-    # Or the interpreter would complain when it flushes standard output at exit.
+def _discard_standard_output() -> None:
+    """Or the interpreter would complain when it flushes standard output at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return ExitCode.DONE

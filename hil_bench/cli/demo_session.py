@@ -24,7 +24,13 @@ from drivers import (
 )
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli.status_line import Field, bench_status, bench_status_row
+from hil_bench.cli.status_line import (
+    Field,
+    bench_status,
+    bench_status_row,
+    loop_status,
+    loop_status_row,
+)
 from hil_bench.config import BenchConfig, NodeConfig, PressureConfig, PressureSource, Profile
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
@@ -105,8 +111,14 @@ class DemoSession:
         self.recorder = ChannelRecorder((setpoint, *bench_channels(self._bench)), rows)
         self.frames: deque[tuple[Frame, int, bool]] = deque(maxlen=_LOGGED_FRAMES)
         channels, fields = bench_status(self._bench)
-        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels))
-        self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
+        loop_channels, loop_fields = loop_status() if is_paced else ([], [])
+        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels, *loop_channels))
+        self.fields = [
+            Field("{:6.1f} s", 1.0),
+            Field("set {:+8.2f} mm", 1e3),
+            *fields,
+            *loop_fields,
+        ]
 
     def run(self, stopped: Callable[[], bool]) -> DemoReport:
         """Move the axis along its profile, until the end or until `stopped` says so.
@@ -130,7 +142,8 @@ class DemoSession:
         seconds = now * 1e-9
         setpoint = self._setpoint_at(seconds)
         self.recorder.append((seconds, setpoint, *sample(self._bench)))
-        self.snapshot.write((seconds, setpoint, *bench_status_row(self._bench)))
+        health = loop_status_row(self._pacer.statistics) if self._pacer else ()
+        self.snapshot.write((seconds, setpoint, *bench_status_row(self._bench), *health))
         return sent
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:

@@ -144,15 +144,14 @@ def _device_lines(device: Device) -> Iterator[str]:
 
 
 def _transmission(pdo: Pdo) -> str:
-    kind = pdo.transmission_type
+    kind, is_rpdo = pdo.transmission_type, pdo.name.startswith(Direction.RPDO.value)
     if kind in EVENT_DRIVEN:
         how = "on event"
+    elif is_rpdo:
+        how = "with the next SYNC"
     elif kind == SYNCHRONOUS_ACYCLIC:
         how = "on event, with SYNC"
-    elif pdo.name.startswith(Direction.RPDO.value) or kind == 1:
-        how = "every SYNC"
     else:
-        how = f"every {kind} SYNCs"
-    what = "time-out" if pdo.name.startswith(Direction.RPDO.value) else "timer"
-    timer = f", {what} {pdo.event_time_ms} ms" if pdo.event_time_ms else ""
-    return f"{kind:3} {how}{timer}"
+        how = "every SYNC" if kind == 1 else f"every {kind} SYNCs"
+    timer = f", {'time-out' if is_rpdo else 'timer'} {pdo.event_time_ms} ms"
+    return f"{kind:3} {how}{timer if pdo.event_time_ms else ''}"

@@ -11,12 +11,17 @@ from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.loop_summary import frame_lines, loop_lines, node_lines
-from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
+from hil_bench.cli.status_line import (
+    StatusLine,
+    bench_status,
+    bench_status_row,
+    loop_status,
+    loop_status_row,
+)
 from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.runner import RunReport, run_paced
 from hil_bench.transports.hub_process import HubProcess
@@ -129,17 +134,16 @@ def run_until_told(
     pacer = Pacer(MonotonicClock(), config.tick_ns)
     ticks = None if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
     channels, fields = bench_status(bench)
-    snapshot = Snapshot((*channels, Channel("ticks", "-"), Channel("overruns", "-")))
-    fields += [Field("{:.0f} ticks", 1.0), Field("{:.0f} overran", 1.0)]
+    loop_channels, loop_fields = loop_status()
+    snapshot = Snapshot((*channels, *loop_channels))
 
     def publish(bench: Bench, _now: int) -> None:
-        statistics = pacer.statistics
-        snapshot.write((*bench_status_row(bench), statistics.ticks, statistics.overruns))
+        snapshot.write((*bench_status_row(bench), *loop_status_row(pacer.statistics)))
 
     def stopped() -> bool:
         return wish.requested or pacer.statistics.ticks == ticks
 
-    with StatusLine(snapshot, fields, wanted=not args.quiet):
+    with StatusLine(snapshot, (*fields, *loop_fields), wanted=not args.quiet):
         return run_paced(bench, transport, pacer, stopped=stopped, observers=[publish])
 
 

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from hil_bench.bench import Bench
+from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
 
@@ -124,3 +125,14 @@ def bench_status_row(bench: Bench) -> list[float]:
         output = axis.plant.output
         row += (output.x, output.P_A, output.P_B, output.nu)
     return row
+
+
+def loop_status() -> tuple[list[Channel], list[Field]]:
+    """Return what the status line shows of the loop's health."""
+    channels = [Channel("latest", "s"), Channel("overruns", "-")]
+    return channels, [Field("late max {:.0f} us", 1e6), Field("{:.0f} overran", 1.0)]
+
+
+def loop_status_row(statistics: TickStatistics) -> tuple[float, float]:
+    """Return the present values of the channels of `loop_status`."""
+    return statistics.lateness.maximum * 1e-9, statistics.overruns

@@ -1,0 +1,88 @@
+"""What one tick does, and in which order."""
+
+import struct
+
+import pytest
+from support.bus_side import CONTROLLER, POSITION, PRESSURE_A, PRESSURE_B, VALVE, BusSide
+
+from hil_bench.canopen_device.frame import Frame
+
+ALL = (VALVE, PRESSURE_A, PRESSURE_B, POSITION)
+
+
+def test_the_first_tick_boots_every_node(bus):
+    assert bus.tick() == [Frame(0x700 + node_id, b"\x00") for node_id in ALL]
+
+
+def test_a_set_point_moves_the_spool_in_the_tick_it_arrives_in(bus):
+    bus.activate()
+    bus.tick(count=10)
+    assert bus.plant.output.nu == 0.0
+    bus.command(0x0007, 16384)
+    # Eq. (3) from rest with u = alpha + beta = 1.3e-3 m after 1 ms, by hand:
+    # nu = u (1 - e^-0.84 (cos mu + 0.84 / mu sin mu)), mu = 1.2 sqrt(1 - 0.7²) = 0.85697
+    #    = 1.3e-3 (1 - 0.43171 (0.65473 + 0.98020 * 0.75587)) = 0.5167e-3 m.
+    assert bus.plant.output.nu == pytest.approx(0.5167e-3, rel=2e-4)
+
+
+def test_sync_samples_all_devices_in_the_same_tick(bus):
+    bus.tick()
+    for node_id in ALL:
+        assert bus.download(node_id, 0x1800, 2, b"\x01")[0] == 0x60
+    bus.nmt(0x01)
+    bus.command(0x0007, 16384, count=50)
+    sent = {frame.can_id: frame.data for frame in bus.tick(Frame(0x080))}
+    output = bus.plant.output
+    # Process values in bar (0x6131 = 0x004E0000), position in steps of 1 µm, as the EDS files say.
+    assert struct.unpack_from("<f", sent[0x182])[0] == pytest.approx(output.P_A * 1e-5, rel=1e-6)
+    assert struct.unpack_from("<f", sent[0x183])[0] == pytest.approx(output.P_B * 1e-5, rel=1e-6)
+    assert struct.unpack_from("<i", sent[0x184])[0] == round(output.x * 1e6)
+    assert struct.unpack_from("<Hh", sent[0x181])[1] == round(output.nu / 1.3e-3 * 16384)
+    assert not bus.tick()  # no SYNC, no TPDO
+
+
+def test_frames_for_nobody_are_counted_and_change_nothing(bus):
+    bus.activate()
+    before = bus.plant.state
+    strange = [
+        Frame(0x123, b"\x01\x02"),
+        Frame(0x601, b"\x40\x00\x10\x00\x00\x00\x00\x00", is_extended=True),
+        Frame(0x67F, bytes(8)),
+    ]
+    bus.tick(*strange)
+    assert bus.bench.unrouted == len(strange)
+    assert bus.plant.state.nu == before.nu == 0.0
+
+
+def test_a_node_hears_what_another_node_of_the_bench_sends(bus):
+    bus.tick()
+    watched = POSITION << 16 | 50
+    assert bus.download(VALVE, 0x1016, 1, struct.pack("<I", watched))[0] == 0x60
+    assert bus.download(POSITION, 0x1017, 0, struct.pack("<H", 20))[0] == 0x60
+    bus.tick(count=100)
+    assert not [frame for frame in bus.log if frame.can_id == 0x080 + VALVE]
+    assert bus.download(POSITION, 0x1017, 0, struct.pack("<H", 0))[0] == 0x60
+    bus.tick(count=60)
+    emergency = next(frame for frame in bus.log if frame.can_id == 0x080 + VALVE)
+    assert struct.unpack_from("<H", emergency.data)[0] == 0x8130
+
+
+def test_routes_follow_a_changed_identifier(bus):
+    bus.tick()
+    assert 0x700 + CONTROLLER not in bus.bench.routes
+    before = bus.bench.routes
+    watched = CONTROLLER << 16 | 50
+    assert bus.download(VALVE, 0x1016, 1, struct.pack("<I", watched))[0] == 0x60
+    assert bus.bench.routes is not before
+    assert 0x700 + CONTROLLER in bus.bench.routes
+
+
+def test_the_same_frames_give_the_same_bytes():
+    def session():
+        bus = BusSide()
+        bus.activate()
+        for setpoint in (16384, -3000, 5000, 0):
+            bus.command(0x0007, setpoint, count=100)
+        return bus.log, bus.plant.state
+
+    assert session() == session()

@@ -138,6 +138,8 @@ class ValveDevice:
         """
         if self.node.events:
             self._hear_events()
+        if self.node.state is not NmtState.OPERATIONAL:
+            self._machine.deactivate()  # heard already, unless a flood pushed the event out
         wanted: int = (self._setpoint if self._follows_bus() else self._hold_setpoint).value
         demand: int = min(max(wanted, self._lower_limit.value), self._upper_limit.value)
         self._is_limited = demand != wanted
@@ -166,11 +168,7 @@ class ValveDevice:
             self._trigger_status()
 
     def _follows_bus(self) -> bool:
-        return (
-            self._machine.state is ValveState.ACTIVE
-            and self._mode.value == SETPOINT_BY_BUS
-            and self.node.state is NmtState.OPERATIONAL
-        )
+        return self._machine.state is ValveState.ACTIVE and self._mode.value == SETPOINT_BY_BUS
 
     def _start(self) -> None:
         self._machine.start()

@@ -82,6 +82,16 @@ def test_unit_and_digits(rig, unit, digits, expected):
 
 
 @pytest.mark.parametrize(
+    ("pressure", "int16"), [(3276.7e3, 32767), (3276.74e3, 32767), (3276.76e3, -32768)]
+)
+def test_the_integer_format_ends_at_its_last_value(rig, pressure, int16):
+    assert rig.write(0x6131, 1, UNIT_KPA, 4) is None
+    assert rig.write(0x6132, 1, 1, 1) is None
+    apply(rig, pressure)
+    assert rig.value(0x7130, 1) == int16
+
+
+@pytest.mark.parametrize(
     ("unit", "end"), [(UNIT_BAR, 250.0), (UNIT_KPA, 25000.0), (UNIT_PSI, 3625.94344)]
 )
 def test_the_span_is_shown_in_the_unit(rig, unit, end):
@@ -208,6 +218,17 @@ def test_a_default_unit_that_is_no_pressure_is_refused(make_rig, tmp_path):
     eds.write_text(PRESSURE_404.read_text().replace("0x004E0000", "0x002D0000"))
     with pytest.raises(EdsError, match=r"object 0x6131\.01 .* is 0x002D0000; the units are"):
         PressureDevice(make_rig(eds).node, SPAN)
+
+
+def test_digits_are_checked_where_the_eds_has_no_limit(make_rig, tmp_path):
+    limits = "LowLimit=0\nHighLimit=3\nDefaultValue=2\n"
+    text = PRESSURE_404.read_text()
+    assert text.count(limits) == 1
+    eds = tmp_path / "other.eds"
+    eds.write_text(text.replace(limits, "DefaultValue=2\n"))
+    rig = fit_transducer(make_rig(eds))
+    assert rig.write(0x6132, 1, 4, 1) == 0x06090031
+    assert rig.write(0x6132, 1, 3, 1) is None
 
 
 def test_a_span_that_the_eds_lets_write_is_still_the_transducers_own(make_rig, tmp_path):

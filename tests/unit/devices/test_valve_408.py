@@ -9,6 +9,7 @@ import math
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.errors import EdsError, ParameterError
@@ -162,6 +163,13 @@ def test_a_word_after_the_return_to_operational_counts_in_the_same_tick(active):
     assert status(active) == ACTIVE
 
 
+def test_a_flood_of_rpdos_does_not_hide_that_operational_was_left(active):
+    active.nmt(active.STOP)
+    active.node.events.extend([NodeEvent(NodeEventKind.RPDO_RECEIVED, 2)] * 1000)
+    active.tick()
+    assert (status(active), active.spool) == (HOLD, 0.0)
+
+
 def test_two_words_within_one_tick_both_count(active):
     # The first has the rising edge of R, the second would hide it.
     active.valve._machine.fault()
@@ -173,9 +181,7 @@ def test_two_words_within_one_tick_both_count(active):
 
 def test_outside_operational_a_word_by_sdo_leads_no_further_than_hold(rig):
     assert rig.write(0x6040, 0, 0x0007, 2) is None
-    rig.tick()
-    assert status(rig) == HOLD
-    rig.nmt(rig.START)
+    rig.nmt(rig.START)  # in the very next tick
     rig.tick()
     assert status(rig) == HOLD
 
@@ -262,6 +268,22 @@ def test_a_heartbeat_that_is_no_longer_watched_does_not_bar_the_reset(active):
     heartbeat(active)
     active.tick(100)
     assert active.write(0x1016, 1, 0, 4) is None
+    control(active, 0x000F)
+    assert status(active) == HOLD
+
+
+@pytest.mark.parametrize("command", ["RESET_COMMUNICATION", "RESET_NODE"])
+def test_after_a_reset_nobody_is_missing(active, command):
+    watch_controller(active, 100, stays_operational=True)
+    heartbeat(active)
+    active.tick(100)
+    active.nmt(getattr(active, command))
+    active.tick(2)
+    watch_rpdo(active, 50)
+    active.nmt(active.START)
+    control(active, 0x0007)
+    active.tick(50)
+    assert status(active) & 0x8 == 0
     control(active, 0x000F)
     assert status(active) == HOLD
 

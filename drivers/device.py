@@ -113,7 +113,6 @@ class Device:
             )
         milliseconds("event timer", event_timer)
         period_ms = milliseconds("heartbeat period", heartbeat_period)
-        self.node.wait_until_up()
         self._check_identity()
         for pdo in self._received:
             verify_mapping(self.node, pdo.mapping)
@@ -134,7 +133,7 @@ class Device:
             DeviceMismatchError: they differ.
         """
         node = self.node
-        profile = node.read_integer(0x1000) & 0xFFFF
+        profile = node.read_device_type() & 0xFFFF
         if profile != self.PROFILE:
             raise DeviceMismatchError(
                 f"{node}: 0x1000 (device type) says profile {profile}; {self.PROFILE} is right"

@@ -179,8 +179,8 @@ class Node(canopen.RemoteNode):
         self.active_emergency = None if emergency.is_reset else emergency
         return True
 
-    def wait_until_up(self) -> None:
-        """Waits until the device answers an SDO request: it may be booting up just now.
+    def read_device_type(self) -> int:
+        """Returns 0x1000, waiting until the device answers: it may be booting up just now.
 
         Raises:
             DriverTimeoutError: it did not within 2 s.
@@ -189,8 +189,7 @@ class Node(canopen.RemoteNode):
         try:
             for _ in range(PROBES):
                 with suppress(DriverTimeoutError):
-                    self.read(0x1000)
-                    return
+                    return self.read_integer(0x1000)
         finally:
             self.sdo.RESPONSE_TIMEOUT = patience
         raise DriverTimeoutError(

@@ -55,6 +55,7 @@ class PositionSensor(Device):
         inputs = self._add_inputs(self._carriers(PdoKind.TPDO, [position], [speed]))
         self._position = inputs[position]
         self._speed = inputs.get(speed)
+        self._channel = channel
         self._position_step = self._speed_step = math.nan
 
     def setup(
@@ -93,10 +94,7 @@ class PositionSensor(Device):
             DeviceMismatchError: the EDS maps no speed.
         """
         if self._speed is None:
-            raise DeviceMismatchError(
-                f"{self.node}: no TPDO of {self.node.eds} carries {object_name(_SPEED)}; "
-                "an EDS that maps it is right"
-            )
+            raise self._not_mapped(PdoKind.TPDO, object_name(_SPEED, self._channel))
         return self._value(self._speed) * self._speed_step
 
     def _read_step(self, subindex: int) -> int:

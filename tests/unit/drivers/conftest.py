@@ -1,13 +1,16 @@
 """A bus that plays a transcript: it answers what it expects, and nothing else may be sent."""
 
+import configparser
 import re
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import can
 import pytest
 
+from device_profiles import ENCODER_406, VALVE_408
 from drivers import Network
 
 Step = tuple[str | None, str | Sequence[str] | None]
@@ -102,8 +105,10 @@ def upload() -> Callable[[int, str, str], Step]:
     def pair(node_id: int, name: str, raw: str) -> Step:
         data = bytes.fromhex(raw.replace(".", ""))
         command = 0x43 | 4 - len(data) << 2
-        answer = f"{580 + node_id}#{command:02X}{multiplexer(name)}{data.ljust(4, bytes(1)).hex()}"
-        return f"{600 + node_id}#" + dotted(f"40{multiplexer(name)}00000000"), answer
+        answer = (
+            f"{0x580 + node_id:X}#{command:02X}{multiplexer(name)}{data.ljust(4, bytes(1)).hex()}"
+        )
+        return f"{0x600 + node_id:X}#" + dotted(f"40{multiplexer(name)}00000000"), answer
 
     return pair
 
@@ -117,8 +122,8 @@ def download() -> Callable[[int, str, str], Step]:
         command = 0x23 | 4 - len(data) << 2
         request = f"{command:02X}{multiplexer(name)}{data.ljust(4, bytes(1)).hex()}"
         return (
-            f"{600 + node_id}#" + dotted(request),
-            f"{580 + node_id}#60{multiplexer(name)}00000000",
+            f"{0x600 + node_id:X}#" + dotted(request),
+            f"{0x580 + node_id:X}#60{multiplexer(name)}00000000",
         )
 
     return pair
@@ -131,3 +136,70 @@ def multiplexer(name: str) -> str:
 
 def dotted(digits: str) -> str:
     return ".".join(re.findall("..", digits.upper()))
+
+
+@pytest.fixture
+def valve_eds() -> Path:
+    return VALVE_408
+
+
+@pytest.fixture
+def encoder_eds() -> Path:
+    return ENCODER_406
+
+
+@pytest.fixture
+def edit_eds(tmp_path: Path) -> Callable[..., Path]:
+    """Another maker's EDS: edit_eds(ENCODER_406, {"1A00sub1": 0x60200120}) sets default values."""
+
+    def edit(eds: Path, defaults: dict[str, object], *, removed: Sequence[str] = ()) -> Path:
+        parser = configparser.RawConfigParser()
+        parser.optionxform = str  # type: ignore[assignment,method-assign]
+        parser.read(eds)
+        for section, value in defaults.items():
+            parser[section]["DefaultValue"] = str(value)
+        for section in list(parser.sections()):
+            if section.startswith(tuple(removed)) and removed:
+                parser.remove_section(section)
+        copy = tmp_path / f"maker_{eds.name}"
+        with copy.open("w") as file:
+            parser.write(file, space_around_delimiters=False)
+        return copy
+
+    return edit
+
+
+@pytest.fixture
+def set_up_tpdo(
+    upload: Callable[[int, str, str], Step], download: Callable[[int, str, str], Step]
+) -> Callable[..., list[Step]]:
+    """What `setup` says to a device of ours whose TPDO1 has the mapping given, from the identity on.
+
+    The device has an event-driven TPDO1 with a 10 ms timer, and gets type 1 without a timer.
+    """
+
+    def steps(node_id: int, profile: int, mapping: Sequence[int]) -> list[Step]:
+        def number(value: int, size: int) -> str:
+            return value.to_bytes(size, "little").hex()
+
+        cob_id = 0x40000180 + node_id
+        return [
+            upload(node_id, "1000.00", number(profile, 4)),
+            # Our EDS files carry vendor 0, which stands for none, and the profile as product code.
+            upload(node_id, "1018.02", number(int(str(profile), 16), 4)),
+            upload(node_id, "1A00.00", number(len(mapping), 1)),
+            *(
+                upload(node_id, f"1A00.{place:02X}", number(entry, 4))
+                for place, entry in enumerate(mapping, 1)
+            ),
+            upload(node_id, "1800.01", number(cob_id, 4)),
+            upload(node_id, "1800.02", "FF"),
+            upload(node_id, "1800.05", "0A.00"),
+            download(node_id, "1800.01", number(cob_id | 1 << 31, 4)),
+            download(node_id, "1800.02", "01"),
+            download(node_id, "1800.05", "00.00"),
+            download(node_id, "1800.01", number(cob_id, 4)),
+            download(node_id, "1017.00", "64.00"),
+        ]
+
+    return steps

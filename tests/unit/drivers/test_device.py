@@ -1,0 +1,180 @@
+"""What all drivers check: identity, mapping, COB-IDs; and that they write only what differs."""
+
+import pytest
+
+from device_profiles import ENCODER_406
+from drivers import DeviceMismatchError, PositionSensor, SdoAbortError, StaleValueError
+
+MAPPING = [0x60040020, 0x60300110]
+
+
+@pytest.fixture
+def sensor(network):
+    return PositionSensor(network, 4)
+
+
+@pytest.fixture
+def identity(upload):
+    return [upload(4, "1000.00", "96.01.00.00"), upload(4, "1018.02", "06.04.00.00")]
+
+
+@pytest.fixture
+def mapping(upload):
+    return [
+        upload(4, "1A00.00", "02"),
+        upload(4, "1A00.01", "20.00.04.60"),
+        upload(4, "1A00.02", "10.01.30.60"),
+    ]
+
+
+def test_another_profile_is_refused(sensor, expected_protocol, upload):
+    with (
+        expected_protocol([upload(4, "1000.00", "98.01.00.00")]),
+        pytest.raises(DeviceMismatchError, match=r"0x1000 \(device type\) says profile 408; 406"),
+    ):
+        sensor.setup()
+
+
+def test_another_product_is_refused(sensor, expected_protocol, upload, identity):
+    with (
+        expected_protocol([identity[0], upload(4, "1018.02", "07.04.00.00")]),
+        pytest.raises(DeviceMismatchError, match=r"0x1018\.02 .* is 0x407; 0x406 is right"),
+    ):
+        sensor.setup()
+
+
+def test_the_vendor_counts_where_the_eds_names_one(
+    network, edit_eds, expected_protocol, upload, identity
+):
+    sensor = PositionSensor(network, 4, edit_eds(ENCODER_406, {"1018sub1": "0x1F"}))
+    with (
+        expected_protocol([identity[0], upload(4, "1018.01", "2F.00.00.00")]),
+        pytest.raises(DeviceMismatchError, match=r"0x1018\.01 .* is 0x2F; 0x1F is right"),
+    ):
+        sensor.setup()
+
+
+@pytest.mark.parametrize(
+    ("answers", "message"),
+    [
+        ([("1A00.00", "01")], r"0x1A00\.00 \(TPDO1\) maps 1 objects; 2 are right"),
+        (
+            [("1A00.00", "02"), ("1A00.01", "20.01.20.60")],
+            r"0x1A00\.01 \(TPDO1\) maps 0x6020\.01 \(32 bit\); 0x6004 \(32 bit\) is right",
+        ),
+    ],
+)
+def test_another_mapping_is_refused(sensor, expected_protocol, upload, identity, answers, message):
+    steps = [upload(4, name, raw) for name, raw in answers]
+    with (
+        expected_protocol([*identity, *steps]),
+        pytest.raises(DeviceMismatchError, match=message),
+    ):
+        sensor.setup()
+
+
+def test_a_device_that_is_set_up_already_is_only_read(
+    sensor, network, bus, expected_protocol, upload, download, identity, mapping
+):
+    steps = [
+        *identity,
+        *mapping,
+        upload(4, "1800.01", "90.01.00.40"),  # another COB-ID than the EDS's: the device is right
+        upload(4, "1800.02", "01"),
+        upload(4, "1800.05", "00.00"),
+        download(4, "1017.00", "64.00"),
+        upload(4, "6005.01", "E8.03.00.00"),
+        upload(4, "6005.02", "0A.00.00.00"),
+    ]
+    with expected_protocol(steps):
+        sensor.setup()
+    bus.play("190#01.00.00.00.00.00")
+    network.pump()
+    assert sensor.position == pytest.approx(1e-6)
+
+
+def test_a_disabled_tpdo_is_enabled(
+    network, edit_eds, expected_protocol, upload, download, identity
+):
+    # Only TPDO2, which does not exist yet (bit 31 of its COB-ID), carries the position.
+    eds = edit_eds(ENCODER_406, {"1A00sub0": 0})
+    sensor = PositionSensor(network, 4, eds)
+    steps = [
+        *identity,
+        upload(4, "1A01.00", "02"),
+        upload(4, "1A01.01", "20.00.04.60"),
+        upload(4, "1A01.02", "10.01.30.60"),
+        upload(4, "1801.01", "84.02.00.C0"),
+        upload(4, "1801.02", "01"),
+        upload(4, "1801.05", "00.00"),
+        download(4, "1801.01", "84.02.00.40"),
+        download(4, "1017.00", "64.00"),
+        upload(4, "6005.01", "E8.03.00.00"),
+        upload(4, "6005.02", "0A.00.00.00"),
+    ]
+    with expected_protocol(steps):
+        sensor.setup()
+
+
+@pytest.mark.parametrize("cob_id", ["84.01.00.20", "00.00.00.80"])  # 29 bit; none
+def test_a_tpdo_without_an_11_bit_identifier_is_refused(
+    sensor, expected_protocol, upload, identity, mapping, cob_id
+):
+    with (
+        expected_protocol([*identity, *mapping, upload(4, "1800.01", cob_id)]),
+        pytest.raises(DeviceMismatchError, match="an 11-bit CAN identifier is right"),
+    ):
+        sensor.setup()
+
+
+def test_a_refused_transmission_type_is_told(
+    sensor, expected_protocol, upload, download, identity, mapping
+):
+    steps = [
+        *identity,
+        *mapping,
+        upload(4, "1800.01", "84.01.00.40"),
+        upload(4, "1800.02", "FF"),
+        upload(4, "1800.05", "00.00"),
+        download(4, "1800.01", "84.01.00.C0"),
+        ("604#2F.00.18.02.01.00.00.00", "584#80.00.18.02.30.00.09.06"),
+    ]
+    with expected_protocol(steps), pytest.raises(SdoAbortError, match=r"0x1800\.02") as caught:
+        sensor.setup()
+    assert caught.value.code == 0x06090030
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"transmission_type": 241},
+        {"transmission_type": -1},
+        {"event_timer": -0.1},
+        {"event_timer": 66.0},
+        {"heartbeat_period": 1e-4},
+    ],
+)
+def test_an_argument_out_of_range_is_refused_before_anything_is_sent(sensor, bus, arguments):
+    with pytest.raises(ValueError, match="is right"):
+        sensor.setup(**arguments)
+    assert bus.sent == []
+
+
+def test_a_driver_that_was_not_set_up_has_no_value(sensor, network, bus):
+    bus.play("184#01.00.00.00.00.00")
+    network.pump()
+    with pytest.raises(StaleValueError, match=r"setup\(\)"):
+        _ = sensor.position
+
+
+@pytest.mark.parametrize(
+    ("defaults", "message"),
+    [
+        ({"1A00sub1": "0x60040010"}, "maps 16 bit of 0x6004"),  # half an INTEGER32
+        ({"1A00sub1": "0x00010001", "1A00sub2": "0x60040020"}, "at bit 1"),  # behind one bit
+    ],
+)
+def test_a_mapping_that_cuts_objects_is_refused(network, edit_eds, defaults, message):
+    eds = edit_eds(ENCODER_406, {**defaults, "1A01sub0": 0})
+    with pytest.raises(DeviceMismatchError, match=message):
+        PositionSensor(network, 4, eds)

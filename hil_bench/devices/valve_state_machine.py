@@ -39,12 +39,10 @@ TR16 and which of TR12 and TR13 is which; see decision 0003.
 
 from enum import Enum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-DISABLED_BIT = 0x1
-HOLD_BIT = 0x2
-ACTIVE_BIT = 0x4
-RESET_BIT = 0x8
+RESET_BIT: Final = 0b1000
+"""R of the control word."""
 
 
 class ValveState(Enum):
@@ -61,7 +59,7 @@ class ValveState(Enum):
     FAULT_INIT = "FAULT_INIT"
 
 
-STATUS_BITS = MappingProxyType(
+STATUS_BITS: Final = MappingProxyType(
     {
         ValveState.NOT_READY: 0b0000,
         ValveState.INIT: 0b1000,
@@ -76,7 +74,7 @@ STATUS_BITS = MappingProxyType(
 )
 """Bits 3 to 0 (R, M, H, D) of the status word in each state."""
 
-FAULT_STATES = frozenset(
+FAULT_STATES: Final = frozenset(
     {
         ValveState.FAULT_REACTION,
         ValveState.FAULT_HOLD,
@@ -106,9 +104,13 @@ class Transition(NamedTuple):
     is_reset: bool = False
 
 
-_D, _HD, _MH, _MHD, _M = 0b001, 0b011, 0b110, 0b111, 0b100
+_D: Final = 0b001
+_HD: Final = 0b011
+_M: Final = 0b100
+_MH: Final = 0b110
+_MHD: Final = 0b111
 
-TRANSITIONS = (
+TRANSITIONS: Final = (
     Transition("TR2", ValveState.INIT, ValveState.DISABLED, _D, _D),
     Transition("TR3", ValveState.DISABLED, ValveState.HOLD, _HD, _HD),
     Transition("TR4", ValveState.HOLD, ValveState.ACTIVE, _MHD, _MHD),
@@ -123,7 +125,7 @@ TRANSITIONS = (
 )
 """The transitions of the control word; from one state, a reset is tried before the others."""
 
-FAULT_TARGETS = MappingProxyType(
+FAULT_TARGETS: Final = MappingProxyType(
     {
         ValveState.INIT: ValveState.FAULT_INIT,
         ValveState.DISABLED: ValveState.FAULT_DISABLED,

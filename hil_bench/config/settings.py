@@ -1,12 +1,15 @@
 """Tables of keys: what a table may hold, and where each of its values came from."""
 
+import re
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from hil_bench.config.values import Reader, Value, find_nearest
+from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE, Unit
+
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_.-]+")
 
 
 class Origin(StrEnum):
@@ -88,8 +91,8 @@ class Problems:
         self._lines: list[str] = []
 
     def place(self, table: str, key: str = "") -> str:
-        """Return how a message names a key of a table in the file."""
-        return f"{self.source}:{table}.{key}" if key else f"{self.source}:{table}"
+        """Return how a message names a key of a table in the file; TOML allows any text as both."""
+        return f"{self.source}:{'.'.join(quote_name(name) for name in (table, key) if name)}"
 
     def add(self, place: str, what: object) -> None:
         """Note one problem; `what` says what is wrong and what would be right."""
@@ -103,6 +106,11 @@ class Problems:
         """
         if self._lines:
             raise ConfigError("\n".join(self._lines))
+
+
+def quote_name(name: str) -> str:
+    """Return the name of a table or key as a message shows it."""
+    return name if _PLAIN_NAME.fullmatch(name) else quote(name)
 
 
 def read_table(

@@ -22,13 +22,18 @@ Reader = Callable[[object], Value]
 _LONGEST = 40  # characters of a bad value that a message repeats
 
 
+def quote(text: str) -> str:
+    """Return text in quotes, on one line whatever it holds."""
+    return json.dumps(text, ensure_ascii=not text.isprintable())
+
+
 def describe(value: object) -> str:
     """Return a value as a person would find it in the file, in a few words."""
     match value:
         case bool():
             return "true" if value else "false"
         case str():
-            return json.dumps(_shorten(value), ensure_ascii=False)
+            return quote(_shorten(value))
         case int() | float():
             return _shorten(str(value))
         case dict():

@@ -12,7 +12,8 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 
 SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
-"""Vector's ASC and BLF, CSV, candump's log, PEAK's trace."""
+"""Vector's ASC and BLF, CSV, candump's log, PEAK's trace (in which python-can writes no remote
+frames)."""
 
 
 class _Entry(NamedTuple):

@@ -20,9 +20,11 @@ ALL_KEYS = {
 }
 ROWS = {
     name: (unit, default)
-    for name, unit, default in re.findall(r"^\| `(\w+)` \| (.+?) \| (.+?) \|", DOCUMENT, re.M)
+    for name, unit, default in re.findall(
+        r"^\| `(\w+)` \| (.+?) \| (.+?) \|", DOCUMENT, re.MULTILINE
+    )
 }
-WRONG = re.findall(r"```toml\n(.*?)```\n.*?```text\n(.*?)```", DOCUMENT, re.S)
+WRONG = re.findall(r"```toml\n(.*?)```\n.*?```text\n(.*?)```", DOCUMENT, re.DOTALL)
 
 
 def test_the_document_has_each_key_and_no_other() -> None:

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a mistake and its message on one line are easier to compare
 """Each mistake ends in one line that says where, what is wrong and what would be right."""
 
 from collections.abc import Callable
@@ -47,7 +48,7 @@ ONE_VALUE = [
     ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),
     ('[bus]\ninterface = ""', 'bus.interface: "" is not a name; give text in quotes'),
     ("[bus]\nchannel = 1.5", 'bus.channel: 1.5 is not a channel; give text or a number, as in "can0"'),
-    ('[bus]\nchanel = "can0"', "bus.chanel: unknown key; the nearest known key is channel"),
+    ('[bus]\nchanne = "can0"', "bus.channe: unknown key; the nearest known key is channel"),
     ("[bus]\nhosts = [1]", "bus.hosts: an array cannot be a bus option; give text, a number or a truth value"),
     # Nodes
     ("[nodes.v]\nnode_id = 1", 'nodes.v.profile: missing; give for example profile = "valve_408"'),
@@ -110,8 +111,7 @@ def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
         load_config(path)
 
     assert str(caught.value) == (
-        "bench.toml:nodes.extra.node_id: 127 is taken by nodes.n127; "
-        "a bus has room for 127 nodes"
+        "bench.toml:nodes.extra.node_id: 127 is taken by nodes.n127; a bus has room for 127 nodes"
     )
 
 
@@ -124,9 +124,7 @@ def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
         (b"# \xff\n", "bench.toml: is not UTF-8 text; save it as UTF-8"),
     ],
 )  # fmt: skip
-def test_a_file_that_is_no_toml_names_the_line(
-    write: Write, content: bytes, message: str
-) -> None:
+def test_a_file_that_is_no_toml_names_the_line(write: Write, content: bytes, message: str) -> None:
     path = write("")
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -167,10 +165,10 @@ def test_a_bad_seed_in_the_environment_names_the_variable(
 
 def test_a_bad_value_on_the_command_line_names_the_option() -> None:
     with pytest.raises(ConfigError) as caught:
-        load_config(seed=-1, interface="socketcn", bus_options={"chanel": "can0"})
+        load_config(seed=-1, interface="socketcn", bus_options={"channe": "can0"})
 
     assert str(caught.value).splitlines() == [
         "--seed: -1 is out of range; give an integer from 0 up",
-        "--bus-kwargs chanel: unknown key; the nearest known key is channel",
+        "--bus-kwargs channe: unknown key; the nearest known key is channel",
         '--interface: python-can has no interface "socketcn"; the nearest is "socketcan"',
     ]

@@ -15,10 +15,12 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     with FrameFile(path, channel="vcan0") as file:
         file.append(Frame(0x201, b"\x07\x00\x00\x20"), 1000 * MILLISECOND, is_received=True)
         file.append(Frame(0x181, b"\x0f\x00"), 1001 * MILLISECOND, is_received=False)
-        file.append(Frame(0x12345678, b"\x01", is_extended=True), 1002 * MILLISECOND, is_received=True)
+        file.append(
+            Frame(0x12345678, b"\x01", is_extended=True), 1002 * MILLISECOND, is_received=True
+        )
         file.append(Frame(0x701, is_remote=True), 1003 * MILLISECOND, is_received=True)
 
-    # candump -L of can-utils: (seconds) channel ID#DATA, with python-can's R and T for the direction.
+    # candump -L of can-utils: (seconds) channel ID#DATA, then python-can's R or T: the direction.
     assert path.read_text().splitlines() == [
         "(1.000000) vcan0 201#07000020 R",
         "(1.001000) vcan0 181#0F00 T",

@@ -125,6 +125,4 @@ def test_a_recording_without_an_axis_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         plot.plot_result(recorder.result(), path)
 
-    assert str(caught.value) == (
-        f"{path}: the recording has no axis to plot; record its channels"
-    )
+    assert str(caught.value) == (f"{path}: the recording has no axis to plot; record its channels")

@@ -1,0 +1,113 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.config import load_config
+
+
+def test_each_value_is_shown_with_its_origin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HIL_BENCH_SEED", "7")
+    Path("bench.toml").write_text("[plant.axis1]\nstroke_mm = 300\n")
+
+    assert main(["check", "bench.toml", "-c", "vcan0", "--bus-kwargs", "port=5"]) == 0
+
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert lines[:13] == [
+        "# bench.toml",
+        "",
+        "[bench]",
+        "tick_us = 1000 # default",
+        "step_us = 100 # default",
+        "seed = 7 # environment",
+        "",
+        "[bus]",
+        "# interface = # left to python-can",
+        'channel = "vcan0" # command line',
+        "# bitrate = # left to python-can",
+        "port = 5 # command line",
+        "",
+    ]
+    assert "stroke_mm = 300.0 # file" in lines
+    assert "moving_mass_kg = 20.0 # default" in lines
+
+
+@pytest.mark.parametrize("example", ["one_axis.toml", "two_axes.toml"])
+def test_what_check_prints_is_the_same_bench(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], example: str
+) -> None:
+    original = Path(__file__).parents[3] / "examples" / example
+    assert main(["check", str(original)]) == 0
+    printed = tmp_path / "printed.toml"
+    printed.write_text(capsys.readouterr().out)
+    first, second = load_config(original), load_config(printed)
+
+    assert (first.axes, first.nodes, first.bus) == (second.axes, second.nodes, second.bus)
+    assert (first.tick_ns, first.step_ns, first.seed) == (
+        second.tick_ns,
+        second.step_ns,
+        second.seed,
+    )
+
+
+def test_json_is_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "--json", "--seed", "3"]) == 0
+
+    found = json.loads(capsys.readouterr().out)
+    assert found["path"] is None
+    settings = {(s["table"], s["key"]): s for s in found["settings"]}
+    assert settings["bench", "seed"] == {
+        "table": "bench",
+        "key": "seed",
+        "value": 3,
+        "unit": "-",
+        "origin": "command line",
+    }
+    assert settings["plant.axis1", "supply_pressure_bar"]["unit"] == "bar"
+    assert settings["bus", "interface"]["value"] is None
+
+
+def test_a_wrong_configuration_is_exit_code_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bench.toml").write_text("[bench]\ntick = 1\nseed = -1\n")
+
+    assert main(["check", "bench.toml"]) == 2
+
+    found = capsys.readouterr()
+    assert found.out == ""
+    assert found.err.splitlines() == [
+        "hil-bench: error: bench.toml:bench.tick: unknown key; the nearest known key is tick_us",
+        "hil-bench: error: bench.toml:bench.seed: -1 is out of range; give an integer from 0 up",
+    ]
+
+
+def test_a_broken_eds_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("broken.eds").write_text("[FileInfo]\n")
+    node = 'profile = "{}"\nnode_id = {}\neds = "broken.eds"\n'
+    Path("bench.toml").write_text(
+        "[nodes.v]\n" + node.format("valve_408", 1) + "[nodes.e]\n" + node.format("encoder_406", 2)
+    )
+
+    assert main(["check", "bench.toml"]) == 2
+
+    # Two nodes with one file have one problem.
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("hil-bench: error: broken.eds: [DeviceInfo] ")
+
+
+@pytest.mark.parametrize("option", ["--fd", "--data-bitrate=2000000"])
+def test_can_fd_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", option]) == 2
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {option.partition('=')[0]}: CANopen is classical CAN; "
+        "give -b or leave it out\n"
+    )

@@ -1,0 +1,99 @@
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.device_table import Device, MappedObject, Pdo, _device_lines, read_devices
+from hil_bench.config import load_config
+
+OBJECTS = (
+    MappedObject(0x6040, 0, "Control word", "UNSIGNED16"),
+    MappedObject(0x6300, 1, "Set-point", "INTEGER16"),
+)
+
+
+def lines(*pdos: Pdo) -> list[str]:
+    device = Device("valve", 1, "valve_408", "axis1", "/eds/valve.eds", pdos)
+    return list(_device_lines(device))
+
+
+def test_a_device_is_told_with_its_pdos_and_their_objects() -> None:
+    rpdo, tpdo = Pdo("RPDO1", 0x201, 255, 100, OBJECTS), Pdo("TPDO1", 0x181, 1, 0, OBJECTS[1:])
+
+    assert lines(rpdo, tpdo) == [
+        "node 1  valve  valve_408  axis1",
+        "  EDS    /eds/valve.eds",
+        "  RPDO1  0x201  255 on event, time-out 100 ms   0x6040.00  Control word (UNSIGNED16)",
+        "                                                0x6300.01  Set-point (INTEGER16)",
+        "  TPDO1  0x181    1 every SYNC                  0x6300.01  Set-point (INTEGER16)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "transmission_type", "event_time_ms", "words"),
+    [
+        ("TPDO1", 0, 0, "0 on event, with SYNC"),
+        ("TPDO1", 1, 0, "1 every SYNC"),
+        ("TPDO1", 10, 0, "10 every 10 SYNCs"),
+        ("TPDO1", 254, 10, "254 on event, timer 10 ms"),
+        ("TPDO1", 255, 0, "255 on event"),
+        # CiA 301: what an RPDO of type 0 to 240 received acts with the next SYNC.
+        ("RPDO1", 0, 0, "0 with the next SYNC"),
+        ("RPDO1", 240, 20, "240 with the next SYNC, time-out 20 ms"),
+        ("RPDO1", 254, 0, "254 on event"),
+    ],
+)
+def test_a_transmission_type_is_told_in_words(
+    name: str, transmission_type: int, event_time_ms: int, words: str
+) -> None:
+    line = lines(Pdo(name, 0x181, transmission_type, event_time_ms, ()))[-1]
+
+    assert line.split(maxsplit=2)[2] == words
+
+
+def test_the_default_bench_has_the_identifiers_of_the_predefined_connection_set() -> None:
+    devices = read_devices(load_config())
+    found = {(d.name, pdo.name): pdo.can_id for d in devices for pdo in d.pdos}
+
+    # CiA 301: RPDO1 at 0x200, TPDO1 at 0x180, each plus the node-ID.
+    assert found["valve", "RPDO1"] == 0x201
+    assert found["valve", "TPDO1"] == 0x181
+    assert found["pressure_a", "TPDO1"] == 0x182
+    assert found["pressure_b", "TPDO1"] == 0x183
+    assert found["position", "TPDO1"] == 0x184
+
+
+def test_the_valves_pdos_carry_what_a_controller_needs() -> None:
+    valve = read_devices(load_config())[0]
+    found = {pdo.name: [(o.index, o.subindex) for o in pdo.objects] for pdo in valve.pdos}
+
+    # Issue: RPDO1 = control word + set-point, TPDO1 = status word + actual value.
+    assert found["RPDO1"] == [(0x6040, 0), (0x6300, 1)]
+    assert found["TPDO1"] == [(0x6041, 0), (0x6301, 1)]
+
+
+def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["devices"]) == 0
+
+    text = capsys.readouterr().out.splitlines()
+    nodes = [line for line in text if line.startswith("node ")]
+    assert [line.split()[1:3] for line in nodes] == [
+        ["1", "valve"],
+        ["2", "pressure_a"],
+        ["3", "pressure_b"],
+        ["4", "position"],
+    ]
+    assert max(len(line) for line in text if "  EDS" not in line) <= 100
+
+
+def test_json_has_the_same_devices(capsys: pytest.CaptureFixture[str]) -> None:
+    example = Path(__file__).parents[3] / "examples" / "two_axes.toml"
+    assert main(["devices", str(example), "--json"]) == 0
+
+    expected = [dataclasses.asdict(device) for device in read_devices(load_config(example))]
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(expected))
+    assert [device["node_id"] for device in expected] == [1, 4, 11, 12, 13, 14]

@@ -1,0 +1,180 @@
+"""The frame of the command line: exit codes, error lines, quick start."""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_bench import __version__, cli
+from hil_bench.cli import VERBS, main
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import BusError, ConfigError, HilBenchError, SdoAbort
+
+
+class Verb:
+    """A verb that does what a test wants."""
+
+    def __init__(self, action: Callable[[argparse.Namespace], int]) -> None:
+        self.action = action
+
+    def add_parser(self, subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+        subparsers.add_parser("act").set_defaults(run=self.action)
+
+
+@pytest.fixture
+def act(monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    def run(action: Callable[[argparse.Namespace], int], *arguments: str) -> int:
+        monkeypatch.setitem(VERBS, "act", "do what a test wants")
+        monkeypatch.setattr(cli.importlib, "import_module", lambda _name: Verb(action))
+        return main([*arguments] if "act" in arguments else ["act", *arguments])
+
+    return run
+
+
+def failing(error: BaseException) -> Callable[[argparse.Namespace], int]:
+    def action(_args: argparse.Namespace) -> int:
+        raise error
+
+    return action
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (ConfigError("a: b; c"), 2, "hil-bench: error: a: b; c\n"),
+        (ConfigError("a\nb"), 2, "hil-bench: error: a\nhil-bench: error: b\n"),
+        (BusError("can0: lost"), 3, "hil-bench: error: can0: lost\n"),
+        (
+            RuntimeError("oops"),
+            70,
+            (
+                "hil-bench: error: RuntimeError: oops; this is a bug, please report it with the "
+                "output of the same command and -vv\n"
+            ),
+        ),
+        (KeyboardInterrupt(), 130, ""),
+        (BrokenPipeError(), 0, ""),
+    ],
+)
+def test_an_error_is_one_line_and_an_exit_code(
+    act: Callable[..., int],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    code: int,
+    line: str,
+) -> None:
+    monkeypatch.setattr(cli, "_discard_standard_output", lambda: None)
+
+    assert act(failing(error)) == code
+    assert capsys.readouterr().err == line
+
+
+def test_two_v_show_the_traceback(
+    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert act(failing(ConfigError("a: b; c")), "-vv") == 2
+
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "Traceback (most recent call last):"
+    assert lines[-1] == "hil-bench: error: a: b; c"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "verbose", "quiet"),
+    [
+        (["act"], 0, False),
+        (["act", "-v"], 1, False),
+        (["-vv", "act"], 2, False),
+        (["act", "-q"], 0, True),
+        (["--quiet", "act"], 0, True),
+    ],
+)
+def test_v_and_q_may_stand_before_the_verb_or_after_it(
+    act: Callable[..., int], arguments: list[str], verbose: int, quiet: bool
+) -> None:
+    seen = []
+
+    def action(args: argparse.Namespace) -> int:
+        seen.append((args.verbose, args.quiet))
+        return 0
+
+    assert act(action, *arguments) == 0
+    assert seen == [(verbose, quiet)]
+
+
+def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
+    assert act(lambda _args: ExitCode.CHECK_FAILED) == 1
+    assert act(lambda _args: ExitCode.TIMING) == 4
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ConfigError(""), ExitCode.USAGE),
+        (BusError(""), ExitCode.BUS),
+        (SdoAbort(0x06020000, ""), ExitCode.INTERNAL),
+        (HilBenchError(""), ExitCode.INTERNAL),
+    ],
+)
+def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
+    assert cli.exit_code_of(error) is code
+
+
+@pytest.mark.parametrize("arguments", [[], ["inspect"], ["check", "--no-such-option"], ["-z"]])
+def test_wrong_usage_is_exit_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith("usage: hil-bench")
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"hil-bench {__version__}\n"
+
+
+@pytest.mark.parametrize("verb", [None, *VERBS])
+def test_each_help_ends_with_examples(verb: str | None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"] if verb else ["--help"]) == 0
+
+    examples = capsys.readouterr().out.rpartition("\nexamples:\n")[2]
+    assert examples.startswith(f"  hil-bench {verb or ''}".rstrip())
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    program = (
+        "import sys; from hil_bench.cli import main; main(['--help']); "
+        "print([name for name in ('can', 'numpy', 'numba', 'canopen') if name in sys.modules])"
+    )
+    done = subprocess.run(  # noqa: S603 - the program just written
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_python_m_is_the_same_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "hil_bench", "--version"], capture_output=True, text=True, check=True
+    )
+
+    assert done.stdout == f"hil-bench {__version__}\n"
+
+
+def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "hil_bench", "check"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+
+    assert process.returncode == 0

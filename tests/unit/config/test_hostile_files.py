@@ -1,0 +1,75 @@
+"""Whatever a file holds, it is a bench or a `ConfigError`."""
+
+import datetime as dt
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hil_bench.config import BenchConfig, load, load_config
+from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS
+from hil_bench.config.settings import Key
+from hil_bench.errors import ConfigError
+
+TEXT = st.text(alphabet='aZ_-.\n\x00\u2028é\\"', max_size=4)
+SCALARS = (
+    st.sampled_from([0, 1, -1, 0.5, 1e-300, 1e300, 100, 127, True, False, 10**400])
+    | st.sampled_from(["valve_408", "pressure_404", "encoder_406", "P_A", "axis1", "forward-euler"])
+    | st.sampled_from([math.nan, math.inf, dt.date(2026, 11, 21), dt.time(1, 2)])
+    | st.integers()
+    | TEXT
+)
+VALUES = SCALARS | st.lists(SCALARS, max_size=2) | st.dictionaries(TEXT, SCALARS, max_size=1)
+
+
+def table(*keys: Key) -> st.SearchStrategy[Any]:
+    names = st.sampled_from([key.name for key in keys]) | TEXT
+    return st.dictionaries(names, VALUES, max_size=8)
+
+
+NODE = table(*{key.name: key for keys in NODE_KEYS.values() for key in keys}.values())
+DOCUMENTS = st.fixed_dictionaries(
+    {},
+    optional={
+        "bench": table(*BENCH_KEYS) | VALUES,
+        "bus": table(*BUS_KEYS) | VALUES,
+        "plant": st.dictionaries(st.sampled_from(["axis1", "b", "\n"]), table(*AXIS_KEYS)) | VALUES,
+        "nodes": st.dictionaries(st.sampled_from(["v", "w", "\n"]), NODE) | VALUES,
+        "other": VALUES,
+    },
+)
+
+
+def message_of(action: Callable[[], BenchConfig]) -> str:
+    """The message of the `ConfigError`, empty where there is a bench."""
+    try:
+        assert action().nodes
+    except ConfigError as error:
+        return str(error)
+    return ""
+
+
+@settings(suppress_health_check=[HealthCheck.too_slow])  # the machine may be busy
+@given(document=DOCUMENTS)
+def test_any_toml_is_a_bench_or_a_config_error(document: dict[str, Any]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(load, "read_document", lambda _path: document)
+        message = message_of(lambda: load_config("bench.toml"))
+
+    for line in filter(None, message.split("\n")):
+        assert line.startswith("bench.toml:")
+        assert line.isprintable()
+
+
+@given(content=st.binary(max_size=40) | st.text(max_size=40).map(str.encode))
+def test_any_file_is_a_bench_or_a_config_error(
+    tmp_path_factory: pytest.TempPathFactory, content: bytes
+) -> None:
+    path = tmp_path_factory.mktemp("config") / "bench.toml"
+    path.write_bytes(content)
+    message = message_of(lambda: load_config(path))
+
+    assert message.startswith(str(path) if message else "")

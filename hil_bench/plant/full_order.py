@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import cast
 
+import numpy as np
+
 from hil_bench.errors import ParameterError
 from hil_bench.plant.constants import pack
 from hil_bench.plant.forward_euler import advance_forward_euler
@@ -14,9 +16,6 @@ from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
 from hil_bench.plant.validation import require_finite, require_positive
-
-if IS_COMPILED:
-    import numpy as np
 
 SPOOL_SETPOINT_LIMIT = 1.0
 """Largest spool set-point that the plant follows, a thousand times a real valve's [m]."""

@@ -15,8 +15,9 @@ VACUUM_PRESSURE = -101_325.0
 class EndStop:
     """The cylinder's end caps: a spring and a damper at x = +h and x = -h that push and never pull.
 
-    At rest the piston sinks in by force / stiffness: 0.25 mm under the 50 kN of Table I at full
-    supply pressure.
+    At rest the piston sinks in by force / stiffness: by 0.25 mm under the 50 kN of Table I at full
+    supply pressure. An impact at full speed (0.5 m/s) takes it 0.5 mm deep at the most, for moving
+    masses up to 500 kg.
 
     Attributes:
         stiffness: of the contact [N/m].

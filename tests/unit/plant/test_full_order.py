@@ -278,6 +278,13 @@ def test_end_stop_holds_the_piston(paper: PlantParameters, solver: Solver, u: fl
     assert max(abs(output.x) for output in outputs) < paper.h + 0.5e-3
 
 
+@pytest.mark.parametrize("m", [5.0, 500.0])
+def test_impact_depth_at_full_speed(paper: PlantParameters, m: float) -> None:
+    plant = FullOrderPlant(dataclasses.replace(paper, m=m))
+    deepest = max(plant.step(PlantInput(1.3e-3)).x for _ in range(8000))
+    assert paper.h < deepest < paper.h + 0.5e-3
+
+
 def test_without_an_end_stop_the_piston_runs_on(paper: PlantParameters) -> None:
     plant = FullOrderPlant(paper, options=PAPER)
     assert plant.step(PlantInput(1e-3), 20_000).x > 1.5 * paper.h
@@ -449,6 +456,14 @@ def test_forward_euler_chatters_beyond_that_limit_and_not_below(
 
     assert last_velocity(1.09e-4) < 1e-6
     assert last_velocity(1.2e-4) > 1e-4
+
+
+def test_forward_euler_says_when_it_has_diverged(paper: PlantParameters) -> None:
+    # A fluid a thousand times stiffer than Table I's: zeta - omega_c dt / 2 = 0.004 - 0.71 < 0.
+    steel = dataclasses.replace(paper, E=1e11)
+    plant = FullOrderPlant(steel, options=PAPER, solver=EULER)
+    with pytest.raises(ParameterError, match=r"^dt = 0\.0001 s: forward-euler has diverged"):
+        plant.step(PlantInput(1e-3), 2000)
 
 
 def test_forward_euler_refuses_a_step_beyond_the_spools_limit(paper: PlantParameters) -> None:

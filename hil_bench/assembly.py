@@ -1,4 +1,8 @@
-"""Builds a bench from its configuration: plants, nodes and the devices that join them."""
+"""Builds a bench from its configuration: plants, nodes and the devices that join them.
+
+>>> bus = embedded_bus()                         # the built-in bench, virtual time
+>>> bus = embedded_bus(load_config("bench.toml"))
+"""
 
 from hil_bench.bench import Axis, Bench, Publish, encoder_publisher, pressure_publisher
 from hil_bench.canopen_device.eds import load_eds
@@ -10,12 +14,28 @@ from hil_bench.config import (
     NodeConfig,
     PressureConfig,
     ValveConfig,
+    load_config,
 )
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import ConfigError
 from hil_bench.plant import FullOrderPlant, balanced_state
+from hil_bench.transports.embedded import EmbeddedBus
+
+
+def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
+    """Return a bus with a powered-on bench at its other end, in the caller's thread.
+
+    Bench time advances only while the caller waits in `recv`.
+
+    Args:
+        config: the bench; without it the built-in one of one axis.
+    """
+    config = config or load_config()
+    bench = build_bench(config)
+    bench.start(0)
+    return EmbeddedBus(bench.tick, config.tick_ns)
 
 
 def build_bench(config: BenchConfig) -> Bench:

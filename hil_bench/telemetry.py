@@ -1,4 +1,7 @@
-"""What is recorded of a bench: one row of SI values a tick."""
+"""What is recorded of a bench: one row of SI values a tick.
+
+The spool is in fractions of the valve's full opening, as on the bus.
+"""
 
 from hil_bench.bench import Bench
 from hil_bench.recording.channels import Channel
@@ -8,8 +11,8 @@ AXIS_QUANTITIES = (
     ("speed", "m/s"),
     ("P_A", "Pa"),
     ("P_B", "Pa"),
-    ("spool_setpoint", "m"),
-    ("spool_position", "m"),
+    ("spool_setpoint", "-"),
+    ("spool_position", "-"),
 )
 
 
@@ -26,6 +29,6 @@ def sample(bench: Bench) -> list[float]:
     """Return the present values of all `bench_channels`, in their order."""
     row: list[float] = []
     for axis, u in zip(bench.axes, bench.commands, strict=True):
-        output = axis.plant.output
-        row += (output.x, output.v, output.P_A, output.P_B, u, output.nu)
+        output, full = axis.plant.output, axis.valve.full_opening
+        row += (output.x, output.v, output.P_A, output.P_B, u / full, output.nu / full)
     return row

@@ -106,12 +106,11 @@ def bench_status(bench: Bench) -> tuple[list[Channel], list[Field]]:
     channels, fields = [], []
     for axis in bench.axes:
         label = f"{axis.name} " if len(bench.axes) > 1 else ""
-        per_opening = 100.0 / axis.plant.parameters.full_opening
         for name, unit, template, scale in (
             ("position", "m", label + "x {:+8.2f} mm", 1e3),
             ("P_A", "Pa", "P_A {:5.1f}", 1e-5),
             ("P_B", "Pa", "P_B {:5.1f} bar", 1e-5),
-            ("spool_position", "m", "spool {:+6.1f} %", per_opening),
+            ("spool_position", "-", "spool {:+6.1f} %", 100.0),
         ):
             channels.append(Channel(f"{axis.name}.{name}", unit))
             fields.append(Field(template, scale))
@@ -123,7 +122,7 @@ def bench_status_row(bench: Bench) -> list[float]:
     row: list[float] = []
     for axis in bench.axes:
         output = axis.plant.output
-        row += (output.x, output.P_A, output.P_B, output.nu)
+        row += (output.x, output.P_A, output.P_B, output.nu / axis.valve.full_opening)
     return row
 
 

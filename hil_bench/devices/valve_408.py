@@ -60,6 +60,7 @@ class ValveDevice:
 
     Attributes:
         node: the node that carries it on the bus.
+        full_opening: spool position of 100 % [m].
     """
 
     def __init__(self, node: Node, full_opening: float) -> None:
@@ -77,7 +78,7 @@ class ValveDevice:
                 f"full_opening is {full_opening!r} m; the spool position of 100 % is more than 0"
             )
         self.node = node
-        self._full_opening = full_opening
+        self.full_opening = full_opening
         self._machine = ValveStateMachine()
         self._lost_heartbeats: set[int] = set()
         self._is_limited = False
@@ -176,8 +177,8 @@ class ValveDevice:
         self._scale(self._reference.value)
 
     def _scale(self, reference: int) -> None:
-        self._metres = self._full_opening / reference
-        self._increments = reference / self._full_opening
+        self._metres = self.full_opening / reference
+        self._increments = reference / self.full_opening
 
     def _hear_events(self) -> None:
         while self.node.events:

@@ -17,7 +17,7 @@ def test_a_row_has_a_value_a_channel_in_si_units():
         "axis1.speed": output.v,
         "axis1.P_A": output.P_A,
         "axis1.P_B": output.P_B,
-        "axis1.spool_setpoint": 0.5 * 1.3e-3,  # 50 % of alpha + beta (Table I) [m]
-        "axis1.spool_position": output.nu,
+        "axis1.spool_setpoint": 0.5,  # 8192 of 16384
+        "axis1.spool_position": output.nu / 1.3e-3,  # of alpha + beta (Table I)
     }
     assert row == pytest.approx(expected, rel=1e-12)

@@ -19,7 +19,7 @@ class NodeCounters:
         sdo_aborts: SDO transfers that this node aborted.
         short_sdo_requests: SDO requests of fewer than 8 bytes, not answered.
         dropped_sdo_requests: SDO requests beyond the queue's length.
-        dropped_emcy: emergency messages beyond the queue's length.
+        dropped_emcy: emergency messages beyond the queue's length; the oldest go.
     """
 
     ignored_frames: int = 0

@@ -147,8 +147,9 @@ class EmcyProducer:
 
     def _enqueue(self, code: int, manufacturer: bytes) -> None:
         if len(self._queue) >= _QUEUE_LENGTH:
+            # The oldest goes: the last one says whether an error is still present.
+            self._queue.popleft()
             self._counters.dropped_emcy += 1
-            return
         register = self._object_dictionary.number(0x1001)
         self._queue.append(_MESSAGE.pack(code, register, manufacturer))
         self._agenda.bring_forward(self._inhibited_until)

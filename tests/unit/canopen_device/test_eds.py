@@ -198,6 +198,12 @@ def test_refused(load_changed, old, new, message):
     assert f"changed.eds: {message}" in refusal(load_changed, (old, new))
 
 
+def test_pdo_without_mapping(load_changed):
+    gone = ((f"[{section}]", f"[no {section}]") for section in ("1A01", "1A01sub0", "1A01sub1"))
+    message = refusal(load_changed, *gone)
+    assert message.endswith("[1A01] is missing; 0x1801 needs its mapping there")
+
+
 def test_mapping_of_more_than_64_bit(load_changed):
     message = refusal(
         load_changed,

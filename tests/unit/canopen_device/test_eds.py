@@ -1,9 +1,16 @@
+from pathlib import Path
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import device_profiles
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access
 from hil_bench.errors import EdsError
+
+EDS = Path(__file__).with_name("device.eds")
 
 
 @pytest.fixture
@@ -272,3 +279,22 @@ def test_bytes_that_are_no_text(tmp_path):
 @pytest.mark.parametrize("name", ["VALVE_408", "PRESSURE_404", "ENCODER_406"])
 def test_own_profiles_load(name):
     assert 0x1018 in load_eds(getattr(device_profiles, name), 127)
+
+
+@settings(max_examples=50, deadline=None)
+@given(data=st.data())
+def test_damaged_file_loads_or_is_refused_in_one_line(tmp_path_factory, data):
+    lines = EDS.read_text(encoding="utf-8").splitlines()
+    place = data.draw(st.integers(0, len(lines) - 1))
+    key = lines[place].partition("=")[0]
+    value = data.draw(st.sampled_from(["", "0x", "-1", "x", "nan", "0", "0xFFFFFFFFFF", "$NODEID"]))
+    damage = data.draw(st.sampled_from([[], [key], [f"{key}={value}"], [lines[place]] * 2]))
+    lines[place : place + 1] = damage
+    path = tmp_path_factory.mktemp("eds") / "damaged.eds"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    try:
+        dictionary = load_eds(path, 5)
+    except EdsError as refused:
+        assert "\n" not in str(refused)
+    else:
+        Node(dictionary, 5)

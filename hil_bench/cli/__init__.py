@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _set_up_logging(args.verbose, quiet=args.quiet)
     try:
         code: int = args.run(args)
-        sys.stdout.flush()
+        sys.stdout.flush()  # here, where a closed pipe can still be told from an error
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
         _discard_standard_output()

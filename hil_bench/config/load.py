@@ -108,8 +108,7 @@ def _read_bus(document: Document, overrides: Mapping[str, object], problems: Pro
     options = [
         Key(name, bus_option)
         for name in given
-        if name not in known
-        and name.isascii()
+        if name.isascii()
         and name.isidentifier()
         and not get_close_matches(name, known, cutoff=0.85)
     ]

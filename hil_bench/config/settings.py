@@ -56,11 +56,6 @@ class Setting(NamedTuple):
     value: Value
     origin: Origin
 
-    @property
-    def place(self) -> str:
-        """Table and key in one, as in ``plant.axis1.stroke_mm``."""
-        return f"{self.table}.{self.key.name}"
-
 
 Settings = dict[str, Setting]  # by the name of the key
 

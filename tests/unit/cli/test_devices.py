@@ -2,6 +2,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import canopen
 import pytest
 
 from hil_bench.cli import main
@@ -63,6 +64,15 @@ def test_the_default_bench_has_the_identifiers_of_the_predefined_connection_set(
     assert found["pressure_a", "TPDO1"] == 0x182
     assert found["pressure_b", "TPDO1"] == 0x183
     assert found["position", "TPDO1"] == 0x184
+
+
+def test_timers_are_those_of_the_eds_in_milliseconds() -> None:
+    devices = read_devices(load_config())
+    found = {d.name: pdo.event_time_ms for d in devices for pdo in d.pdos if pdo.name == "TPDO1"}
+
+    for device in devices:
+        eds = canopen.import_od(device.eds, device.node_id)  # an independent reader
+        assert found[device.name] == eds[0x1800][5].default
 
 
 def test_the_valves_pdos_carry_what_a_controller_needs() -> None:

@@ -1,6 +1,7 @@
 """The frame of the command line: exit codes, error lines, quick start."""
 
 import argparse
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -81,6 +82,13 @@ def test_two_v_show_the_traceback(
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "Traceback (most recent call last):"
     assert lines[-1] == "hil-bench: error: a: b; c"
+
+
+def test_one_v_shows_no_traceback(
+    act: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert act(failing(ConfigError("a: b; c")), "-v") == 2
+    assert capsys.readouterr().err == "hil-bench: error: a: b; c\n"
 
 
 @pytest.mark.parametrize(
@@ -165,12 +173,16 @@ def test_python_m_is_the_same_command() -> None:
     assert done.stdout == f"hil-bench {__version__}\n"
 
 
-def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path) -> None:
-    with subprocess.Popen(
-        [sys.executable, "-m", "hil_bench", "check"],
+@pytest.mark.parametrize("verb", ["check", "devices"])  # more and less than a buffer of output
+def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path, verb: str) -> None:
+    # Unbuffered output would hide what happens when the interpreter flushes it at exit.
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(  # noqa: S603 - our own command
+        [sys.executable, "-m", "hil_bench", verb],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd=tmp_path,
+        env=environment,
     ) as process:
         assert process.stdout is not None
         assert process.stderr is not None

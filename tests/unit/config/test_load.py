@@ -150,6 +150,10 @@ def test_the_full_opening_follows_the_valve_of_its_axis_unless_given(write: Writ
     assert openings == pytest.approx([2.3e-3, 1.1e-3])
 
 
+def test_a_channel_may_be_a_number(write: Write) -> None:
+    assert load_config(write("[bus]\nchannel = 1\n")).bus.channel == 1
+
+
 def test_further_keys_of_the_bus_become_options(write: Write) -> None:
     text = '[bus]\ninterface = "socketcand"\nchannel = "can0"\nhost = "127.0.0.1"\nport = 29536\n'
 

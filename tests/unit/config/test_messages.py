@@ -58,6 +58,7 @@ ONE_VALUE = [
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_S"', 'nodes.p.source: "P_S" is unknown; give one of "P_A", "P_B"'),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = 250', "nodes.p.span_bar: 250 is not a range; give [start, end] in bar, start below end"),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [250, 0]', "nodes.p.span_bar: [250, 0] is empty; give [start, end] in bar, start below end"),
+    ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [5, 5]', "nodes.p.span_bar: [5, 5] is empty; give [start, end] in bar, start below end"),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [0, "x"]', 'nodes.p.span_bar: "x" is not a number; give [start, end] in bar, start below end'),
     ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4\nspan_bar = [0, 1]', "nodes.e.span_bar: unknown key; the nearest known key is profile"),
 ]  # fmt: skip

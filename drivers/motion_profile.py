@@ -31,15 +31,18 @@ class Move(NamedTuple):
     time: float
 
     def at(self, time: float) -> SetPoint:
-        """Returns the set-point at `time` [s] from the move's start; past its end, the target."""
+        """Returns the set-point at `time` [s] from the move's start; before it, at its origin."""
         if time >= self.time:
             return SetPoint(self.target, 0.0, 0.0)
-        r = max(time / self.time, 0.0)
+        if time <= 0:
+            return SetPoint(self.origin, 0.0, 0.0)
+        r = time / self.time
         distance = self.target - self.origin
+        mean_speed = distance / self.time
         return SetPoint(
             self.origin + distance * r**3 * (10 - 15 * r + 6 * r**2),
-            distance / self.time * 30 * r**2 * (1 - r) ** 2,
-            distance / self.time**2 * 60 * r * (1 - r) * (1 - 2 * r),
+            mean_speed * 30 * r**2 * (1 - r) ** 2,
+            mean_speed / self.time * 60 * r * (1 - r) * (1 - 2 * r),
         )
 
 

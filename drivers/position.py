@@ -88,11 +88,7 @@ class PositionSensor(Device):
 
     @property
     def speed(self) -> float:
-        """Speed [m/s].
-
-        Raises:
-            DeviceMismatchError: the EDS maps no speed.
-        """
+        """Speed [m/s]; a `DeviceMismatchError` where the EDS maps none."""
         if self._speed is None:
             raise self._not_mapped(PdoKind.TPDO, object_name(_SPEED, self._channel))
         return self._value(self._speed) * self._speed_step

@@ -107,7 +107,7 @@ class PositionLoop:
     """The control loop of one cylinder, at a fixed rate on an absolute grid.
 
     The devices are set up to send with each SYNC, their nodes are OPERATIONAL and the valve is
-    ACTIVE before `run`; leaving the valve safe afterwards is the caller's (`ProportionalValve.close`).
+    ACTIVE before `run`; leaving the valve safe afterwards is the caller's, with its `close`.
 
     Args:
         network: the network that all of them are on.
@@ -120,7 +120,7 @@ class PositionLoop:
     Attributes:
         period: as passed in.
         overruns: cycles left out because the caller or the machine took too long.
-        missed_samples: cycles in which not all devices answered the SYNC; they use older values.
+        missed_samples: cycles in which not every device answered; they use older values.
 
     Raises:
         ValueError: the period is not positive.

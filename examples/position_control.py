@@ -82,7 +82,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     add_bus_arguments(parser)
     motion = parser.add_argument_group("motion")
-    motion.add_argument("--duration", type=positive, default=math.inf, metavar="S")
+    motion.add_argument("--duration", type=positive, default=10.0, metavar="S")
     motion.add_argument("--waypoints-mm", type=finite, nargs="+", default=[50.0, -50.0])
     motion.add_argument("--speed-mm-s", type=positive, default=150.0)
     motion.add_argument("--acceleration-mm-s2", type=positive, default=1000.0)

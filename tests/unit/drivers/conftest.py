@@ -54,7 +54,7 @@ class TranscriptBus(can.BusABC):
         """Puts frames on the bus now."""
         self.waiting.extend(parse(frame) for frame in frames)
 
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - BusABC's
         frame = show(msg)
         self.sent.append(frame)
         if self.steps is None:
@@ -173,7 +173,7 @@ def edit_eds(tmp_path: Path) -> Callable[..., Path]:
 def set_up_tpdo(
     upload: Callable[[int, str, str], Step], download: Callable[[int, str, str], Step]
 ) -> Callable[..., list[Step]]:
-    """What `setup` says to a device of ours whose TPDO1 has the mapping given, from the identity on.
+    """What `setup` says to a device of ours whose TPDO1 has the mapping given.
 
     The device has an event-driven TPDO1 with a 10 ms timer, and gets type 1 without a timer.
     """

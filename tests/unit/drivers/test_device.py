@@ -74,7 +74,7 @@ def test_another_mapping_is_refused(sensor, expected_protocol, upload, identity,
 
 
 def test_a_device_that_is_set_up_already_is_only_read(
-    sensor, network, bus, expected_protocol, upload, download, identity, mapping
+    sensor, bus, expected_protocol, upload, download, identity, mapping
 ):
     steps = [
         *identity,
@@ -89,8 +89,17 @@ def test_a_device_that_is_set_up_already_is_only_read(
     with expected_protocol(steps):
         sensor.setup()
     bus.play("190#01.00.00.00.00.00")
-    network.pump()
+    sensor.network.pump()
     assert sensor.position == pytest.approx(1e-6)
+
+
+def test_a_tpdo_that_exists_comes_before_one_to_be_enabled(network, edit_eds):
+    # TPDO1 and TPDO2 carry the same; here it is TPDO1 that does not exist.
+    eds = edit_eds(
+        ENCODER_406, {"1800sub1": "$NODEID+0xC0000180", "1801sub1": "$NODEID+0x40000280"}
+    )
+    sensor = PositionSensor(network, 4, eds)
+    assert [str(pdo.mapping) for pdo in sensor._received] == ["TPDO2"]
 
 
 def test_a_disabled_tpdo_is_enabled(

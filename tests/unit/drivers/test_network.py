@@ -97,7 +97,8 @@ def test_what_is_not_a_canopen_data_frame_is_counted_and_dropped(network, bus, l
     assert (network.counters.received, network.counters.ignored) == (4, 4)
 
 
-def test_unknown_and_malformed_frames_are_counted(network, bus, listener):
+@pytest.mark.usefixtures("listener")
+def test_unknown_and_malformed_frames_are_counted(network, bus):
     bus.play("182#01.02", "181#01.02.03", "181#")
     network.pump()
     assert (network.counters.unknown, network.counters.malformed) == (1, 2)
@@ -186,3 +187,9 @@ def test_a_closed_network_listens_no_longer(bus, encoder_eds):
     bus.play("705#05")
     network.pump()
     assert node.nmt_state is None
+
+
+def test_an_nmt_command_to_no_node_is_refused(network, bus):
+    with pytest.raises(ValueError, match="node-ID 128"):
+        network.start_node(128)
+    assert bus.sent == []

@@ -2,6 +2,7 @@
 
 import pytest
 
+from device_profiles import PRESSURE_404
 from drivers import (
     DeviceMismatchError,
     DriverTimeoutError,
@@ -214,3 +215,17 @@ def test_an_eds_whose_pdo_has_no_mapping_is_refused(network, edit_eds, encoder_e
 def test_a_node_id_out_of_range_is_refused(network, encoder_eds, node_id):
     with pytest.raises(ValueError, match="1 to 127"):
         network.add_node(node_id, encoder_eds)
+
+
+def test_a_real_number_is_no_integer(network, expected_protocol):
+    node = network.add_node(2, PRESSURE_404)
+    with (
+        expected_protocol([("602#40.30.61.01.00.00.00.00", "582#43.30.61.01.00.00.20.40")]),
+        pytest.raises(DeviceMismatchError, match=r"0x6130\.01 is a real number"),
+    ):
+        node.read_integer(0x6130, 1)
+
+
+def test_defaults_come_from_the_eds(node):
+    assert node.default(0x1018, 2, otherwise=7) == 0x406
+    assert node.default(0x2000, otherwise=7) == 7  # not in the EDS

@@ -86,7 +86,7 @@ class Devices(can.BusABC):
         self._due = []
         super().__init__(channel="devices")
 
-    def send(self, msg, timeout=None):
+    def send(self, msg, timeout=None):  # noqa: ARG002 - BusABC's
         if msg.arbitration_id == 0x80:
             self.syncs.append(self.time)
             self._due = [

@@ -46,11 +46,11 @@ def test_a_real_process_value_in_bar(ready, network, bus):
         ("00.00.AB.00", 4.4482216152605 / 0.0254**2),  # psi: lbf over square inch, both exact
     ],
 )
-def test_units(sensor, network, bus, expected_protocol, set_up_tpdo, upload, unit, pascal):
+def test_units(sensor, bus, expected_protocol, set_up_tpdo, upload, unit, pascal):
     with expected_protocol([*set_up_tpdo(2, 404, MAPPING), upload(2, "6131.01", unit)]):
         sensor.setup()
     bus.play(f"182#{real(2.0)}00")
-    network.pump()
+    sensor.network.pump()
     assert sensor.pressure == pytest.approx(2 * pascal, rel=1e-12)
 
 

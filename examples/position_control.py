@@ -1,4 +1,4 @@
-"""Moves the cylinder of a bench to and fro over CANopen: a controller as a program of its own.
+"""Moves the cylinder of a bench back and forth over CANopen: a controller as a program of its own.
 
 It needs the drivers only, so it does the same on any bus that python-can opens, in front of the
 virtual bench or of a real one:

@@ -2,7 +2,9 @@
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
 
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
@@ -19,7 +21,7 @@ from hil_bench.cli.status_line import (
     loop_status_row,
 )
 from hil_bench.config import BenchConfig
-from hil_bench.errors import ConfigError
+from hil_bench.errors import BusError, ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.snapshot import Snapshot
@@ -74,9 +76,9 @@ def run(args: argparse.Namespace) -> int:
     bench = build_bench(config)
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
-        transport = stack.enter_context(open_bus(args, config))
-        print(introduction(config, transport.description), flush=True)
-        report = run_until_told(args, config, bench, transport, wish)
+        bus = stack.enter_context(open_bus(args, config))
+        print(introduction(config, bus), flush=True)
+        report = run_until_told(args, config, bench, bus, wish)
     print("\n".join(summary_lines(report, config, bench)), flush=True)
     if report.lost is not None:
         raise report.lost
@@ -93,12 +95,28 @@ def check_arguments(args: argparse.Namespace) -> None:
     """
     if args.duration is not None and not 0 < args.duration < float("inf"):
         raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
+    if args.hub is not None and not 0 <= args.hub <= 65535:
+        raise ConfigError(f"--hub {args.hub}: a port from 1 to 65535 is right, or 0 for a free one")
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
 
 
+class OpenBus(NamedTuple):
+    """A bus that is open.
+
+    Attributes:
+        transport: the bench's end of it.
+        join: python-can's flags for another program's end, empty where the bus says it all.
+        check: raises a `BusError` when the bus is gone without the transport noticing.
+    """
+
+    transport: Transport
+    join: str
+    check: Callable[[], None]
+
+
 @contextlib.contextmanager
-def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[Transport]:
+def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
     """Open the bus of the configuration, or host one and join it.
 
     Yields:
@@ -108,26 +126,42 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[Transpor
         if args.hub is None:
             bus = config.bus
             transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+            opened = OpenBus(transport, "", lambda: None)
         else:
             hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
             address = {"host": hub.host, "port": hub.port}
             transport = open_transport("socketcand", HUB_CHANNEL, None, address)
+            flags = f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={hub.host} port={hub.port}"
+            opened = OpenBus(transport, flags, partial(check_hub, hub))
         stack.callback(transport.close)
-        yield transport
+        yield opened
 
 
-def introduction(config: BenchConfig, bus: str) -> str:
+def check_hub(hub: HubProcess) -> None:
+    """Notice that the hub's process is gone.
+
+    Raises:
+        BusError: it is.
+    """
+    if not hub.alive:
+        raise BusError(f"hub {hub.host}:{hub.port}: its process has ended; start the bench again")
+
+
+def introduction(config: BenchConfig, bus: OpenBus) -> str:
     """Return what a controller engineer needs to know to join."""
-    source = config.path or "built-in configuration"
+    source = config.path or "built-in bench"
     rate = f"{1e9 / config.tick_ns:g} Hz, {config.steps_per_tick} plant steps a tick"
-    return f"bench  {source}, {rate}\nbus    {bus}\n\n{device_table(config)}\n"
+    lines = [f"bench  {source}, {rate}", f"bus    {bus.transport.description}"]
+    if bus.join:
+        lines.append(f"join   {bus.join}")
+    return "\n".join((*lines, "", device_table(config), ""))
 
 
 def run_until_told(
     args: argparse.Namespace,
     config: BenchConfig,
     bench: Bench,
-    transport: Transport,
+    bus: OpenBus,
     wish: Interruption,
 ) -> RunReport:
     """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
@@ -141,10 +175,11 @@ def run_until_told(
         snapshot.write((*bench_status_row(bench), *loop_status_row(pacer.statistics)))
 
     def stopped() -> bool:
+        bus.check()
         return wish.requested or pacer.statistics.ticks == ticks
 
     with StatusLine(snapshot, (*fields, *loop_fields), wanted=not args.quiet):
-        return run_paced(bench, transport, pacer, stopped=stopped, observers=[publish])
+        return run_paced(bench, bus.transport, pacer, stopped=stopped, observers=[publish])
 
 
 def summary_lines(report: RunReport, config: BenchConfig, bench: Bench) -> list[str]:

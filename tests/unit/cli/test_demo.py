@@ -1,0 +1,97 @@
+"""`hil-bench demo`, as fast as it goes."""
+
+import can
+import numpy as np
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.interruption import Interruption
+from hil_bench.recording.files import read_recording
+
+
+def demo(directory, *arguments):
+    return main(["demo", "--speed", "max", "--output", str(directory), *arguments])
+
+
+@pytest.fixture
+def no_plot(monkeypatch):
+    """Leave matplotlib out, for speed."""
+    monkeypatch.setattr("hil_bench.cli.demo.importlib.util.find_spec", lambda _name: None)
+
+
+def test_the_controller_moves_the_cylinder(tmp_path, capsys):
+    assert demo(tmp_path / "new", "--duration", "3") == 0
+    recording = read_recording(tmp_path / "new" / "demo.csv")
+    setpoint, position = recording["axis1.position_setpoint"], recording["axis1.position"]
+    moving = np.isfinite(setpoint)
+    # The profile goes to 0.4 and then towards -0.3 of half the stroke, h = 0.2 m (Table I).
+    assert setpoint[moving].max() == pytest.approx(0.08)
+    assert position.max() == pytest.approx(0.08, abs=1e-3)
+    error = np.abs(setpoint - position)[moving]
+    assert error.max() < 1e-3
+    out = capsys.readouterr().out
+    assert f"max {error.max() * 1e3:.3f} mm" in out
+    assert (tmp_path / "new" / "demo.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("demo.csv", "demo.log", "demo.png"):
+        assert str(tmp_path / "new" / name) in out
+
+
+def test_the_bus_log_reads_back(tmp_path, no_plot):
+    assert demo(tmp_path, "--duration", "0.1") == 0
+    with can.LogReader(tmp_path / "demo.log") as reader:
+        seen = {message.arbitration_id for message in reader}
+    boot_ups, syncs, commands = {0x701, 0x702, 0x703, 0x704}, {0x080}, {0x201}
+    values = {0x181, 0x182, 0x183, 0x184}
+    assert boot_ups | syncs | commands | values <= seen
+
+
+def test_the_same_configuration_gives_the_same_bytes(tmp_path, no_plot):
+    for run in ("first", "second"):
+        assert demo(tmp_path / run, "--duration", "0.5") == 0
+    for name in ("demo.csv", "demo.log"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
+
+
+def test_it_says_how_to_get_the_plot(tmp_path, no_plot, capsys):
+    assert demo(tmp_path, "--duration", "0.1") == 0
+    expected = "plot      none, matplotlib is missing: pip install 'hil-bench[plot]'\n"
+    assert capsys.readouterr().out.endswith(expected)
+
+
+def test_interrupted_it_leaves_its_files_and_the_valve_disabled(tmp_path, no_plot, monkeypatch):
+    monkeypatch.setattr(Interruption, "__init__", lambda self: setattr(self, "requested", True))
+    assert demo(tmp_path, "--duration", "5") == 130
+    recording = read_recording(tmp_path / "demo.csv")
+    assert recording["time"][-1] < 1.0
+    assert recording["axis1.spool_setpoint"][-1] == 0.0
+    with can.LogReader(tmp_path / "demo.log") as reader:
+        status = [m.data for m in reader if m.arbitration_id == 0x181][-1]
+    assert status[0] & 0x0F == 0b1001  # DISABLED: R M H D = 1001
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            '[nodes.valve]\nprofile="valve_408"\nnode_id=1\n',
+            "needs a encoder_406 on the first axis",
+        ),
+    ],
+)
+def test_an_axis_without_the_sensors_is_refused(tmp_path, text, message, capsys):
+    (tmp_path / "bench.toml").write_text(text)
+    assert demo(tmp_path, str(tmp_path / "bench.toml")) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("duration", ["0", "-1", "nan", "3601"])
+def test_a_senseless_duration_is_refused(tmp_path, duration, capsys):
+    assert demo(tmp_path / "none", "--duration", duration) == 2
+    assert "above 0, up to 3600 s, is right" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+
+
+def test_an_output_that_cannot_be_made_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert demo(tmp_path / "file" / "below") == 2
+    assert "cannot be made" in capsys.readouterr().err

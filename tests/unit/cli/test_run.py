@@ -1,0 +1,84 @@
+"""`hil-bench run` on python-can's virtual bus, with a clock that jumps."""
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.run import check_hub
+from hil_bench.errors import BusError
+from hil_bench.realtime.clock import VirtualClock
+
+BUS = ["-i", "virtual", "-c", "test_run"]
+
+
+@pytest.fixture(autouse=True)
+def _virtual_time(monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", VirtualClock)
+
+
+def test_it_introduces_itself_runs_and_sums_up(capsys):
+    assert main(["run", *BUS, "--duration", "0.25"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith(
+        "bench  built-in bench, 1000 Hz, 10 plant steps a tick\nbus    virtual test_run\n\nnode 1"
+    )
+    assert "ticks     250 of 1000 us, 0 overran, 0 skipped\n" in out
+    assert "frames    0 received (0 for nobody here), 4 sent\n" in out  # four boot-up messages
+    assert out.endswith("node 4    position: PRE-OPERATIONAL\n")
+    assert err == ""
+
+
+class SlowClock(VirtualClock):
+    """Each look at it costs 2 ms, so that every tick of 1 ms overruns."""
+
+    def now(self):
+        self.advance(2_000_000)
+        return super().now()
+
+
+def test_strict_timing_fails_on_an_overrun(monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    assert main(["run", *BUS, "--duration", "0.01", "--strict-timing"]) == 4
+    assert "10 overran" in capsys.readouterr().out
+    assert main(["run", *BUS, "--duration", "0.01"]) == 0
+
+
+def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.interruption.Interruption.requested", True, raising=False)
+    monkeypatch.setattr("hil_bench.cli.interruption.Interruption.__init__", lambda _self: None)
+    assert main(["run", *BUS]) == 130
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--duration", "0"], "--duration 0: a positive number of seconds is right"),
+        (["--duration", "nan"], "--duration nan: a positive number of seconds is right"),
+        (
+            ["--hub", "70000"],
+            "--hub 70000: a port from 1 to 65535 is right, or 0 for a free one",
+        ),
+        (
+            ["--hub", "-c", "can1"],
+            "--hub makes a bus of its own; give either --hub or -i and -c",
+        ),
+    ],
+)
+def test_arguments_that_cannot_be_meant(arguments, message, capsys):
+    assert main(["run", *arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+
+
+class DeadHub:
+    host, port, alive = "127.0.0.1", 29536, False
+
+
+def test_a_dead_hub_is_a_lost_bus():
+    with pytest.raises(BusError, match=r"^hub 127\.0\.0\.1:29536: its process has ended; start"):
+        check_hub(DeadHub())
+
+
+def test_a_hub_is_hosted_and_joined(capsys):
+    assert main(["run", "--hub", "0", "--duration", "0.05"]) == 0
+    out = capsys.readouterr().out
+    assert "\nbus    socketcand can0\n" in out
+    assert "\njoin   -i socketcand -c can0 --bus-kwargs host=127.0.0.1 port=" in out

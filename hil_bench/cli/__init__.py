@@ -102,6 +102,9 @@ def _add_output_arguments(
 def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
     logging.basicConfig(level=level, format="hil-bench: %(message)s", force=True)
+    if not verbosity:
+        # python-can speaks of its own inner life; what matters to a user reaches them as an error.
+        logging.getLogger("can").setLevel(logging.CRITICAL)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
 

@@ -3,9 +3,10 @@
 import argparse
 import contextlib
 import importlib.util
+import math
 from pathlib import Path
 
-from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession
+from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.loop_summary import loop_lines
@@ -109,12 +110,19 @@ def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:
             f"motion    {report.bench_time:.1f} s in {report.wall_time:.1f} s, "
             f"{speed:.{0 if speed > 2 else 2}f} times real time"
         ),
-        f"error     RMS {report.error.rms * 1e3:.3f} mm, max {report.error.maximum * 1e3:.3f} mm",
+        f"error     {error_text(report.error)}",
         f"control   {report.cycles} cycles of {CYCLE * 1e3:g} ms, {report.overruns} left out",
     ]
     if report.ticks is not None:
         lines += loop_lines(report.ticks, config.tick_ns)
     return lines
+
+
+def error_text(error: TrackingError) -> str:
+    """Return a tracking error in words."""
+    if math.isnan(error.rms):
+        return "none, the motion had not begun"
+    return f"RMS {error.rms * 1e3:.3f} mm, max {error.maximum * 1e3:.3f} mm"
 
 
 def plot_line(recording: Recording, path: Path) -> str:

@@ -259,7 +259,9 @@ def the_node(members: Sequence[NodeConfig], profile: Profile) -> NodeConfig:
     for node in members:
         if node.profile is profile:
             return node
-    raise ConfigError(f"the demo's controller needs a {profile} on the first axis; add one")
+    raise ConfigError(
+        f"the first axis has no node of profile {profile}; the demo's controller needs one"
+    )
 
 
 def pressure_sensor(
@@ -273,4 +275,6 @@ def pressure_sensor(
     for node in members:
         if isinstance(node, PressureConfig) and node.source is source:
             return PressureSensor(network, node.node_id, node.eds)
-    raise ConfigError(f"the demo's controller needs a pressure_404 at {source}; add one")
+    raise ConfigError(
+        f"the first axis has no pressure_404 at {source}; the demo's controller needs one"
+    )

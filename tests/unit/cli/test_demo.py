@@ -36,7 +36,8 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
         assert str(tmp_path / "new" / name) in out
 
 
-def test_the_bus_log_reads_back(tmp_path, no_plot):
+@pytest.mark.usefixtures("no_plot")
+def test_the_bus_log_reads_back(tmp_path):
     assert demo(tmp_path, "--duration", "0.1") == 0
     with can.LogReader(tmp_path / "demo.log") as reader:
         seen = {message.arbitration_id for message in reader}
@@ -45,43 +46,39 @@ def test_the_bus_log_reads_back(tmp_path, no_plot):
     assert boot_ups | syncs | commands | values <= seen
 
 
-def test_the_same_configuration_gives_the_same_bytes(tmp_path, no_plot):
+@pytest.mark.usefixtures("no_plot")
+def test_the_same_configuration_gives_the_same_bytes(tmp_path):
     for run in ("first", "second"):
         assert demo(tmp_path / run, "--duration", "0.5") == 0
     for name in ("demo.csv", "demo.log"):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
 
 
-def test_it_says_how_to_get_the_plot(tmp_path, no_plot, capsys):
+@pytest.mark.usefixtures("no_plot")
+def test_it_says_how_to_get_the_plot(tmp_path, capsys):
     assert demo(tmp_path, "--duration", "0.1") == 0
     expected = "plot      none, matplotlib is missing: pip install 'hil-bench[plot]'\n"
     assert capsys.readouterr().out.endswith(expected)
 
 
-def test_interrupted_it_leaves_its_files_and_the_valve_disabled(tmp_path, no_plot, monkeypatch):
+@pytest.mark.usefixtures("no_plot")
+def test_interrupted_it_leaves_its_files_and_the_valve_disabled(tmp_path, monkeypatch):
     monkeypatch.setattr(Interruption, "__init__", lambda self: setattr(self, "requested", True))
     assert demo(tmp_path, "--duration", "5") == 130
     recording = read_recording(tmp_path / "demo.csv")
     assert recording["time"][-1] < 1.0
     assert recording["axis1.spool_setpoint"][-1] == 0.0
     with can.LogReader(tmp_path / "demo.log") as reader:
-        status = [m.data for m in reader if m.arbitration_id == 0x181][-1]
-    assert status[0] & 0x0F == 0b1001  # DISABLED: R M H D = 1001
+        answers = [bytes(m.data) for m in reader if m.arbitration_id == 0x581]
+    status = [data for data in answers if data.startswith(bytes.fromhex("4b416000"))][-1]
+    assert status[4] & 0x0F == 0b1001  # 0x6041: DISABLED, R M H D = 1001
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (
-            '[nodes.valve]\nprofile="valve_408"\nnode_id=1\n',
-            "needs a encoder_406 on the first axis",
-        ),
-    ],
-)
-def test_an_axis_without_the_sensors_is_refused(tmp_path, text, message, capsys):
-    (tmp_path / "bench.toml").write_text(text)
+def test_an_axis_without_the_sensors_is_refused(tmp_path, capsys):
+    (tmp_path / "bench.toml").write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
     assert demo(tmp_path, str(tmp_path / "bench.toml")) == 2
-    assert message in capsys.readouterr().err
+    expected = "the first axis has no node of profile encoder_406; the demo's controller needs one"
+    assert capsys.readouterr().err == f"hil-bench: error: {expected}\n"
 
 
 @pytest.mark.parametrize("duration", ["0", "-1", "nan", "3601"])

@@ -122,6 +122,10 @@ class Program:
                 command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, cwd=directory
             )
 
+    def output(self):
+        """Return what the program has printed so far."""
+        return self._paths[0].read_text()
+
     def wait(self, timeout=30.0):
         """Return what the program left behind once it has ended by itself."""
         exit_code = self.process.wait(timeout)

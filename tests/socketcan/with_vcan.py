@@ -38,6 +38,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if not arguments.command:
         parser.error("a command is missing")
+    signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if prefix := namespace_prefix():
         print("with_vcan: vcan0 of this kernel, in a network namespace of its own", flush=True)
         return run([*prefix, *arguments.command], arguments.timeout)
@@ -104,7 +105,7 @@ def run(command: Sequence[str], timeout: float) -> int:
         try:
             copy_lines(process)
             process.wait()
-        except BaseException:  # Ctrl-C above all: the command must not outlive this program
+        except BaseException:  # Ctrl-C or SIGTERM: the command must not outlive this program
             os.killpg(process.pid, signal.SIGKILL)
             raise
         finally:

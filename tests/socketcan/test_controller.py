@@ -1,0 +1,103 @@
+"""The example controller and the bench, two processes that know of each other by frames only."""
+
+import re
+import struct
+import sys
+from pathlib import Path
+
+import pytest
+
+CONTROLLER = Path(__file__).parents[2] / "examples" / "position_control.py"
+CONTROLLER_NODE = 127  # its default
+SYNC, VALVE_EMCY, VALVE_STATUS, VALVE_COMMAND, VALVE_REQUEST = 0x080, 0x081, 0x181, 0x201, 0x601
+FULL_SCALE = 16384  # 100 % in 0x6300 and 0x6301
+RPDO_TIMED_OUT, HEARTBEAT_LOST = 0x8250, 0x8130  # EMCY codes of CiA 301
+SYNC_PERIOD = 0.010  # [s]
+DELAY = 0.050  # [s], what a machine with one busy processor adds to any of these times
+
+
+@pytest.fixture
+def start_controller(start, channel):
+    """Start the controller; a cycle of 5 ms leaves one processor time for the bench and for us."""
+
+    def start_it(*arguments):
+        bus = "-i", "socketcan", "-c", channel
+        return start(sys.executable, CONTROLLER, *bus, "--period-ms", 5, *arguments)
+
+    return start_it
+
+
+def spool(data):
+    return struct.unpack_from("<h", data, 2)[0]
+
+
+def is_centred(data):
+    return abs(spool(data)) <= FULL_SCALE // 100
+
+
+def emergency_code(data):
+    return struct.unpack_from("<H", data)[0]
+
+
+def test_the_position_loop_settles(start_bench, start_controller, cansend, watch):
+    bench = start_bench()
+    ended = start_controller("--waypoints-mm", 50, "--duration", 2.5).wait()
+    assert ended.exit_code == 0, ended
+
+    watch.take_all()
+    cansend("604#4004600000000000")  # where is the piston now? 0x6004 in steps of 1 µm
+    answer = bytes(watch.wait_for(0x584).data)
+    assert answer[:4] == bytes.fromhex("43046000")
+    position = struct.unpack_from("<i", answer, 4)[0]
+    # At rest the controller leaves an error of up to 50 µm alone (`tolerance`); as much again for
+    # what the piston still moves while the valve closes.
+    assert position == pytest.approx(50_000, abs=100)
+    assert " 0 skipped" in bench.stop().stdout
+
+
+def test_candump_sees_the_session(start_bench, start_controller, start, cansend, channel):
+    candump = start("candump", "-L", "-r", 8 * 1024 * 1024, channel)
+    while not candump.output():  # candump does not say when it listens
+        cansend("7FF#")
+    start_bench()
+    ended = start_controller("--duration", 1).wait()
+    assert ended.exit_code == 0, ended
+
+    log = re.findall(rf"{channel} ([0-9A-F]{{3}})#([0-9A-F]*)", candump.stop().stdout)
+    frames = [(int(can_id, 16), data) for can_id, data in log]
+    for node_id in (1, 2, 3, 4):
+        of_node = [frame for frame in frames if frame[0] & 0x7F == node_id and frame[0] != 0x600]
+        assert of_node[0] == (0x700 + node_id, "00")  # the boot-up comes first
+        assert (0x700 + node_id, "05") in of_node  # heartbeat: OPERATIONAL
+        assert any(can_id == 0x180 + node_id for can_id, _ in of_node)  # TPDO 1
+    seen = {can_id for can_id, _ in frames}
+    assert {0x000, SYNC, VALVE_COMMAND, VALVE_REQUEST, 0x700 + CONTROLLER_NODE} <= seen
+
+
+def test_a_killed_controller_leaves_the_spool_at_its_centre(
+    start_bench, start_controller, start, watch, channel
+):
+    start_bench()
+    controller = start_controller()
+    # Expedited download of two bytes to 0x1400.05: the time-out that the driver chose [ms].
+    request = watch.wait_for(VALVE_REQUEST, lambda data: data[:4] == bytes.fromhex("2B001405"))
+    timeout = struct.unpack_from("<H", request.data, 4)[0] / 1000
+    assert timeout > 0
+    watch.wait_for(VALVE_STATUS, lambda data: abs(spool(data)) > FULL_SCALE // 4)
+    controller.kill()
+    # With the controller died the SYNC, at which the valve tells its spool position.
+    start("cangen", channel, "-I", f"{SYNC:03X}", "-L", 0, "-g", round(SYNC_PERIOD * 1000))
+
+    timed_out = watch.wait_for(VALVE_EMCY)
+    assert emergency_code(timed_out.data) == RPDO_TIMED_OUT
+    assert timeout <= timed_out.timestamp - watch.last(VALVE_COMMAND).timestamp < timeout + DELAY
+    centred = watch.wait_for(VALVE_STATUS, is_centred)
+    # From full opening to 1 %: 6 ms at 1200 rad/s with damping 0.7 (Ruderman 2017, Table I).
+    assert centred.timestamp - timed_out.timestamp < 0.006 + SYNC_PERIOD + DELAY
+
+    # The lost heartbeat then takes the node to PRE-OPERATIONAL (CiA 301, 0x1029), the spool stays.
+    seen = len(watch.frames)
+    watch.wait_for(VALVE_EMCY, lambda data: emergency_code(data) == HEARTBEAT_LOST)
+    statuses = [f.data for f in watch.frames[seen:] if f.arbitration_id == VALVE_STATUS]
+    assert statuses
+    assert all(map(is_centred, statuses))

@@ -63,7 +63,7 @@ def bench_plant(solver: Solver, options: PlantOptions) -> Advance:
 
 
 def ns_per_step(advance: Advance, moves: int, steps: int) -> float:
-    """Return the cost of one step [ns] while the piston goes to and fro."""
+    """Return the cost of one step [ns] while the piston goes back and forth."""
     start = time.perf_counter_ns()
     for move in range(moves):
         advance(-SPOOL_SETPOINT if move % 2 else SPOOL_SETPOINT, steps)

@@ -7,6 +7,7 @@ of the Linux kernel, and `linux/can.h`, `linux/can/raw.h`.
 """
 
 import errno
+import logging
 import os
 import socket
 import struct
@@ -17,6 +18,8 @@ from typing import Protocol
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import TransportCounters
+
+logger = logging.getLogger(__name__)
 
 RECEIVE_BUFFER = 8 * 1024 * 1024
 """Receive buffer that is asked of the kernel [byte]; its default loses frames of a burst."""
@@ -127,6 +130,13 @@ class SocketCanTransport:
         self._send_failures = 0
         self._socket.setblocking(False)
         self.receive_buffer = _enlarge_receive_buffer(self._socket)
+        if self.receive_buffer < RECEIVE_BUFFER:
+            logger.warning(
+                "%s: receive buffer of %d KiB, a flood may lose frames; "
+                "'sysctl -w net.core.rmem_max=%d' allows %d KiB",
+                *(self.description, self.receive_buffer // 1024),
+                *(RECEIVE_BUFFER, RECEIVE_BUFFER // 1024),
+            )
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
         # Binding to an interface that is down succeeds and leaves the error behind.

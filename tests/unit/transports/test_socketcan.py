@@ -303,3 +303,18 @@ def test_a_refused_filter_is_a_lost_bus(wire):
     transport, _ = wire  # a Unix socket knows no CAN filters
     with pytest.raises(BusError, match=r"^socketcan vcan0: bus lost: "):
         transport.listen_to([1])
+
+
+@pytest.mark.parametrize(
+    ("granted", "warnings"),
+    [(8 * 1024 * 1024, 0), (425_984, 1)],  # 425,984: twice the default rmem_max, as it is reported
+)
+def test_a_small_receive_buffer_is_told(monkeypatch, caplog, granted, warnings):
+    monkeypatch.setattr(
+        "hil_bench.transports.socketcan._enlarge_receive_buffer", lambda _socket: granted
+    )
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    SocketCanTransport(FakeBus(near), "vcan0").close()
+    far.close()
+    assert len(caplog.messages) == warnings
+    assert all("receive buffer of 416 KiB" in message for message in caplog.messages)

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from hil_bench.cli import main
+from hil_bench.cli.demo_session import tuned_parameters
 from hil_bench.cli.interruption import Interruption
+from hil_bench.plant import paper_parameters
 from hil_bench.recording.files import read_recording
 
 
@@ -92,3 +94,23 @@ def test_an_output_that_cannot_be_made_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert demo(tmp_path / "file" / "below") == 2
     assert "cannot be made" in capsys.readouterr().err
+
+
+def test_the_controller_fits_the_plant():
+    tuned = tuned_parameters(paper_parameters())
+    # Table I by hand: sigma / m = 100 1/s, a fifth of it; alpha K sqrt(P_S / 2) / mean area
+    # = 1e-3 * 6.3059e-4 * sqrt(5e6) / 4.85e-3 = 0.29073 m/s; beta / (alpha + beta) = 0.3 / 1.3.
+    assert tuned.position_gain == pytest.approx(20.0)
+    assert tuned.full_speed == pytest.approx(0.29073, rel=1e-4)
+    assert tuned.dead_zone == pytest.approx(0.230769, rel=1e-5)
+
+
+@pytest.mark.usefixtures("no_plot")
+def test_the_valve_watches_the_controller(tmp_path):
+    assert demo(tmp_path, "--duration", "0.1") == 0
+    with can.LogReader(tmp_path / "demo.log") as reader:
+        frames = [(m.arbitration_id, bytes(m.data)) for m in reader]
+    # 0x1016.01 = node-ID 127 (0x7F) << 16 | 200 ms, four of the controller's heartbeats of 50 ms.
+    assert (0x601, bytes.fromhex("23161001c8007f00")) in frames
+    # 0x1400.05, the RPDO's time-out: 100 ms, the drivers' default.
+    assert (0x601, bytes.fromhex("2b00140564000000")) in frames

@@ -7,6 +7,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    ├── ParameterError        a plant parameter or state makes no sense
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
+     ├── StorageError (OSError)     stored parameters could not be read or written
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
 The controller side has a tree of its own, in `drivers.errors`.
@@ -31,6 +32,10 @@ class EdsError(ConfigError):
 
 class BusError(HilBenchError, OSError):
     """A CAN bus or a port could not be opened, or was lost."""
+
+
+class StorageError(HilBenchError, OSError):
+    """Stored parameters of a device could not be read or written, or are damaged."""
 
 
 class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word

@@ -17,9 +17,16 @@ from typing import Final
 from canopen import objectdictionary
 from canopen.objectdictionary.eds import import_eds
 
-from hil_bench.canopen_device.datatypes import DATA_TYPES, BooleanType, DataType, Value
+from hil_bench.canopen_device.datatypes import (
+    DATA_TYPES,
+    BooleanType,
+    DataType,
+    IntegerType,
+    Value,
+)
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_values import parse_integer, parse_value
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.errors import EdsError
 
@@ -29,17 +36,25 @@ _OBJECT_SECTION: Final = re.compile(
 _COMPOSED: Final = frozenset({0x8, 0x9})
 _OBJECT_TYPES: Final = frozenset({0x2, 0x7}) | _COMPOSED
 _FIRST_OBJECT: Final = 0x1000
+_HIGHEST_NODE_ID: Final = 127
 
 
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
     """Return the object dictionary of the EDS or DCF at `path`, for the device `node_id`.
 
+    For a device without node-ID (255) the defaults are those of node-ID 127, until
+    `ObjectDictionary.assign_node_id` tells its own.
+
     Raises:
-        EdsError: the file cannot serve as a device, or the node-ID is not 1 to 127; one line
-            that names the file, the section, what is wrong and what would be right.
+        EdsError: the file cannot serve as a device, or the node-ID is not 1 to 127 or 255; one
+            line that names the file, the section, what is wrong and what would be right.
     """
-    if not 1 <= node_id <= 127:
-        raise EdsError(f"{path}: node-ID {node_id} is not possible; write 1 to 127")
+    if node_id == UNCONFIGURED:
+        node_id = _HIGHEST_NODE_ID
+    if not 1 <= node_id <= _HIGHEST_NODE_ID:
+        raise EdsError(
+            f"{path}: node-ID {node_id} is not possible; write 1 to 127, or 255 for none"
+        )
     return _EdsFile(path, node_id).build()
 
 
@@ -183,6 +198,7 @@ class _EdsFile:
             if values and text:
                 variable.default = self._value(values, str(subindex), text, variable.data_type)
                 variable.value = variable.default
+                variable.base = self._base(text, variable)
             yield variable
 
     def _build_variable(self, imported: objectdictionary.ODVariable, section: str) -> Variable:
@@ -191,7 +207,7 @@ class _EdsFile:
         high = self._limit(section, "HighLimit", data_type)
         if low is not None and high is not None and low > high:
             raise self._error(section, f"LowLimit {low} is above HighLimit {high}")
-        return Variable(
+        variable = Variable(
             imported.index,
             imported.subindex,
             imported.name,
@@ -202,6 +218,15 @@ class _EdsFile:
             high=None if high == data_type.high else high,
             mappable=imported.pdo_mappable,
         )
+        variable.base = self._base(self._default_text(section)[1] or "", variable)
+        return variable
+
+    def _base(self, text: str, variable: Variable) -> int | None:
+        """The default without the node-ID, None where it does not follow the node-ID."""
+        is_unsigned = isinstance(variable.data_type, IntegerType) and not variable.data_type.signed
+        if not is_unsigned or "$NODEID" not in text.upper():
+            return None
+        return int(variable.default) - self._node_id
 
     def _value(self, section: str, option: str, text: str, data_type: DataType) -> Value:
         try:
@@ -218,11 +243,15 @@ class _EdsFile:
             return value
         raise self._error(section, f"{option} {text} is no limit; write a number")
 
+    def _default_text(self, section: str) -> tuple[str, str | None]:
+        """The option that gives an entry's default, and its text."""
+        option = "ParameterValue" if self._option(section, "ParameterValue") else "DefaultValue"
+        return option, self._option(section, option)
+
     def _default(
         self, section: str, data_type: DataType, low: float | None, high: float | None
     ) -> Value:
-        option = "ParameterValue" if self._option(section, "ParameterValue") else "DefaultValue"
-        text = self._option(section, option)
+        option, text = self._default_text(section)
         if text is None:
             return _nearest(data_type.zero, low, high)
         value = self._value(section, option, text, data_type)

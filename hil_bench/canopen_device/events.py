@@ -1,5 +1,6 @@
 """What a node tells its application."""
 
+from collections import deque
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -20,7 +21,11 @@ class NodeEventKind(Enum):
     HEARTBEAT_LOST = auto()
     """A watched node's heartbeat stopped, or the node booted anew [its node-ID]."""
     HEARTBEAT_RESUMED = auto()
-    """A lost node's heartbeat is back [its node-ID]."""
+    """A lost node's heartbeat is back, or no longer watched [its node-ID]."""
+    GUARDING_LOST = auto()
+    """The NMT master stopped guarding this node: a life guarding event [0]."""
+    GUARDING_RESUMED = auto()
+    """The NMT master guards again, or guarding is switched off [0]."""
 
 
 class NodeEvent(NamedTuple):
@@ -28,3 +33,20 @@ class NodeEvent(NamedTuple):
 
     kind: NodeEventKind
     detail: int
+
+
+class NodeEvents(deque[NodeEvent]):
+    """What the application has not heard yet, oldest first, each event at most once.
+
+    An event that comes again before it was heard moves to the end. So the last event of each kind
+    keeps its place in time, no flood of frames pushes another event out, and the queue is never
+    longer than the number of different events.
+    """
+
+    __slots__ = ()
+
+    def tell(self, event: NodeEvent) -> None:
+        """Add `event` at the end, and drop an earlier one that is the same."""
+        if event in self:
+            self.remove(event)
+        self.append(event)

@@ -1,12 +1,13 @@
 """Heartbeat producer 0x1017 and consumer 0x1016 (CiA 301, error control)."""
 
 from dataclasses import dataclass
-from enum import Enum, auto
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
+from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, EmcyProducer
+from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
@@ -53,8 +54,9 @@ class HeartbeatProducer:
         following = (self.due or now) + period
         self.due = following if following > now else now + period
 
-    def stop(self) -> None:
-        """Send nothing until the next boot-up."""
+    def reset(self, node_id: int) -> None:
+        """Send nothing until the next boot-up, which is that of the device `node_id`."""
+        self._can_id = ERROR_CONTROL + node_id
         self.due = NEVER
 
     def _period(self) -> int:
@@ -63,15 +65,6 @@ class HeartbeatProducer:
     def _start_anew(self, milliseconds: int) -> None:
         self.due = 0 if milliseconds else NEVER
         self._agenda.bring_forward(self.due)
-
-
-class HeartbeatChange(Enum):
-    """What a heartbeat told about a watched node."""
-
-    LOST = auto()
-    """It booted while it was watched: it has lost what it was doing."""
-    RESUMED = auto()
-    """Its heartbeat is back after a loss."""
 
 
 @dataclass(slots=True)
@@ -87,7 +80,9 @@ class HeartbeatConsumer:
     """Watches the heartbeats of the nodes that 0x1016 names.
 
     Watching begins with a node's first heartbeat. A boot-up message is none: of a node that is
-    watched it means a loss, and watching begins again with the heartbeat after it.
+    watched it means a loss, and watching begins again with the heartbeat after it. A loss is
+    reported by EMCY 0x8130 and an event. The error is gone with the next heartbeat, and when 0x1016
+    no longer names the node or gives it another time.
 
     Attributes:
         due: the earliest time at which a node may be lost [ns]; never too late, but too early
@@ -95,10 +90,17 @@ class HeartbeatConsumer:
     """
 
     def __init__(
-        self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
+        self,
+        object_dictionary: ObjectDictionary,
+        agenda: Agenda,
+        events: NodeEvents,
+        emcy: EmcyProducer,
+        counters: NodeCounters,
     ) -> None:
         self._object_dictionary = object_dictionary
         self._agenda = agenda
+        self._events = events
+        self._emcy = emcy
         self._counters = counters
         self._watches: dict[int, _Watch] = {}
         self.due = NEVER
@@ -113,36 +115,54 @@ class HeartbeatConsumer:
         """The watched nodes."""
         return frozenset(self._watches)
 
-    def receive(self, frame: Frame, now: int) -> HeartbeatChange | None:
-        """Take a boot-up or heartbeat message and return what changed for its sender."""
-        watch = self._watches.get(frame.can_id - ERROR_CONTROL)
+    def receive(self, frame: Frame, now: int) -> bool:
+        """Take a boot-up or heartbeat message; return whether it means that its sender was lost."""
+        node_id = frame.can_id - ERROR_CONTROL
+        watch = self._watches.get(node_id)
         if watch is None:
-            return None
+            return False
         if len(frame.data) != 1 or frame.data[0] not in _STATES:
             self._counters.malformed_heartbeats += 1
-            return None
+            return False
         if frame.data[0] == NmtState.INITIALISING:
-            return HeartbeatChange.LOST if _lose(watch) else None
+            return self._lose(node_id, watch)
         watch.due = now + watch.period
         self.due = min(self.due, watch.due)
         self._agenda.bring_forward(watch.due)
-        was_lost, watch.is_lost = watch.is_lost, False
-        return HeartbeatChange.RESUMED if was_lost else None
+        self._resume(node_id, watch)
+        return False
 
-    def expire(self, now: int) -> list[int]:
-        """Return the node-IDs whose heartbeat has just failed to come."""
+    def expire(self, now: int) -> bool:
+        """Report the nodes whose heartbeat failed to come; return whether there is one."""
         if now < self.due:
-            return []
-        lost = [
-            node_id for node_id, watch in self._watches.items() if now >= watch.due and _lose(watch)
-        ]
+            return False
+        late = [entry for entry in self._watches.items() if now >= entry[1].due]
+        for node_id, watch in late:
+            self._lose(node_id, watch)
         self._update_due()
-        return lost
+        return bool(late)
 
     def reset(self) -> None:
         """Watch what 0x1016 says, from the first heartbeats on."""
         self._watches = {}
         self._set_watches(0)
+
+    def _lose(self, node_id: int, watch: _Watch) -> bool:
+        """Stop watching until the next heartbeat; return whether the node was watched."""
+        if watch.due == NEVER:
+            return False
+        watch.due = NEVER
+        watch.is_lost = True
+        self._emcy.raise_error(HEARTBEAT, COMMUNICATION, bytes([node_id]), source=node_id)
+        self._events.tell(NodeEvent(NodeEventKind.HEARTBEAT_LOST, node_id))
+        return True
+
+    def _resume(self, node_id: int, watch: _Watch) -> None:
+        """Report that a loss is over, where there was one."""
+        if watch.is_lost:
+            watch.is_lost = False
+            self._emcy.clear_error(HEARTBEAT, source=node_id)
+            self._events.tell(NodeEvent(NodeEventKind.HEARTBEAT_RESUMED, node_id))
 
     def _entries(self) -> range:
         return range(1, self._object_dictionary.number(0x1016) + 1)
@@ -157,6 +177,9 @@ class HeartbeatConsumer:
             watch = self._watches.get(entry.node_id)
             is_same = watch is not None and watch.period == entry.period
             watches[entry.node_id] = watch if watch and is_same else _Watch(entry.period)
+        for node_id, watch in self._watches.items():
+            if watches.get(node_id) is not watch:
+                self._resume(node_id, watch)
         self._watches = watches
         self._update_due()
 
@@ -191,11 +214,3 @@ def _parse_entry(value: int) -> _Entry | None:
     if not milliseconds or not 1 <= node_id <= 127:
         return None
     return _Entry(node_id, milliseconds * MILLISECOND)
-
-
-def _lose(watch: _Watch) -> bool:
-    """Stop watching until the next heartbeat; whether the node was watched."""
-    was_watched = watch.due != NEVER
-    watch.due = NEVER
-    watch.is_lost = watch.is_lost or was_watched
-    return was_watched

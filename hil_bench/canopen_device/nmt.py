@@ -18,6 +18,9 @@ from typing import Final, NamedTuple
 NMT_COB_ID: Final = 0x000
 _ALL_NODES: Final = 0
 
+UNCONFIGURED: Final = 255
+"""Node-ID of a device that has none yet, and waits for LSS to give it one (CiA 305)."""
+
 
 class NmtState(IntEnum):
     """NMT state; the value is that of the heartbeat, where INITIALISING is the boot-up message."""

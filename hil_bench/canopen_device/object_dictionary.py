@@ -12,7 +12,8 @@ from hil_bench.errors import SdoAbort
 Check = Callable[[Any], None]
 """Told the decoded value before it is written; raises `SdoAbort` to refuse it."""
 Hook = Callable[[Any], None]
-"""Told the decoded value after it was written from the bus."""
+"""Told the decoded value after it was written from the bus; raises `SdoAbort` where an action that
+the write asks for has failed."""
 
 
 class Access(Enum):
@@ -59,6 +60,8 @@ class Variable:
         low: lowest value that the bus may write, None for that of the data type.
         high: highest value that the bus may write, None for that of the data type.
         mappable: whether a PDO may carry it.
+        base: default of the device with node-ID 0 (`$NODEID` in the EDS); None where the default
+            does not follow the node-ID.
         value: the present value, of the data type's Python type; None where there is no data
             (an SDO upload then aborts with 0800 0024). The application assigns it directly and
             is answerable for its range.
@@ -66,8 +69,8 @@ class Variable:
     """
 
     __slots__ = (
-        *("_checks", "_hooks", "access", "data_type", "default", "high", "index", "is_plain"),
-        *("low", "mappable", "name", "subindex", "value"),
+        *("_checks", "_hooks", "access", "base", "data_type", "default", "high", "index"),
+        *("is_plain", "low", "mappable", "name", "subindex", "value"),
     )
 
     def __init__(  # noqa: PLR0913 - one argument for each key of an EDS section
@@ -82,6 +85,7 @@ class Variable:
         low: float | None = None,
         high: float | None = None,
         mappable: bool = False,
+        base: int | None = None,
     ) -> None:
         self.index = index
         self.subindex = subindex
@@ -92,6 +96,7 @@ class Variable:
         self.low = low
         self.high = high
         self.mappable = mappable
+        self.base = base
         self.value: Any = self.default
         self.is_plain = low is None and high is None
         self._checks: tuple[Check, ...] = ()
@@ -115,14 +120,19 @@ class Variable:
 
         `SdoAbort` where a limit or check refuses the value; the old one stays.
         """
-        self._check_limits(value)
+        self.check_limits(value)
         for check in self._checks:
             check(value)
         self.value = value
         for hook in self._hooks:
             hook(value)
 
-    def _check_limits(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
+    def check_limits(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
+        """Refuse a value that is not between the limits.
+
+        Raises:
+            SdoAbort: 0609 0031 too high, 0609 0032 too low, 0609 0030 not a number.
+        """
         if self.low is None and self.high is None:
             return
         # A NaN is neither above nor below, and still not between limits.
@@ -227,6 +237,12 @@ class ObjectDictionary:
     def add_hook(self, index: int, subindex: int, hook: Hook) -> None:
         """Tell `hook` after each write from the bus (SDO or RPDO), not after a restore."""
         self.variable(index, subindex).add_hook(hook)
+
+    def assign_node_id(self, node_id: int) -> None:
+        """Let the defaults that follow the node-ID be those of the device `node_id`."""
+        for variable in self:
+            if variable.base is not None:
+                variable.default = variable.base + node_id & (1 << variable.data_type.bits) - 1
 
     def restore(self, indices: range) -> None:
         """Set the variables of `indices` back to their defaults."""

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import INHIBIT_UNIT, MILLISECOND
-from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
+from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_change
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping, find_refusal
 from hil_bench.errors import SdoAbort
@@ -23,7 +23,12 @@ _TO_MAPPING: Final = 0x200
 
 SYNCHRONOUS_ACYCLIC: Final = 0
 SYNCHRONOUS: Final = range(241)
+SYNCHRONOUS_REMOTE: Final = 252
+"""Sampled with each SYNC, sent on a remote request."""
+EVENT_DRIVEN_REMOTE: Final = 253
+"""Sampled and sent on a remote request."""
 EVENT_DRIVEN: Final = range(254, 256)
+_REMOTE: Final = frozenset({SYNCHRONOUS_REMOTE, EVENT_DRIVEN_REMOTE})
 
 _COB_ID: Final = 1
 _TRANSMISSION_TYPE: Final = 2
@@ -55,8 +60,13 @@ class PdoParameters:
         return can_id(self._object_dictionary.number(self._index, _COB_ID, absent=DISABLED))
 
     @property
+    def allows_remote(self) -> bool:
+        """Whether the TPDO answers remote requests: bit 30 of the COB-ID is clear."""
+        return not self._object_dictionary.number(self._index, _COB_ID) & BIT_30
+
+    @property
     def transmission_type(self) -> int:
-        """0 to 240 synchronous, 254 and 255 event driven."""
+        """0 to 240 synchronous, 252 and 253 on remote request, 254 and 255 event driven."""
         return self._object_dictionary.number(self._index, _TRANSMISSION_TYPE)
 
     @property
@@ -68,6 +78,11 @@ class PdoParameters:
     def event_time(self) -> int:
         """TPDO: longest time between two transmissions, RPDO: time-out; 0 for none [ns]."""
         return self._object_dictionary.number(self._index, _EVENT_TIMER) * MILLISECOND
+
+    @property
+    def sync_start(self) -> int:
+        """Counter of the SYNC that counts as the first; 0 where every SYNC does."""
+        return self._object_dictionary.number(self._index, _SYNC_START)
 
     def mapping(self) -> PdoMapping | None:
         """Return the compiled mapping, None where nothing is mapped."""
@@ -90,7 +105,7 @@ class PdoParameters:
     def _add_checks(self) -> None:
         checks = {
             _COB_ID: self._check_cob_id,
-            _TRANSMISSION_TYPE: _check_transmission_type,
+            _TRANSMISSION_TYPE: self._check_transmission_type,
             _INHIBIT_TIME: self._check_disabled,
             _SYNC_START: self._check_disabled,
         }
@@ -104,6 +119,16 @@ class PdoParameters:
 
     def _check_cob_id(self, cob_id: int) -> None:
         check_change(self._object_dictionary.variable(self._index, _COB_ID), cob_id)
+
+    def _check_transmission_type(self, value: int) -> None:
+        """Refuse 241 to 251, which are reserved, and for an RPDO 252 and 253.
+
+        Raises:
+            SdoAbort: 0609 0030.
+        """
+        is_remote = value in _REMOTE and self._direction is Direction.TPDO
+        if value not in SYNCHRONOUS and value not in EVENT_DRIVEN and not is_remote:
+            raise SdoAbort(*abort_codes.VALUE)
 
     def _check_disabled(self, _value: int) -> None:
         if self.can_id is not None:
@@ -129,13 +154,3 @@ class PdoParameters:
         if count and self._object_dictionary.find(self._mapping_index, count) is None:
             raise SdoAbort(*abort_codes.VALUE)
         self._compile(count)
-
-
-def _check_transmission_type(value: int) -> None:
-    """Refuse 241 to 251, which are reserved, and 252 and 253, which need remote requests.
-
-    Raises:
-        SdoAbort: 0609 0030.
-    """
-    if value not in SYNCHRONOUS and value not in EVENT_DRIVEN:
-        raise SdoAbort(*abort_codes.VALUE)

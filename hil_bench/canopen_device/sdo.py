@@ -1,112 +1,92 @@
-"""SDO server (CiA 301, service data objects): expedited and segmented transfers.
+"""SDO server (CiA 301, service data objects): one channel, all transfers.
 
-Requests wait in a bounded queue and are answered in order by `serve`. Each gets exactly one answer,
-but for an abort from the client, a frame of fewer than 8 bytes, and a request outside the NMT
-states that have SDO: these get none.
+Requests wait in a bounded queue and are answered in order by `serve`. Each gets one answer, but for
+an abort from the client, a segment of a block download, a frame of fewer than 8 bytes, and a
+request outside the NMT states that have SDO: these get none.
 
-Command bytes, request to response (CiA 301): ccs 1 initiate download, ccs 0 download segment, ccs 2
-initiate upload, ccs 3 upload segment, cs 4 abort. All others abort with 0504 0001.
+Command specifiers of requests (CiA 301): 1 initiate download, 0 download segment, 2 initiate
+upload, 3 upload segment, 4 abort, 5 block upload, 6 block download. 7 aborts with 0504 0001.
 """
 
 import struct
 from collections import deque
-from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
+from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.sdo_block import BLOCK_SIZE, BlockDownload, BlockUpload
+from hil_bench.canopen_device.sdo_transfer import (
+    Multiplexer,
+    SegmentedDownload,
+    SegmentedUpload,
+    Transfer,
+    check_bound,
+)
 from hil_bench.errors import SdoAbort
 
-REQUEST: Final = 0x600
-"""Identifier of the default SDO channel, client to server, plus the node-ID."""
-RESPONSE: Final = 0x580
-"""Identifier of the default SDO channel, server to client, plus the node-ID."""
-
-TIME_OUT: Final = 1000 * MILLISECOND
-"""Longest wait for the client's next segment [ns]."""
 BUFFER_SIZE: Final = 65536
 """Longest string or domain that a client may download [byte]."""
 QUEUE_LENGTH: Final = 256
 """Requests that may wait; more than a bus brings in 30 ms."""
 
-_DOWNLOAD_SEGMENT: Final = 0
 _INITIATE_DOWNLOAD: Final = 1
 _INITIATE_UPLOAD: Final = 2
-_UPLOAD_SEGMENT: Final = 3
 _ABORT: Final = 4
+_BLOCK_UPLOAD: Final = 5
+_BLOCK_DOWNLOAD: Final = 6
+_SEGMENTS: Final = frozenset({0, 3})
 
 _EXPEDITED: Final = 0x02
 _SIZE_INDICATED: Final = 0x01
-_TOGGLE: Final = 0x10
-_LAST: Final = 0x01
-_SEGMENT_BYTES: Final = 7
+_BLOCK_CRC: Final = 0x04
+_BLOCK_SIZE_INDICATED: Final = 0x02
 
 _HEADER: Final = struct.Struct("<BHB")
 _LONG: Final = struct.Struct("<BHBI")
 
-
-_Object = tuple[int, int]
-"""The multiplexer, index and sub-index: which object a transfer is about."""
-
-
-@dataclass(slots=True)
-class _Upload:
-    """A segmented upload: what is still to be sent."""
-
-    target: _Object
-    rest: bytes
-    due: int
-    toggle: int = 0
-
-
-@dataclass(slots=True)
-class _Download:
-    """A segmented download: what came so far, and how much is announced."""
-
-    target: _Object
-    announced: int | None
-    limit: int
-    due: int
-    data: bytearray = field(default_factory=bytearray)
-    toggle: int = 0
-
-
-_NO_OBJECT: Final[_Object] = (0, 0)
+_NO_OBJECT: Final[Multiplexer] = (0, 0)
 
 
 class SdoServer:
-    """The default SDO channel of one node."""
+    """One SDO channel of a node.
+
+    Attributes:
+        request_id: identifier from client to server, None while the channel is closed.
+        response_id: identifier from server to client.
+        is_enabled: whether the NMT state allows SDO.
+    """
 
     def __init__(
-        self,
-        object_dictionary: ObjectDictionary,
-        node_id: int,
-        agenda: Agenda,
-        counters: NodeCounters,
+        self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
     ) -> None:
+        self.request_id: int | None = None
+        self.response_id = 0
+        self.is_enabled = False
         self._object_dictionary = object_dictionary
-        self._can_id = RESPONSE + node_id
         self._agenda = agenda
         self._counters = counters
         self._queue: deque[bytes] = deque()
-        self._transfer: _Upload | _Download | None = None
+        self._transfer: Transfer | None = None
 
     @property
     def due(self) -> int:
-        """When the transfer under way times out [ns]."""
+        """When the transfer under way is to go on, or times out [ns]."""
         return NEVER if self._transfer is None else self._transfer.due
 
-    def receive(self, data: bytes) -> None:
+    def receive(self, frame: Frame, _now: int) -> None:
         """Queue a request."""
-        if len(data) < 8:
+        if not self._counters.is_data(frame) or not self.is_enabled:
+            return
+        if len(frame.data) < 8:
             self._counters.short_sdo_requests += 1
         elif len(self._queue) >= QUEUE_LENGTH:
             self._counters.dropped_sdo_requests += 1
         else:
-            self._queue.append(data)
+            self._queue.append(frame.data)
             self._agenda.bring_forward(0)
 
     def reset(self) -> None:
@@ -115,75 +95,93 @@ class SdoServer:
         self._transfer = None
 
     def serve(self, now: int, emit: Emit) -> None:
-        """Answer what was asked, then abort a transfer whose client has gone silent."""
+        """Answer what was asked; go on with a block upload, or abort what has timed out."""
         while self._queue:
             answer = self._answer(self._queue.popleft(), now)
             if answer is not None:
-                emit(Frame(self._can_id, answer))
-        if self._transfer is not None and now >= self._transfer.due:
-            target = self._transfer.target
-            emit(Frame(self._can_id, self._abort(target, abort_codes.TIME_OUT[0])))
+                emit(Frame(self.response_id, answer))
+        transfer = self._transfer
+        if transfer is not None and now >= transfer.due:
+            self._proceed(transfer, now, emit)
+
+    def _proceed(self, transfer: Transfer, now: int, emit: Emit) -> None:
+        try:
+            for data in transfer.proceed(now):
+                emit(Frame(self.response_id, data))
+        except SdoAbort as abort:
+            emit(Frame(self.response_id, self._abort(transfer.target, abort.code)))
 
     def _answer(self, request: bytes, now: int) -> bytes | None:
-        specifier = request[0] >> 5
-        if specifier == _ABORT:
-            self._transfer = None
-            return None
+        command, transfer = request[0], self._transfer
+        is_owned = transfer is not None and transfer.owns(command)
         try:
-            return self._dispatch(specifier, request, now)
+            if transfer is not None and is_owned:
+                return self._continue(transfer, request, now)
+            if command >> 5 == _ABORT:
+                self._transfer = None
+                return None
+            return self._begin(command, request, now)
         except SdoAbort as abort:
-            return self._abort(self._target(request, specifier), abort.code)
+            if is_owned or _names_no_object(command):
+                target = _NO_OBJECT if transfer is None else transfer.target
+            else:
+                target = _parse_object(request)
+            return self._abort(target, abort.code)
 
-    def _dispatch(self, specifier: int, request: bytes, now: int) -> bytes:
+    def _continue(self, transfer: Transfer, request: bytes, now: int) -> bytes | None:
+        answer = transfer.take(request, now)
+        if transfer.is_over:
+            self._transfer = None
+        return answer
+
+    def _begin(self, command: int, request: bytes, now: int) -> bytes:
+        """Answer the first request of a transfer; one that was under way is given up.
+
+        Raises:
+            SdoAbort: 0504 0001, or that of the transfer.
+        """
+        self._transfer = None
+        specifier = command >> 5
         if specifier == _INITIATE_UPLOAD:
             return self._initiate_upload(request, now)
         if specifier == _INITIATE_DOWNLOAD:
             return self._initiate_download(request, now)
-        if specifier == _UPLOAD_SEGMENT:
-            return self._upload_segment(request, now)
-        if specifier == _DOWNLOAD_SEGMENT:
-            return self._download_segment(request, now)
+        if specifier == _BLOCK_UPLOAD and not command & 3:
+            return self._initiate_block_upload(request, now)
+        if specifier == _BLOCK_DOWNLOAD and not command & 1:
+            return self._initiate_block_download(request, now)
         raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
 
-    def _target(self, request: bytes, specifier: int) -> _Object:
-        """The object that an abort names: a segment belongs to that of the transfer."""
-        if specifier not in {_UPLOAD_SEGMENT, _DOWNLOAD_SEGMENT}:
-            return _parse_object(request)
-        return _NO_OBJECT if self._transfer is None else self._transfer.target
-
-    def _abort(self, target: _Object, code: int) -> bytes:
+    def _abort(self, target: Multiplexer, code: int) -> bytes:
         self._transfer = None
         self._counters.sdo_aborts += 1
         return _LONG.pack(_ABORT << 5, *target, code)
 
     def _initiate_upload(self, request: bytes, now: int) -> bytes:
-        """Answer with the data themselves up to 4 bytes, else with their length."""
-        self._transfer = None
         target = _parse_object(request)
-        data = self._object_dictionary.upload(*target)
+        return self._answer_upload(target, self._object_dictionary.upload(*target), now)
+
+    def _answer_upload(self, target: Multiplexer, data: bytes, now: int) -> bytes:
+        """Answer with the data themselves up to 4 bytes, else with their length."""
         length = len(data)
         if 1 <= length <= 4:
             command = 0x40 | (4 - length) << 2 | _EXPEDITED | _SIZE_INDICATED
             return _HEADER.pack(command, *target) + data.ljust(4, b"\0")
-        self._transfer = _Upload(target, data, now + TIME_OUT)
+        self._transfer = SegmentedUpload(target, data, now)
         return _LONG.pack(0x40 | _SIZE_INDICATED, *target, length)
 
-    def _upload_segment(self, request: bytes, now: int) -> bytes:
-        upload = self._transfer
-        if not isinstance(upload, _Upload):
-            raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
-        _check_toggle(upload, request[0])
-        segment, upload.rest = upload.rest[:_SEGMENT_BYTES], upload.rest[_SEGMENT_BYTES:]
-        answer = upload.toggle | (_SEGMENT_BYTES - len(segment)) << 1
-        upload.toggle ^= _TOGGLE
-        upload.due = now + TIME_OUT
-        if not upload.rest:
-            answer |= _LAST
-            self._transfer = None
-        return bytes([answer]) + segment.ljust(_SEGMENT_BYTES, b"\0")
+    def _initiate_block_upload(self, request: bytes, now: int) -> bytes:
+        """Answer with the length; up to the client's threshold, with a plain upload instead."""
+        target = _parse_object(request)
+        data = self._object_dictionary.upload(*target)
+        transfer = BlockUpload(target, data, request[4], now)
+        threshold = request[5]
+        if threshold and len(data) <= threshold:
+            return self._answer_upload(target, data, now)
+        self._transfer = transfer
+        return _LONG.pack(0xC0 | _BLOCK_CRC | _BLOCK_SIZE_INDICATED, *target, len(data))
 
     def _initiate_download(self, request: bytes, now: int) -> bytes:
-        self._transfer = None
         target = _parse_object(request)
         command = request[0]
         data_type = self._object_dictionary.writable(*target).data_type
@@ -193,47 +191,42 @@ class SdoServer:
             length = 4 - (command >> 2 & 3) if is_sized else min(data_type.size or 4, 4)
             self._object_dictionary.download(*target, request[4 : 4 + length])
         else:
-            announced = _LONG.unpack(request)[3] if is_sized else None
-            limit = data_type.size or BUFFER_SIZE
-            if announced is not None:
-                data_type.check_size(announced)
-                _check_bound(announced, limit)
-            self._transfer = _Download(target, announced, limit, now + TIME_OUT)
+            announced, limit = self._expect(request, is_sized=bool(is_sized))
+            write = partial(self._object_dictionary.download, *target)
+            self._transfer = SegmentedDownload(target, write, announced, limit, now)
         return _LONG.pack(0x60, *target, 0)
 
-    def _download_segment(self, request: bytes, now: int) -> bytes:
-        download = self._transfer
-        if not isinstance(download, _Download):
-            raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
+    def _initiate_block_download(self, request: bytes, now: int) -> bytes:
+        target = _parse_object(request)
         command = request[0]
-        _check_toggle(download, command)
-        length = _SEGMENT_BYTES - (command >> 1 & 7)
-        download.data += request[1 : 1 + length]
-        limit = download.limit if download.announced is None else download.announced
-        _check_bound(len(download.data), limit)
-        answer = 0x20 | download.toggle
-        download.toggle ^= _TOGGLE
-        download.due = now + TIME_OUT
-        if command & _LAST:
-            self._finish(download)
-        return bytes([answer]) + bytes(_SEGMENT_BYTES)
+        announced, limit = self._expect(request, is_sized=bool(command & _BLOCK_SIZE_INDICATED))
+        write = partial(self._object_dictionary.download, *target)
+        self._transfer = BlockDownload(
+            target, write, announced, limit, now, has_crc=bool(command & _BLOCK_CRC)
+        )
+        return _LONG.pack(0xA0 | _BLOCK_CRC, *target, BLOCK_SIZE)
 
-    def _finish(self, download: _Download) -> None:
-        if download.announced is not None and len(download.data) < download.announced:
-            raise SdoAbort(*abort_codes.LENGTH_TOO_LOW)
-        self._object_dictionary.download(*download.target, bytes(download.data))
-        self._transfer = None
+    def _expect(self, request: bytes, *, is_sized: bool) -> tuple[int | None, int]:
+        """Return the announced length, None for none, and the longest possible one [byte]."""
+        data_type = self._object_dictionary.writable(*_parse_object(request)).data_type
+        limit = data_type.size or BUFFER_SIZE
+        if not is_sized:
+            return None, limit
+        announced: int = _LONG.unpack(request)[3]
+        data_type.check_size(announced)
+        check_bound(announced, limit)
+        return announced, limit
 
 
-def _parse_object(request: bytes) -> _Object:
+def _parse_object(request: bytes) -> Multiplexer:
     return request[1] | request[2] << 8, request[3]
 
 
-def _check_toggle(transfer: _Upload | _Download, command: int) -> None:
-    if command & _TOGGLE != transfer.toggle:
-        raise SdoAbort(*abort_codes.TOGGLE)
-
-
-def _check_bound(length: int, limit: int) -> None:
-    if length > limit:
-        raise SdoAbort(*abort_codes.LENGTH_TOO_HIGH)
+def _names_no_object(command: int) -> bool:
+    """Whether a request with this command byte is part of a transfer and names no object."""
+    specifier = command >> 5
+    return (
+        specifier in _SEGMENTS
+        or (specifier == _BLOCK_UPLOAD and command & 3 != 0)
+        or (specifier == _BLOCK_DOWNLOAD and command & 1 != 0)
+    )

@@ -8,9 +8,9 @@ reference value 0x6311.01 stands for 100 %.
 ACTIVE needs the NMT state OPERATIONAL: leaving it leads to HOLD at once. Since a control word acts
 only when it arrives, one that still stands in 0x6040 does not bring ACTIVE back.
 
-An RPDO that missed its deadline and a lost heartbeat are faults. The node's services send the
-EMCY; the error code 0x604E shows it until the fault is reset. A reset is not obeyed while a
-heartbeat is still missing.
+An RPDO that missed its deadline, a lost heartbeat and a life guarding event are faults. The node's
+services send the EMCY; the error code 0x604E shows it until the fault is reset. A reset is not
+obeyed while the heartbeat or the guarding is still missing.
 
 With 0x604F = 1 the local control word rules, and this device has no local panel: that word is 0,
 which leads to INIT.
@@ -48,7 +48,9 @@ REFERENCE: Final = 16384
 
 _MAPPED_STATUS_WORD: Final = 0x604100
 TPDO_MAPPINGS: Final = range(0x1A00, 0x1C00)
-CONSUMER_HEARTBEAT_TIME: Final = 0x1016
+
+_SUPERVISION_LOST: Final = (NodeEventKind.HEARTBEAT_LOST, NodeEventKind.GUARDING_LOST)
+_SUPERVISION_RESUMED: Final = (NodeEventKind.HEARTBEAT_RESUMED, NodeEventKind.GUARDING_RESUMED)
 
 _LOCAL_CONTROL_WORD: Final = 0
 _LOWEST: Final = -32768
@@ -85,7 +87,6 @@ class ValveDevice:
         self._bind_control()
         self._bind_spool()
         self._bind_limits()
-        self._bind_supervision()
         self._start()
 
     def _bind_control(self) -> None:
@@ -120,11 +121,6 @@ class ValveDevice:
         self._lower_limit = optional(od, 0x6321, 1, INTEGER16, absent=_LOWEST)
         self._upper_limit.add_check(self._check_upper_limit)
         self._lower_limit.add_check(self._check_lower_limit)
-
-    def _bind_supervision(self) -> None:
-        for variable in self.node.object_dictionary:
-            if variable.index == CONSUMER_HEARTBEAT_TIME:
-                variable.add_hook(self._supervise_anew)
 
     @property
     def state(self) -> ValveState:
@@ -195,9 +191,9 @@ class ValveDevice:
             self._start()
         elif kind is NodeEventKind.RESET_COMMUNICATION:
             self._lost_heartbeats.clear()
-        elif kind is NodeEventKind.HEARTBEAT_RESUMED:
+        elif kind in _SUPERVISION_RESUMED:
             self._lost_heartbeats.discard(detail)
-        elif kind is NodeEventKind.HEARTBEAT_LOST:
+        elif kind in _SUPERVISION_LOST:
             self._lost_heartbeats.add(detail)
             self._fault(HEARTBEAT)
         elif kind is NodeEventKind.RPDO_TIMEOUT:
@@ -225,11 +221,6 @@ class ValveDevice:
         )
         if self._machine.state not in FAULT_STATES:
             self._error_code.value = 0
-
-    def _supervise_anew(self, _written: int) -> None:
-        """A node that is no longer watched is not waited for."""
-        self._hear_events()
-        self._lost_heartbeats.clear()
 
     def _trigger_status(self) -> None:
         od = self.node.object_dictionary

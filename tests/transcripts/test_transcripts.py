@@ -6,7 +6,11 @@ takes 1 ms, and the node has node-ID 5 and the objects of tests/unit/canopen_dev
     (0.010) > 605#4000100000000000    ; a frame to the node, as can-utils write it (R for remote)
     (0.010) < 585#4300100091010000    ; the frame that the node sends in that round
     (0.020) ! set 2010.00 = 7         ; the application: set, trigger, raise CODE BITS [DATA], clear
-    (0.020) ? value 2000.00 = 7       ; a look inside after the round: value, state, event, counter
+    (0.020) ! power                   ; power off and on: the storage stays; `power 255` as node 255
+    (0.020) ! damage                  ; one bit of the stored parameters flips
+    (0.020) ! break                   ; from now on the storage cannot be written
+    (0.020) ? value 2000.00 = 7       ; a look inside after the round: value, state, event, counter,
+    (0.020) ? time 1000 5             ; days and milliseconds of the time of day; node-ID with `id`
 
 The node must send exactly the frames of the transcript, in its order and in its rounds.
 """
@@ -20,6 +24,8 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.storage import MemoryStorage
+from hil_bench.errors import StorageError
 
 HERE = Path(__file__).parent
 EDS = HERE.parent / "unit" / "canopen_device" / "device.eds"
@@ -49,16 +55,38 @@ class Transcript:
             lines.append((where, match["kind"], match["text"]))
 
 
+class TestStorage(MemoryStorage):
+    """Storage that can be damaged."""
+
+    __test__ = False
+    is_broken = False
+
+    def write(self, data):
+        if self.is_broken:
+            raise StorageError("broken")
+        super().write(data)
+
+    def damage(self):
+        raw = bytearray(self.read())
+        raw[0] ^= 1
+        super().write(bytes(raw))
+
+
 class Player:
     """Runs a node through a transcript."""
 
     def __init__(self):
-        self.node = Node(load_eds(EDS, 5), 5)
+        self.storage = TestStorage()
         self.sent = []
         self.events = []
 
+    def power_on(self, node_id=5, now=0):
+        self.node = Node(load_eds(EDS, node_id), node_id, self.storage)
+        self.node.start(now)
+        self.now = now
+
     def play(self, transcript):
-        self.node.start(0)
+        self.power_on()
         for tick in range(max(transcript.rounds) + 1):
             lines = transcript.rounds.get(tick, ())
             self._run_round(tick, lines)
@@ -67,9 +95,11 @@ class Player:
                     self._look(where, text)
 
     def _run_round(self, tick, lines):
-        now = tick * ROUND
+        self.now = now = tick * ROUND
         for _, kind, text in lines:
-            if kind == ">":
+            if kind == "!" and text.startswith("power"):
+                self.power_on(int([*text.split(), 5][1]), now)
+            elif kind == ">":
                 self.node.receive(parse_frame(text), now)
         self.node.expire(now)
         for _, kind, text in lines:
@@ -93,6 +123,14 @@ class Player:
         elif verb == "raise":
             code, bits, detail = [*words, ""][:3]
             self.node.emcy.raise_error(int(code, 16), int(bits, 16), bytes.fromhex(detail))
+        elif verb == "damage":
+            self.storage.damage()
+        elif verb == "break":
+            self.storage.is_broken = True
+        elif verb == "behave":
+            self.node.follow_error_behaviour(int(words[0]))
+        elif verb == "power":
+            pass  # before the frames of the round
         else:
             assert verb == "clear", text
             self.node.emcy.clear_error(int(words[0], 16))
@@ -105,11 +143,15 @@ class Player:
             self.events.remove(event)
         elif what == "state":
             assert self.node.state.name == words[0], where
+        elif what == "id":
+            assert self.node.node_id == int(words[0]), where
+        elif what == "time":
+            assert self.node.time_of_day(self.now) == tuple(map(int, words)), where
         elif what == "counter":
             assert getattr(self.node.counters, words[0]) == int(words[2]), where
         else:
             assert what == "value", text
-            assert self._variable(words[0]).value == int(words[2]), where
+            assert self._variable(words[0]).value == int(words[2], 0), where
 
     def _variable(self, text):
         index, subindex = text.split(".")

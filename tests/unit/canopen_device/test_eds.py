@@ -243,7 +243,7 @@ def test_mapping_of_more_than_64_bit(load_changed):
 @pytest.mark.parametrize("node_id", [0, 128, -1])
 def test_node_id_is_checked(eds_path, node_id):
     assert refusal(load_eds, eds_path, node_id).endswith(
-        f"device.eds: node-ID {node_id} is not possible; write 1 to 127"
+        f"device.eds: node-ID {node_id} is not possible; write 1 to 127, or 255 for none"
     )
 
 

@@ -50,14 +50,25 @@ def test_deadline_is_the_next_heartbeat(rig):
     assert rig.node.deadline == 0
 
 
-def test_events_tell_state_changes_and_are_bounded(rig):
+def test_events_tell_state_changes(rig):
     rig.node.events.clear()
     rig.receive(0x000, b"\x01\x05")
     rig.receive(0x000, b"\x01\x05")  # no change, no event
     assert list(rig.node.events) == [NodeEvent(NodeEventKind.STATE_CHANGED, NmtState.OPERATIONAL)]
+
+
+def test_a_flood_pushes_no_event_out_and_takes_no_memory(rig):
+    rig.node.events.clear()
+    rig.receive(0x000, b"\x01\x05")
     for _ in range(1000):
         rig.receive(0x205, bytes(4))
-    assert len(rig.node.events) == 256
+        rig.receive(0x000, b"\x80\x05")
+        rig.receive(0x000, b"\x01\x05")
+    assert list(rig.node.events) == [
+        NodeEvent(NodeEventKind.RPDO_RECEIVED, 1),
+        NodeEvent(NodeEventKind.STATE_CHANGED, NmtState.PRE_OPERATIONAL),
+        NodeEvent(NodeEventKind.STATE_CHANGED, NmtState.OPERATIONAL),
+    ]
 
 
 def test_routes_are_renewed_with_each_identifier(rig):

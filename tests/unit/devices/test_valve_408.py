@@ -10,6 +10,7 @@ import pytest
 
 from device_profiles import VALVE_408
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.errors import EdsError, ParameterError
@@ -268,6 +269,41 @@ def test_a_heartbeat_that_is_no_longer_watched_does_not_bar_the_reset(active):
     heartbeat(active)
     active.tick(100)
     assert active.write(0x1016, 1, 0, 4) is None
+    control(active, 0x000F)
+    assert status(active) == HOLD
+
+
+def guard(rig):
+    """The NMT master's remote request (CiA 301, node guarding)."""
+    rig.node.receive(Frame(0x705, is_remote=True), rig.now)
+
+
+def watch_guarding(rig, milliseconds):
+    assert rig.write(0x1029, 1, 1, 1) is None
+    assert rig.write(0x100C, 0, milliseconds, 2) is None
+    assert rig.write(0x100D, 0, 1, 1) is None
+    guard(rig)
+
+
+def test_a_life_guarding_event_is_a_fault_like_a_lost_heartbeat(active):
+    watch_guarding(active, 100)
+    active.tick(99)
+    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
+    active.tick()
+    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
+    assert active.value(0x604E) == 0x8130
+    control(active, 0x000F)
+    assert status(active) == FAULT_HOLD
+    guard(active)
+    control(active, 0x0007)
+    control(active, 0x000F)
+    assert status(active) == HOLD
+
+
+def test_guarding_that_is_switched_off_does_not_bar_the_reset(active):
+    watch_guarding(active, 100)
+    active.tick(100)
+    assert active.write(0x100D, 0, 0, 1) is None
     control(active, 0x000F)
     assert status(active) == HOLD
 

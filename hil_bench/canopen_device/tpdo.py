@@ -1,0 +1,228 @@
+"""Transmit PDOs (CiA 301, process data objects): from the object dictionary to the bus."""
+
+from functools import partial
+from typing import Any
+
+from hil_bench.canopen_device.agenda import NEVER
+from hil_bench.canopen_device.counters import NodeCounters
+from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_parameters import (
+    COMMUNICATION_INDICES,
+    EVENT_DRIVEN,
+    EVENT_DRIVEN_REMOTE,
+    SYNCHRONOUS,
+    SYNCHRONOUS_ACYCLIC,
+    SYNCHRONOUS_REMOTE,
+    PdoParameters,
+)
+from hil_bench.canopen_device.sync import SynchronousWindow
+
+
+class Tpdo:
+    """One transmit PDO.
+
+    Type 0 goes with the SYNC after an event, types 1 to 240 with every n-th SYNC, where the one
+    with the SYNC start value as its counter is the first. Types 254 and 255 go on an event and when
+    their event timer has run out, never sooner after the last than the inhibit time, and once on
+    entering OPERATIONAL; a remote request counts as an event. Types 252 and 253 go on a remote
+    request only: 252 with the values at the last SYNC, 253 with the present ones.
+
+    Attributes:
+        can_id: its identifier, None while it is disabled.
+        due: when it is to be sent [ns].
+    """
+
+    def __init__(
+        self, parameters: PdoParameters, window: SynchronousWindow, counters: NodeCounters
+    ) -> None:
+        self.due = NEVER
+        self._parameters = parameters
+        self._window = window
+        self._counters = counters
+        self._is_operational = False
+        self._inhibited_until = 0
+        self._syncs = 0
+        self._has_begun = False
+        self._sample: bytes | None = None
+        self.configure()
+
+    def configure(self) -> None:
+        """Follow the parameters; an event-driven PDO starts anew with a transmission."""
+        self.can_id = self._parameters.can_id
+        self._mapping = self._parameters.mapping()
+        self._type = self._parameters.transmission_type
+        self._is_event_driven = self._type in EVENT_DRIVEN
+        self._is_synchronous = self._type in SYNCHRONOUS
+        self._allows_remote = self._parameters.allows_remote
+        self._sync_start = self._parameters.sync_start
+        self._event_time = self._parameters.event_time
+        self._inhibit_time = self._parameters.inhibit_time
+        self._begin()
+
+    def set_operational(self, *, is_operational: bool) -> None:
+        """Begin or end to transmit."""
+        self._is_operational = is_operational
+        self._begin()
+
+    def trigger(self) -> None:
+        """Take an event of the application."""
+        if self._is_event_driven and self._is_active:
+            self.due = min(self.due, self._inhibited_until)
+        self._has_event = True
+
+    def request(self) -> bool:
+        """Take a remote request; return whether it is answered."""
+        if not self._is_active or not self._allows_remote:
+            return False
+        if self._is_event_driven:
+            self.trigger()
+            return True
+        has_sample = self._sample is not None or self._must_sample
+        if self._type == EVENT_DRIVEN_REMOTE or (self._type == SYNCHRONOUS_REMOTE and has_sample):
+            self._is_requested = True
+            self.due = 0
+        return self._is_requested
+
+    def synchronise(self, counter: int) -> None:
+        """Take a SYNC with that counter; 0 where it has none."""
+        if not self._is_active:
+            return
+        if self._type == SYNCHRONOUS_REMOTE:
+            self._must_sample = True
+            self.due = 0
+        elif self._is_synchronous and self._counts(counter):
+            self._syncs = 0
+            self.due = 0
+
+    def transmit(self, now: int, emit: Emit) -> None:
+        """Send it with the present values; a type 252 with its sample, where it was asked for."""
+        if self.can_id is None or self._mapping is None:
+            return
+        self.due = NEVER
+        self._has_event = False
+        if self._is_synchronous and now > self._window.end:
+            self._counters.late_synchronous_pdos += 1
+            return
+        if self._type == SYNCHRONOUS_REMOTE and self._must_sample:
+            self._must_sample = False
+            self._sample = self._mapping.read()
+            if not self._is_requested:
+                return
+        self._is_requested = False
+        emit(Frame(self.can_id, self._sample or self._mapping.read()))
+        if self._is_event_driven:
+            self._inhibited_until = now + self._inhibit_time
+            if self._event_time:
+                self.due = now + max(self._event_time, self._inhibit_time)
+
+    def _counts(self, counter: int) -> bool:
+        """Whether the PDO is to go with this SYNC."""
+        if self._type == SYNCHRONOUS_ACYCLIC:
+            return self._has_event
+        if not self._has_begun:
+            if self._sync_start and counter and counter != self._sync_start:
+                return False
+            self._has_begun = True
+        self._syncs += 1
+        return self._syncs >= self._type
+
+    def _begin(self) -> None:
+        self._is_active = (
+            self._is_operational and self.can_id is not None and self._mapping is not None
+        )
+        self._has_event = False
+        self._has_begun = False
+        self._syncs = 0
+        self._sample = None
+        self._must_sample = False
+        self._is_requested = False
+        starts = self._is_active and self._is_event_driven
+        self.due = self._inhibited_until if starts else NEVER
+
+
+class TpdoProducer:
+    """All transmit PDOs of a node, and before them the SYNC that this node itself produces.
+
+    Attributes:
+        due: when `transmit` has something to send [ns].
+    """
+
+    def __init__(
+        self,
+        object_dictionary: ObjectDictionary,
+        window: SynchronousWindow,
+        counters: NodeCounters,
+    ) -> None:
+        self.due = NEVER
+        self._counters = counters
+        self._sync: Frame | None = None
+        self._tpdos: dict[int, Tpdo] = {}
+        for index in object_dictionary.indices(COMMUNICATION_INDICES[Direction.TPDO]):
+            parameters = PdoParameters(object_dictionary, index, Direction.TPDO)
+            tpdo = Tpdo(parameters, window, counters)
+            self._tpdos[parameters.number] = tpdo
+            parameters.add_hook(partial(self._configure, tpdo))
+
+    @property
+    def can_ids(self) -> frozenset[int]:
+        """The identifiers in use."""
+        return frozenset(tpdo.can_id for tpdo in self._tpdos.values() if tpdo.can_id is not None)
+
+    def trigger(self, number: int) -> None:
+        """Take an application event for TPDO `number`; without effect where there is none."""
+        tpdo = self._tpdos.get(number)
+        if tpdo is not None:
+            tpdo.trigger()
+            self.due = min(self.due, tpdo.due)
+
+    def receive(self, frame: Frame, _now: int) -> None:
+        """Take a frame with the identifier of a TPDO: a remote request, or a stray."""
+        if frame.is_remote and not frame.is_extended:
+            asked = (tpdo for tpdo in self._tpdos.values() if tpdo.can_id == frame.can_id)
+            self._counters.ignored_frames += not sum(tpdo.request() for tpdo in asked)
+            self._update_due()
+        else:
+            self._counters.is_data(frame)
+
+    def synchronise(self, counter: int, sync: Frame | None = None) -> None:
+        """Take a SYNC with that counter, 0 for none; `sync` is to be sent before the PDOs."""
+        self._sync = sync or self._sync
+        for tpdo in self._tpdos.values():
+            tpdo.synchronise(counter)
+        self._update_due()
+
+    def transmit(self, now: int, emit: Emit) -> None:
+        """Send the PDOs that are due, in the order of their numbers."""
+        if now < self.due:
+            return
+        if self._sync is not None:
+            emit(self._sync)
+            self._sync = None
+        for tpdo in self._tpdos.values():
+            if now >= tpdo.due:
+                tpdo.transmit(now, emit)
+        self._update_due()
+
+    def set_operational(self, *, is_operational: bool) -> None:
+        """Begin or end to transmit."""
+        for tpdo in self._tpdos.values():
+            tpdo.set_operational(is_operational=is_operational)
+        self._update_due()
+
+    def reset(self) -> None:
+        """Begin anew after the parameters got their defaults."""
+        for tpdo in self._tpdos.values():
+            tpdo.configure()
+        self._update_due()
+
+    def _configure(self, tpdo: Tpdo, _value: Any) -> None:  # noqa: ANN401 - it is a hook
+        tpdo.configure()
+        self._update_due()
+
+    def _update_due(self) -> None:
+        if self._sync is not None:
+            self.due = 0
+        else:
+            self.due = min([tpdo.due for tpdo in self._tpdos.values()], default=NEVER)

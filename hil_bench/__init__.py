@@ -1,5 +1,16 @@
 """Hardware-in-the-loop test bench in software for valve-controlled hydraulic cylinders."""
 
-from importlib.metadata import version
+from typing import Any
 
-__version__ = version("hil-bench")
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module has attributes of all types
+    """Return `__version__`, looked up when it is asked for: that takes longer than all the rest.
+
+    Raises:
+        AttributeError: it is another name.
+    """
+    if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - see above
+
+        return version("hil-bench")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

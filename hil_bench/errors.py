@@ -8,6 +8,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
      ├── StorageError (OSError)     stored parameters could not be read or written
+     ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
 The controller side has a tree of its own, in `drivers.errors`.
@@ -36,6 +37,10 @@ class BusError(HilBenchError, OSError):
 
 class StorageError(HilBenchError, OSError):
     """Stored parameters of a device could not be read or written, or are damaged."""
+
+
+class WaitTimeoutError(HilBenchError, TimeoutError):
+    """A condition was not met within the bench time that it was given."""
 
 
 class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word

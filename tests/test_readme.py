@@ -8,6 +8,8 @@ import pytest
 
 from hil_bench.cli import VERBS
 
+pytest_plugins = ["pytester"]
+
 README = Path(__file__).parents[1] / "README.md"
 TEXT = README.read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"^```python\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
@@ -20,6 +22,12 @@ def test_the_python_runs(snippet, capsys):
     position = float(capsys.readouterr().out.split(" mm")[0])
     # The loop ends in the first 10 ms cycle at or beyond 50 mm, at about 0.1 m/s.
     assert 50.0 <= position < 55.0
+
+
+def test_the_test_passes(pytester):
+    (snippet,) = re.findall(r"^```py\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+    pytester.makepyfile(snippet)
+    pytester.runpytest_subprocess().assert_outcomes(passed=1)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

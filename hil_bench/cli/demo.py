@@ -78,9 +78,9 @@ def run(args: argparse.Namespace) -> int:
         wish = stack.enter_context(interruption())
         with StatusLine(session.snapshot, session.fields, wanted=not args.quiet):
             report = session.run(lambda: wish.requested)
-        recording = session.recorder.result()
+        recording = session.bench.signals
         signals.write(recording)
-        for frame, now, is_received in session.frames:
+        for frame, now, is_received in session.bench.frames:
             frames.append(frame, now, is_received=is_received)
     print("\n".join(summary_lines(report, config)))
     print(f"recording {signals.path}\nframes    {frames.path}")

@@ -3,7 +3,6 @@
 import contextlib
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,8 +21,6 @@ from drivers import (
     PressureSensor,
     ProportionalValve,
 )
-from hil_bench.assembly import build_bench
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.status_line import (
     Field,
     bench_status,
@@ -38,10 +35,9 @@ from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed_by_garbage_collection
 from hil_bench.realtime.statistics import TickSummary
-from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
+from hil_bench.recording.channels import Channel, Recording
 from hil_bench.recording.snapshot import Snapshot
-from hil_bench.telemetry import bench_channels, sample
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.virtual_bench import VirtualBench
 
 CYCLE = 0.002
 """Period of the controller [s]."""
@@ -93,8 +89,7 @@ class DemoSession:
         is_paced: whether the ticks wait for real time.
 
     Attributes:
-        recorder: set-point and all quantities of the bench, a row a tick.
-        frames: every frame, its bench time [ns] and whether the bench received it.
+        bench: the bench with its traces, set-point of the motion included.
         snapshot: what the status line shows.
         fields: how it shows it.
     """
@@ -102,15 +97,19 @@ class DemoSession:
     def __init__(self, config: BenchConfig, *, duration: float, is_paced: bool) -> None:
         self._config = config
         self._duration = duration
-        self._bench = build_bench(config)
         self._pacer = Pacer(MonotonicClock(), config.tick_ns) if is_paced else None
-        self._setpoint_at = no_setpoint
-        axis = config.axes[0]
-        rows = round((duration + _SET_UP_TIME) * 1e9 / config.tick_ns)
-        setpoint = Channel(f"{axis.name}.position_setpoint", "m")
-        self.recorder = ChannelRecorder((setpoint, *bench_channels(self._bench)), rows)
-        self.frames: deque[tuple[Frame, int, bool]] = deque(maxlen=_LOGGED_FRAMES)
-        channels, fields = bench_status(self._bench)
+        self._setpoint_at: Callable[[float], float] = no_setpoint
+        setpoint = Channel(f"{config.axes[0].name}.position_setpoint", "m")
+        self.bench = VirtualBench(
+            config,
+            recorded_time=duration + _SET_UP_TIME,
+            logged_frames=_LOGGED_FRAMES,
+            pacer=self._pacer,
+            stimuli={setpoint: self._setpoint},
+        )
+        self.bench.observers.append(self._publish)
+        self._plant = self.bench.bench.axes[0].plant
+        channels, fields = bench_status(self.bench.bench)
         loop_channels, loop_fields = loop_status() if is_paced else ([], [])
         self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels, *loop_channels))
         self.fields = [
@@ -126,28 +125,29 @@ class DemoSession:
         Raises:
             ConfigError: the controller could not work with the devices; it says why.
         """
-        self._bench.start(0)
-        bus = EmbeddedBus(self._tick, self._config.tick_ns, pacer=self._pacer)
+        bus = self.bench.bus
         try:
-            with bus, Network(bus, clock=bus.now) as network, undisturbed_by_garbage_collection():
+            with (
+                self.bench,
+                Network(bus, clock=bus.now) as network,
+                undisturbed_by_garbage_collection(),
+            ):
                 return self._control(network, stopped)
         except DriverError as error:
             raise ConfigError(f"the demo's controller: {error}") from error
 
-    def _tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
-        """The bench's tick, with its traces."""
-        sent = self._bench.tick(frames, now)
-        self.frames.extend((frame, now, True) for frame in frames)
-        self.frames.extend((frame, now, False) for frame in sent)
-        seconds = now * 1e-9
-        setpoint = self._setpoint_at(seconds)
-        self.recorder.append((seconds, setpoint, *sample(self._bench)))
+    def _setpoint(self, time: float) -> float:
+        """Return the set-point of the motion at a bench time [m]."""
+        return self._setpoint_at(time)
+
+    def _publish(self, time: float) -> None:
+        """Show the present values to the status line."""
         health = loop_status_row(self._pacer.statistics) if self._pacer else ()
-        self.snapshot.write((seconds, setpoint, *bench_status_row(self._bench), *health))
-        return sent
+        axes = bench_status_row(self.bench.bench)
+        self.snapshot.write((time, self._setpoint(time), *axes, *health))
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
-        plant = self._bench.axes[0].plant
+        plant = self._plant
         profile = demo_profile(plant.state.x, plant.parameters.h)
         cycles = 0
         with self._ready_loop(network) as loop:
@@ -162,7 +162,7 @@ class DemoSession:
             self._setpoint_at = no_setpoint
             wall_time = time.perf_counter() - wall_start
         return DemoReport(
-            error=tracking_error(self.recorder.result(), self._config.axes[0].name),
+            error=tracking_error(self.bench.signals, self._config.axes[0].name),
             bench_time=cycles * loop.period,
             wall_time=wall_time,
             cycles=cycles,
@@ -198,9 +198,7 @@ class DemoSession:
                 valve=valve,
                 position=position,
                 pressures=pressures,
-                controller=PositionController(
-                    tuned_parameters(self._bench.axes[0].plant.parameters)
-                ),
+                controller=PositionController(tuned_parameters(self._plant.parameters)),
                 period=CYCLE,
             )
 

@@ -122,6 +122,22 @@ class EmbeddedBus(can.BusABC):
         message.channel = "embedded"
         return message
 
+    def advance(self, duration: float) -> None:
+        """Let bench time pass; what arrives meanwhile waits for `recv`.
+
+        Args:
+            duration: bench time [s].
+
+        Raises:
+            can.CanOperationError: the bus is shut down.
+        """
+        if self._is_shutdown:
+            raise can.CanOperationError("the embedded bus is shut down")
+        deadline = self._now + round(duration * _NS_PER_S)
+        while self._next_tick <= deadline:
+            self._run_tick()
+        self._now = max(self._now, deadline)
+
     def shutdown(self) -> None:
         """End the use of the bus; a second call does nothing."""
         super().shutdown()

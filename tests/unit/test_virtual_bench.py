@@ -1,0 +1,59 @@
+"""The traces of a bench in virtual time."""
+
+import can
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.realtime.clock import VirtualClock
+from hil_bench.realtime.pacer import Pacer
+from hil_bench.recording.channels import Channel, recording_channels
+from hil_bench.virtual_bench import LoggedFrame, VirtualBench
+
+READ_DEVICE_TYPE = can.Message(
+    arbitration_id=0x604, data=bytes.fromhex("4000100000000000"), is_extended_id=False
+)
+
+
+def test_stimuli_are_recorded_beside_the_plant():
+    force = Channel("force", "N")
+    with VirtualBench(stimuli={force: lambda time: 3.0 * time}) as bench:
+        bench.run(0.01)
+        signals = bench.signals
+    assert recording_channels(signals)[:2] == (Channel("time", "s"), force)
+    assert signals["force"] == pytest.approx(3.0 * signals["time"])
+
+
+def test_signals_reach_back_as_far_as_asked():
+    with VirtualBench(recorded_time=0.005) as bench:
+        bench.run(0.02)
+        assert bench.signals["time"] == pytest.approx([0.016, 0.017, 0.018, 0.019, 0.020])
+
+
+def test_observers_hear_of_each_tick():
+    times = []
+    with VirtualBench() as bench:
+        bench.observers.append(times.append)
+        bench.run(0.003)
+    assert times == pytest.approx([0.001, 0.002, 0.003])
+
+
+def test_frames_are_logged_both_ways():
+    with VirtualBench(logged_frames=2) as bench:
+        bench.run(0.001)
+        bench.bus.send(READ_DEVICE_TYPE)
+        bench.run(0.001)
+        request, answer = bench.frames
+    assert request == LoggedFrame(
+        Frame(0x604, bytes.fromhex("4000100000000000")), 2_000_000, is_received=True
+    )
+    # Expedited answer; the device type's low word is the profile, 406 = 0x0196.
+    assert answer.frame.can_id == 0x584
+    assert answer.frame.data[:6] == bytes.fromhex("430010009601")
+    assert not answer.is_received
+
+
+def test_a_pacer_holds_each_tick():
+    pacer = Pacer(VirtualClock(), 1_000_000)
+    with VirtualBench(pacer=pacer) as bench:
+        bench.run(0.02)
+    assert pacer.statistics.ticks == 20

@@ -77,6 +77,7 @@ class LssSlave:
         pending_node_id: the node-ID after the next reset of the communication; 255 for none.
         must_boot: whether a device without node-ID got one, and is to boot.
         silent_until: end of the silence that a switch of the bit timing asks for [ns].
+        due: when there is something to send [ns].
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class LssSlave:
         self.pending_node_id = node_id
         self.must_boot = False
         self.silent_until = 0
+        self.due = NEVER
         self._object_dictionary = object_dictionary
         self._store = store
         self._agenda = agenda
@@ -121,6 +123,7 @@ class LssSlave:
 
     def serve(self, emit: Emit) -> None:
         """Send the answers."""
+        self.due = NEVER
         while self._answers:
             emit(Frame(LSS_RESPONSE, self._answers.popleft()))
 
@@ -158,6 +161,7 @@ class LssSlave:
 
     def _answer(self, data: bytes) -> None:
         self._answers.append(data)
+        self.due = 0
         self._agenda.bring_forward(0)
 
     def _address(self, part: int) -> int:
@@ -239,8 +243,3 @@ class LssSlave:
             except StorageError:
                 error = _MEDIA_ERROR
         self._answer(_SHORT.pack(_STORE, error))
-
-    @property
-    def due(self) -> int:
-        """When there is something to send [ns]."""
-        return 0 if self._answers else NEVER

@@ -160,14 +160,9 @@ class Node:
         if self._is_silent:
             self._agenda.due = self._services.lss.silent_until
             return
-        self._services.lss.serve(emit)
         if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
             self._boot(now, emit)
-        self._services.sdo.serve(now, emit)
-        self.emcy.serve(now, emit)
-        self._services.guarding.serve(emit, self.state)
-        self._services.producer.serve(now, emit, self.state)
-        self._agenda.due = self._services.next_due()
+        self._agenda.due = self._services.serve(now, emit, self.state)
 
     def _watch_identifiers(self) -> None:
         for variable in self.object_dictionary:

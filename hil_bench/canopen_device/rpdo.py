@@ -112,7 +112,8 @@ class Rpdo:
         refused = mapping.write(data)
         if refused:
             self._counters.refused_values += refused
-        self._events.tell(self._received)
+        if self._received not in self._events:
+            self._events.append(self._received)
 
     def _restart_timer(self, now: int) -> None:
         was_running = self.due != NEVER

@@ -45,7 +45,7 @@ _SIZE_INDICATED: Final = 0x01
 _BLOCK_CRC: Final = 0x04
 _BLOCK_SIZE_INDICATED: Final = 0x02
 
-_HEADER: Final = struct.Struct("<BHB")
+_SHORT: Final = struct.Struct("<BHB4s")
 _LONG: Final = struct.Struct("<BHBI")
 
 _NO_OBJECT: Final[Multiplexer] = (0, 0)
@@ -58,6 +58,7 @@ class SdoServer:
         request_id: identifier from client to server, None while the channel is closed.
         response_id: identifier from server to client.
         is_enabled: whether the NMT state allows SDO.
+        due: when the transfer under way is to go on, or times out [ns].
     """
 
     def __init__(
@@ -66,16 +67,12 @@ class SdoServer:
         self.request_id: int | None = None
         self.response_id = 0
         self.is_enabled = False
+        self.due = NEVER
         self._object_dictionary = object_dictionary
         self._agenda = agenda
         self._counters = counters
         self._queue: deque[bytes] = deque()
         self._transfer: Transfer | None = None
-
-    @property
-    def due(self) -> int:
-        """When the transfer under way is to go on, or times out [ns]."""
-        return NEVER if self._transfer is None else self._transfer.due
 
     def receive(self, frame: Frame, _now: int) -> None:
         """Queue a request."""
@@ -93,6 +90,7 @@ class SdoServer:
         """Forget all requests and the transfer under way, without an answer."""
         self._queue.clear()
         self._transfer = None
+        self.due = NEVER
 
     def serve(self, now: int, emit: Emit) -> None:
         """Answer what was asked; go on with a block upload, or abort what has timed out."""
@@ -101,47 +99,51 @@ class SdoServer:
             if answer is not None:
                 emit(Frame(self.response_id, answer))
         transfer = self._transfer
-        if transfer is not None and now >= transfer.due:
+        if transfer is None:
+            self.due = NEVER
+        else:
             self._proceed(transfer, now, emit)
 
     def _proceed(self, transfer: Transfer, now: int, emit: Emit) -> None:
-        try:
-            for data in transfer.proceed(now):
-                emit(Frame(self.response_id, data))
-        except SdoAbort as abort:
-            emit(Frame(self.response_id, self._abort(transfer.target, abort.code)))
+        if now >= transfer.due:
+            try:
+                for data in transfer.proceed(now):
+                    emit(Frame(self.response_id, data))
+            except SdoAbort as abort:
+                emit(Frame(self.response_id, self._abort(transfer.target, abort.code)))
+        self.due = NEVER if self._transfer is None else transfer.due
 
     def _answer(self, request: bytes, now: int) -> bytes | None:
         command, transfer = request[0], self._transfer
-        is_owned = transfer is not None and transfer.owns(command)
+        if transfer is not None and transfer.owns(command):
+            return self._continue(transfer, request, now)
+        specifier = command >> 5
+        self._transfer = None
+        if specifier == _ABORT:
+            return None
         try:
-            if transfer is not None and is_owned:
-                return self._continue(transfer, request, now)
-            if command >> 5 == _ABORT:
-                self._transfer = None
-                return None
-            return self._begin(command, request, now)
+            return self._begin(specifier, command, request, now)
         except SdoAbort as abort:
-            if is_owned or _names_no_object(command):
+            target = _parse_object(request)
+            if _names_no_object(command):
                 target = _NO_OBJECT if transfer is None else transfer.target
-            else:
-                target = _parse_object(request)
             return self._abort(target, abort.code)
 
     def _continue(self, transfer: Transfer, request: bytes, now: int) -> bytes | None:
-        answer = transfer.take(request, now)
+        try:
+            answer = transfer.take(request, now)
+        except SdoAbort as abort:
+            return self._abort(transfer.target, abort.code)
         if transfer.is_over:
             self._transfer = None
         return answer
 
-    def _begin(self, command: int, request: bytes, now: int) -> bytes:
-        """Answer the first request of a transfer; one that was under way is given up.
+    def _begin(self, specifier: int, command: int, request: bytes, now: int) -> bytes:
+        """Answer the first request of a transfer.
 
         Raises:
             SdoAbort: 0504 0001, or that of the transfer.
         """
-        self._transfer = None
-        specifier = command >> 5
         if specifier == _INITIATE_UPLOAD:
             return self._initiate_upload(request, now)
         if specifier == _INITIATE_DOWNLOAD:
@@ -166,7 +168,7 @@ class SdoServer:
         length = len(data)
         if 1 <= length <= 4:
             command = 0x40 | (4 - length) << 2 | _EXPEDITED | _SIZE_INDICATED
-            return _HEADER.pack(command, *target) + data.ljust(4, b"\0")
+            return _SHORT.pack(command, *target, data)
         self._transfer = SegmentedUpload(target, data, now)
         return _LONG.pack(0x40 | _SIZE_INDICATED, *target, length)
 

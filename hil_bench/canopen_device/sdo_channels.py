@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any, Final
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.agenda import Agenda
+from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Handler
@@ -30,6 +30,9 @@ class SdoChannels:
     identifiers change as every COB-ID does: not while the object exists. Those of the default
     channel follow from the node-ID and never change. A channel does not wait for another one, and
     a transfer on one does not touch that of another.
+
+    Attributes:
+        due: when a transfer is to go on, or times out [ns].
     """
 
     def __init__(
@@ -46,13 +49,10 @@ class SdoChannels:
             for index in object_dictionary.indices(_FURTHER)
         }
         self._servers = (self._default, *self._further.values())
+        self._open: tuple[SdoServer, ...] = ()
+        self.due = NEVER
         self._watch_parameters()
         self.reset(node_id)
-
-    @property
-    def due(self) -> int:
-        """When a transfer is to go on, or times out [ns]."""
-        return min(server.due for server in self._servers)
 
     @property
     def handlers(self) -> dict[int, Handler]:
@@ -75,13 +75,18 @@ class SdoChannels:
         self._default.request_id = REQUEST + node_id
         self._default.response_id = RESPONSE + node_id
         self._default.reset()
+        self._collect_open()
         for index in self._further:
             self._configure(index)
 
     def serve(self, now: int, emit: Emit) -> None:
         """Answer what was asked, channel by channel."""
-        for server in self._servers:
+        due = NEVER
+        for server in self._open:
             server.serve(now, emit)
+            if server.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
+                due = server.due
+        self.due = due
 
     def _configure(self, index: int, _value: Any = None) -> None:  # noqa: ANN401 - it is a hook
         server = self._further[index]
@@ -90,6 +95,10 @@ class SdoChannels:
         server.request_id = request_id if is_open else None
         server.response_id = response_id or 0
         server.reset()
+        self._collect_open()
+
+    def _collect_open(self) -> None:
+        self._open = tuple(server for server in self._servers if server.request_id is not None)
 
     def _can_id(self, index: int, subindex: int) -> int | None:
         return can_id(self._object_dictionary.number(index, subindex, absent=DISABLED))

@@ -7,6 +7,7 @@ from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.error_behaviour import ErrorBehaviour
 from hil_bench.canopen_device.events import NodeEvents
+from hil_bench.canopen_device.frame import Emit
 from hil_bench.canopen_device.guarding import NodeGuarding
 from hil_bench.canopen_device.heartbeat import HeartbeatConsumer, HeartbeatProducer
 from hil_bench.canopen_device.lss import LssSlave
@@ -56,8 +57,16 @@ class Services:
         self.store.report()
         self._compose(agenda, events, counters)
 
-    def next_due(self) -> int:
-        """Return the earliest time at which a service wants to be called [ns]."""
+    def serve(self, now: int, emit: Emit, state: NmtState) -> int:
+        """Send what is due; return the earliest time at which a service wants to be called [ns].
+
+        In the order LSS, SDO, EMCY, error control.
+        """
+        self.lss.serve(emit)
+        self.sdo.serve(now, emit)
+        self.emcy.serve(now, emit)
+        self.guarding.serve(emit, state)
+        self.producer.serve(now, emit, state)
         due = NEVER
         for service in self._timed:
             if service.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
@@ -119,5 +128,5 @@ class Services:
             for index in dictionary.indices(COMMUNICATION_INDICES[Direction.RPDO])
         )
         self.tpdos = TpdoProducer(dictionary, window, counters)
-        self._timed: list[Timed] = [self.sdo, self.lss, emcy, self.sync_producer, self.producer]
-        self._timed += [self.consumer, self.guarding, *self.rpdos]
+        self._timed: list[Timed] = [self.sdo, self.lss, emcy, self.producer]
+        self._timed += [self.sync_producer, self.consumer, self.guarding, *self.rpdos]

@@ -53,9 +53,12 @@ class SyncConsumer:
         counters: NodeCounters,
     ) -> None:
         self._object_dictionary = object_dictionary
+        self._window_length = object_dictionary.find(_WINDOW)
+        self._overflow = object_dictionary.find(_OVERFLOW)
         self._window = window
         self._emcy = emcy
         self._counters = counters
+        self._has_failed = False
 
     @property
     def can_id(self) -> int | None:
@@ -66,23 +69,27 @@ class SyncConsumer:
 
     def receive(self, data: bytes, now: int) -> int:
         """Take a SYNC and return its counter, 0 where it has none or none is asked for."""
-        length = self._object_dictionary.number(_WINDOW) * _MICROSECOND
-        self._window.end = now + length if length else NEVER
-        has_counter = self._object_dictionary.number(_OVERFLOW) > 0
-        self._check_length(len(data), has_counter=has_counter)
+        length = 0 if self._window_length is None else self._window_length.value
+        self._window.end = now + length * _MICROSECOND if length else NEVER
+        has_counter = self._overflow is not None and self._overflow.value > 0
+        if len(data) != has_counter or self._has_failed:
+            self._judge(len(data), has_counter=has_counter)
         return data[0] if has_counter and data else 0
 
     def reset(self) -> None:
         """Begin anew: the window is open until the first SYNC."""
         self._window.end = NEVER
+        self._has_failed = False
 
-    def _check_length(self, length: int, *, has_counter: bool) -> None:
-        if length == int(has_counter):
-            self._emcy.clear_error(SYNC_LENGTH)
-            return
-        self._counters.unexpected_sync_length += 1
-        if has_counter:
+    def _judge(self, length: int, *, has_counter: bool) -> None:
+        """Raise or clear the error that the length of a SYNC means."""
+        is_unexpected = length != has_counter
+        self._counters.unexpected_sync_length += is_unexpected
+        self._has_failed = is_unexpected and has_counter
+        if self._has_failed:
             self._emcy.raise_error(SYNC_LENGTH, COMMUNICATION)
+        else:
+            self._emcy.clear_error(SYNC_LENGTH)
 
 
 class SyncProducer:
@@ -104,9 +111,8 @@ class SyncProducer:
 
     @property
     def is_producing(self) -> bool:
-        """Whether this device is the producer."""
-        is_producer = self._object_dictionary.number(_COB_ID) & BIT_30
-        return bool(is_producer and self._object_dictionary.number(_PERIOD))
+        """Whether this device is the producer, and sends."""
+        return self.due != NEVER
 
     def set_enabled(self, *, is_enabled: bool) -> None:
         """Begin to send, the counter at 1, or end it."""
@@ -136,7 +142,9 @@ class SyncProducer:
         return bytes([count])
 
     def _start(self, _value: int = 0) -> None:
-        self.due = 0 if self._is_enabled and self.is_producing else NEVER
+        is_producer = self._object_dictionary.number(_COB_ID) & BIT_30
+        has_period = self._object_dictionary.number(_PERIOD) > 0
+        self.due = 0 if self._is_enabled and is_producer and has_period else NEVER
         self._agenda.bring_forward(self.due)
 
     def _watch_parameters(self) -> None:

@@ -7,7 +7,7 @@ from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.canopen_device.pdo_mapping import Direction, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import (
     COMMUNICATION_INDICES,
     EVENT_DRIVEN,
@@ -80,20 +80,26 @@ class Tpdo:
             self.trigger()
             return True
         has_sample = self._sample is not None or self._must_sample
-        if self._type == EVENT_DRIVEN_REMOTE or (self._type == SYNCHRONOUS_REMOTE and has_sample):
-            self._is_requested = True
-            self.due = 0
-        return self._is_requested
+        is_sampled = self._type == SYNCHRONOUS_REMOTE and has_sample
+        if self._type != EVENT_DRIVEN_REMOTE and not is_sampled:
+            return False
+        self._is_requested = True
+        self.due = 0
+        return True
 
     def synchronise(self, counter: int) -> None:
         """Take a SYNC with that counter; 0 where it has none."""
         if not self._is_active:
             return
-        if self._type == SYNCHRONOUS_REMOTE:
+        if self._type == SYNCHRONOUS_ACYCLIC:
+            self.due = 0 if self._has_event else NEVER
+        elif self._is_synchronous and (self._has_begun or self._begins_with(counter)):
+            self._syncs += 1
+            if self._syncs >= self._type:
+                self._syncs = 0
+                self.due = 0
+        elif self._type == SYNCHRONOUS_REMOTE:
             self._must_sample = True
-            self.due = 0
-        elif self._is_synchronous and self._counts(counter):
-            self._syncs = 0
             self.due = 0
 
     def transmit(self, now: int, emit: Emit) -> None:
@@ -105,35 +111,36 @@ class Tpdo:
         if self._is_synchronous and now > self._window.end:
             self._counters.late_synchronous_pdos += 1
             return
-        if self._type == SYNCHRONOUS_REMOTE and self._must_sample:
-            self._must_sample = False
-            self._sample = self._mapping.read()
-            if not self._is_requested:
-                return
-        self._is_requested = False
-        emit(Frame(self.can_id, self._sample or self._mapping.read()))
+        if self._type == SYNCHRONOUS_REMOTE:
+            data = self._sample_for_request(self._mapping)
+        else:
+            data = self._mapping.read()
+        if data is not None:
+            emit(Frame(self.can_id, data))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
             if self._event_time:
                 self.due = now + max(self._event_time, self._inhibit_time)
 
-    def _counts(self, counter: int) -> bool:
-        """Whether the PDO is to go with this SYNC."""
-        if self._type == SYNCHRONOUS_ACYCLIC:
-            return self._has_event
-        if not self._has_begun:
-            if self._sync_start and counter and counter != self._sync_start:
-                return False
-            self._has_begun = True
-        self._syncs += 1
-        return self._syncs >= self._type
+    def _sample_for_request(self, mapping: PdoMapping) -> bytes | None:
+        """The sample of the last SYNC where it was asked for, else None; take it if SYNC came."""
+        if self._must_sample:
+            self._must_sample = False
+            self._sample = mapping.read()
+        is_requested, self._is_requested = self._is_requested, False
+        return self._sample if is_requested else None
+
+    def _begins_with(self, counter: int) -> bool:
+        """Whether the SYNC with that counter counts as the first; one without counter does."""
+        self._has_begun = counter in {0, self._sync_start}
+        return self._has_begun
 
     def _begin(self) -> None:
         self._is_active = (
             self._is_operational and self.can_id is not None and self._mapping is not None
         )
         self._has_event = False
-        self._has_begun = False
+        self._has_begun = not self._sync_start
         self._syncs = 0
         self._sample = None
         self._must_sample = False
@@ -222,7 +229,8 @@ class TpdoProducer:
         self._update_due()
 
     def _update_due(self) -> None:
-        if self._sync is not None:
-            self.due = 0
-        else:
-            self.due = min([tpdo.due for tpdo in self._tpdos.values()], default=NEVER)
+        due = NEVER if self._sync is None else 0
+        for tpdo in self._tpdos.values():
+            if tpdo.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
+                due = tpdo.due
+        self.due = due

@@ -21,9 +21,10 @@ VERBS = {
     "demo": "see a controller move the cylinder, no set-up",
     "run": "run the bench in real time on a CAN bus",
     "check": "check a bench, and print each value with its origin",
+    "check-eds": "find what is wrong in EDS files, with line numbers",
     "devices": "print the device table: node-IDs, profiles, PDOs",
 }
-"""Each verb, which is also the name of its module, and what it does in a line."""
+"""Each verb, which names its module (with _ for -), and what it does in a line."""
 
 _EXAMPLES = """\
 exit codes:
@@ -74,7 +75,9 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     called = next((argument for argument in arguments if not argument.startswith("-")), None)
     for verb, summary in VERBS.items():
         if verb == called:
-            importlib.import_module(f"hil_bench.cli.{verb}").add_parser(subparsers)
+            importlib.import_module(f"hil_bench.cli.{verb.replace('-', '_')}").add_parser(
+                subparsers
+            )
             _add_output_arguments(
                 subparsers.choices[verb], verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS
             )

@@ -6,22 +6,19 @@ panel is in the display unit that belongs to its channels' SI unit.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
+from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from hil_bench.recording.channels import TIME, Recording, recording_channels
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-# Okabe and Ito's palette, which colour-blind readers can tell apart.
-_BLUE, _ORANGE, _GREEN, _RED, _GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#9A9A9A"
-
 
 _DISPLAY_UNITS = {"m": MILLIMETRE, "Pa": BAR, "-": PERCENT}  # by the symbol of the SI unit
 
@@ -50,45 +47,30 @@ _PANELS = (
     _Panel(
         "Position",
         (
-            _Curve("position_setpoint", "set-point", _GREY, is_setpoint=True),
-            _Curve("position", "actual", _BLUE),
+            _Curve("position_setpoint", "set-point", GREY, is_setpoint=True),
+            _Curve("position", "actual", BLUE),
         ),
         share=1.5,
     ),
     _Panel(
         "Tracking error",
-        (_Curve("position_setpoint", "", _RED, minus="position"),),
+        (_Curve("position_setpoint", "", RED, minus="position"),),
         share=0.8,
     ),
     _Panel(
         "Pressure",
-        (_Curve("P_A", "$P_A$", _ORANGE), _Curve("P_B", "$P_B$", _GREEN)),
+        (_Curve("P_A", "$P_A$", ORANGE), _Curve("P_B", "$P_B$", GREEN)),
         share=1.0,
     ),
     _Panel(
         "Spool",
         (
-            _Curve("spool_setpoint", "set-point", _GREY, is_setpoint=True),
-            _Curve("spool_position", "actual", _BLUE),
+            _Curve("spool_setpoint", "set-point", GREY, is_setpoint=True),
+            _Curve("spool_position", "actual", BLUE),
         ),
         share=1.0,
     ),
 )
-
-_STYLE: dict[Any, Any] = {
-    "axes.edgecolor": "#444444",
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "axes.labelcolor": "#222222",
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "font.size": 10,
-    "grid.color": "#DDDDDD",
-    "grid.linewidth": 0.7,
-    "legend.frameon": False,
-    "xtick.color": "#444444",
-    "ytick.color": "#444444",
-}
 
 
 def plot_result(recording: Recording, path: Path, *, title: str = "") -> None:
@@ -106,7 +88,7 @@ def plot_result(recording: Recording, path: Path, *, title: str = "") -> None:
     except ImportError:
         right = "install it with: pip install 'hil-bench[plot]'"
         raise ConfigError(f"{path}: a plot needs matplotlib; {right}") from None
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = _draw(recording, axes, title)
         try:
             figure.savefig(path, dpi=150)

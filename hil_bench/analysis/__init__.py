@@ -1,0 +1,1 @@
+"""Analyses of the valve-controlled cylinder, offline (Ruderman 2017, section IV)."""

@@ -4,9 +4,15 @@ What the profile cannot do without is `required`; for the rest, `optional` gives
 bus can reach, so that a device made from another maker's EDS file runs the same code.
 """
 
+from typing import Final
+
 from hil_bench.canopen_device.datatypes import DataType, Value
+from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.errors import EdsError
+
+TPDO_MAPPINGS: Final = range(0x1A00, 0x1C00)
+"""Indices of the mapping parameters of TPDOs."""
 
 
 def required(
@@ -55,3 +61,26 @@ def locate(object_dictionary: ObjectDictionary, variable: Variable) -> str:
 
 def _names(data_types: tuple[DataType, ...]) -> str:
     return " or ".join(data_type.name for data_type in data_types)
+
+
+class TpdoTrigger:
+    """Sends the TPDOs that carry certain objects at present (types 0, 254, 255)."""
+
+    def __init__(self, node: Node, *objects: tuple[int, int]) -> None:
+        """Remember what to look for.
+
+        Args:
+            node: the node that sends them.
+            objects: index and sub-index of each object.
+        """
+        self._node = node
+        self._mappings = node.object_dictionary.indices(TPDO_MAPPINGS)
+        self._mapped = frozenset(index << 8 | subindex for index, subindex in objects)
+
+    def pull(self) -> None:
+        """Tell the TPDOs that one of the objects has changed."""
+        od = self._node.object_dictionary
+        for index in self._mappings:
+            entries = (od.number(index, sub) for sub in range(1, od.number(index) + 1))
+            if any(entry >> 8 in self._mapped for entry in entries):
+                self._node.trigger_tpdo(index - TPDO_MAPPINGS.start + 1)

@@ -2,15 +2,16 @@
 
 The set-point 0x6300.01 reaches the spool only while the device is ACTIVE (`valve_state_machine`)
 with device mode 0x6042 = 1. In every other state the hold set-point 0x6314.01 takes its place.
-Either one is limited by 0x6321.01 and 0x6320.01 and then is the demand value 0x6310.01. The
-reference value 0x6311.01 stands for 100 %.
+Either one goes through limits, scaling, ramp and compensations (`demand_generator`) and then is the
+demand value 0x6310.01. The reference value 0x6311.01 stands for 100 %.
 
 ACTIVE needs the NMT state OPERATIONAL: leaving it leads to HOLD at once. Since a control word acts
 only when it arrives, one that still stands in 0x6040 does not bring ACTIVE back.
 
-An RPDO that missed its deadline, a lost heartbeat and a life guarding event are faults. The node's
-services send the EMCY; the error code 0x604E shows it until the fault is reset. A reset is not
-obeyed while the heartbeat or the guarding is still missing.
+An RPDO that missed its deadline, a lost heartbeat and a life guarding event are faults, for which
+the node's services send the EMCY; so is a control deviation that lasts (`deviation_monitor`). The
+error code 0x604E shows it until the fault is reset. A reset is not obeyed while the heartbeat or
+the guarding is still missing.
 
 With 0x604F = 1 the local control word rules, and this device has no local panel: that word is 0,
 which leads to INIT.
@@ -25,7 +26,9 @@ from hil_bench.canopen_device.emcy import HEARTBEAT, RPDO_TIMEOUT
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.profile_objects import locate, optional, required
+from hil_bench.devices.demand_generator import DemandGenerator
+from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
+from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.devices.valve_state_machine import (
     FAULT_STATES,
@@ -37,17 +40,18 @@ from hil_bench.errors import EdsError, ParameterError, SdoAbort
 
 LOCAL_BIT: Final = 1 << 4
 """Bit of the status word: the local control word rules."""
+RAMP_BIT: Final = 1 << 9
+"""Bit of the status word: the ramp is running."""
 LIMIT_BIT: Final = 1 << 10
 """Bit of the status word: a limit holds the demand value back."""
+DEVIATION_BIT: Final = 1 << 11
+"""Bit of the status word: the control deviation monitoring has tripped."""
 
 SETPOINT_BY_BUS: Final = 1
 """Value of the device mode 0x6042."""
 
 REFERENCE: Final = 16384
 """Value of 100 % where the EDS has no 0x6311."""
-
-_MAPPED_STATUS_WORD: Final = 0x604100
-TPDO_MAPPINGS: Final = range(0x1A00, 0x1C00)
 
 _SUPERVISION_LOST: Final = (NodeEventKind.HEARTBEAT_LOST, NodeEventKind.GUARDING_LOST)
 _SUPERVISION_RESUMED: Final = (NodeEventKind.HEARTBEAT_RESUMED, NodeEventKind.GUARDING_RESUMED)
@@ -83,10 +87,11 @@ class ValveDevice:
         self.full_opening = full_opening
         self._machine = ValveStateMachine()
         self._lost_heartbeats: set[int] = set()
-        self._is_limited = False
         self._bind_control()
         self._bind_spool()
-        self._bind_limits()
+        self._generator = DemandGenerator(node.object_dictionary, self._reference)
+        self._monitor = DeviationMonitor(node.object_dictionary, node.emcy)
+        self._status_trigger = TpdoTrigger(node, (0x6041, 0))
         self._start()
 
     def _bind_control(self) -> None:
@@ -97,7 +102,6 @@ class ValveDevice:
         self._error_code = optional(od, 0x604E, 0, UNSIGNED16)
         self._local = optional(od, 0x604F, 0, INTEGER8, UNSIGNED8)
         self._local.add_hook(self._change_control)
-        self._tpdo_mappings = od.indices(TPDO_MAPPINGS)
 
     def _bind_spool(self) -> None:
         od = self.node.object_dictionary
@@ -115,19 +119,12 @@ class ValveDevice:
         self._reference.add_check(_check_reference)
         self._reference.add_hook(self._scale)
 
-    def _bind_limits(self) -> None:
-        od = self.node.object_dictionary
-        self._upper_limit = optional(od, 0x6320, 1, INTEGER16, absent=_HIGHEST)
-        self._lower_limit = optional(od, 0x6321, 1, INTEGER16, absent=_LOWEST)
-        self._upper_limit.add_check(self._check_upper_limit)
-        self._lower_limit.add_check(self._check_lower_limit)
-
     @property
     def state(self) -> ValveState:
         """State of the device state machine, as of the last `command` or control word."""
         return self._machine.state
 
-    def command(self, now: int) -> float:  # noqa: ARG002 - the profile has no time in it yet
+    def command(self, now: int) -> float:
         """Hear what happened on the bus and return the spool set-point [m].
 
         Args:
@@ -137,13 +134,12 @@ class ValveDevice:
             self._hear_events()
         if self.node.state is not NmtState.OPERATIONAL:
             self._machine.deactivate()  # heard already, unless a flood pushed the event out
-        wanted: int = (self._setpoint if self._follows_bus() else self._hold_setpoint).value
-        demand: int = min(max(wanted, self._lower_limit.value), self._upper_limit.value)
-        self._is_limited = demand != wanted
+        setpoint = self._setpoint if self._follows_bus() else self._hold_setpoint
+        demand = self._generator.generate(setpoint.value, now)
         self._demand.value = demand
         return demand * self._metres
 
-    def publish(self, spool_position: float, now: int) -> None:  # noqa: ARG002 - as in `command`
+    def publish(self, spool_position: float, now: int) -> None:
         """Put the measured spool position and the status word into the object dictionary.
 
         Args:
@@ -154,15 +150,26 @@ class ValveDevice:
             spool_position * self._increments, _LOWEST, _HIGHEST, unknown=self._actual.value
         )
         self._actual.value = actual
-        self._deviation.value = min(max(self._demand.value - actual, _LOWEST), _HIGHEST)
+        deviation = min(max(self._demand.value - actual, _LOWEST), _HIGHEST)
+        self._deviation.value = deviation
+        if self._monitor.is_on and self._monitor.watch(deviation, now):
+            self._fault(DEVIATION_EMCY)
+        status = self._present_status()
+        if status != self._status_word.value:
+            self._status_word.value = status
+            self._status_trigger.pull()
+
+    def _present_status(self) -> int:
         status = STATUS_BITS[self._machine.state]
         if self._local.value:
             status |= LOCAL_BIT
-        if self._is_limited:
+        if self._generator.ramp.is_running:
+            status |= RAMP_BIT
+        if self._generator.is_limited:
             status |= LIMIT_BIT
-        if status != self._status_word.value:
-            self._status_word.value = status
-            self._trigger_status()
+        if self._monitor.has_tripped:
+            status |= DEVIATION_BIT
+        return status
 
     def _follows_bus(self) -> bool:
         return self._machine.state is ValveState.ACTIVE and self._mode.value == SETPOINT_BY_BUS
@@ -171,6 +178,8 @@ class ValveDevice:
         self._machine.start()
         self._lost_heartbeats.clear()
         self._scale(self._reference.value)
+        self._generator.restart()
+        self._monitor.restart()
 
     def _scale(self, reference: int) -> None:
         self._metres = self.full_opening / reference
@@ -214,28 +223,15 @@ class ValveDevice:
             self._obey(_LOCAL_CONTROL_WORD)
 
     def _obey(self, control_word: int) -> None:
+        had_fault = self._machine.state in FAULT_STATES
         self._machine.receive(
             control_word,
             may_activate=self.node.state is NmtState.OPERATIONAL,
             may_reset=not self._lost_heartbeats,
         )
-        if self._machine.state not in FAULT_STATES:
+        if had_fault and self._machine.state not in FAULT_STATES:
             self._error_code.value = 0
-
-    def _trigger_status(self) -> None:
-        od = self.node.object_dictionary
-        for index in self._tpdo_mappings:
-            entries = (od.number(index, sub) for sub in range(1, od.number(index) + 1))
-            if any(entry >> 8 == _MAPPED_STATUS_WORD for entry in entries):
-                self.node.trigger_tpdo(index - TPDO_MAPPINGS.start + 1)
-
-    def _check_upper_limit(self, limit: int) -> None:
-        if limit < self._lower_limit.value:
-            raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
-
-    def _check_lower_limit(self, limit: int) -> None:
-        if limit > self._upper_limit.value:
-            raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+            self._monitor.restart()
 
 
 def _check_reference(reference: int) -> None:

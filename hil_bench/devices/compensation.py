@@ -1,0 +1,61 @@
+"""What a valve of CiA 408 does to its set-point to make up for cylinder and spool.
+
+Source: Moog ACV CANopen manual B99224-DV018-D-211, sections 7.2.6 (directional gain) and 7.2.8
+(dead band). Which side is A is not in the part of it that was at hand: here a positive set-point
+opens to A.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class DeadBandType(IntEnum):
+    """Values of 0x6342."""
+
+    OFF = 0
+    JUMP = 1
+    CONTINUOUS = 2
+
+
+class DeadBand(NamedTuple):
+    """Dead band compensation: the smallest openings are made larger.
+
+    Attributes:
+        kind: what happens below the threshold: nothing comes out, or a part of the step.
+        side_a: step of a positive set-point [increments].
+        side_b: step of a negative set-point, as a positive number [increments].
+        threshold: set-point of the step [increments].
+        reference: set-point that goes through unchanged, 100 % [increments].
+    """
+
+    kind: DeadBandType
+    side_a: int
+    side_b: int
+    threshold: int
+    reference: int
+
+    def compensate(self, value: float) -> float:
+        """Return the set-point `value` with the step added."""
+        if value > 0.0:
+            return self._stretch(value, self.side_a)
+        return -self._stretch(-value, self.side_b) if value else 0.0
+
+    def _stretch(self, size: float, step: int) -> float:
+        if size >= self.reference:
+            return size
+        if size >= self.threshold:
+            slope = (self.reference - step) / (self.reference - self.threshold)
+            return step + (size - self.threshold) * slope
+        return 0.0 if self.kind is DeadBandType.JUMP else size * step / self.threshold
+
+
+def apply_directional_gain(value: float, factor: float) -> float:
+    """Return a set-point whose gain is reduced on one side.
+
+    Args:
+        value: the set-point [increments].
+        factor: gain of the positive side by that of the negative side; the larger gain is 1.
+    """
+    if factor < 1.0:
+        return value * factor if value > 0.0 else value
+    return value if value > 0.0 else value / factor

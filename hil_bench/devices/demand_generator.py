@@ -1,0 +1,204 @@
+"""The demand value generator of a CiA 408 valve: from the set-point to what the spool is told.
+
+In this order: limits 0x6320 and 0x6321, scaling 0x6322 and 0x6323, ramp 0x6330 to 0x6336,
+directional gain 0x6340 and 0x6341, dead band compensation 0x6342 to 0x6345, zero correction 0x6324.
+By their defaults all of them but the limits are off.
+
+Source: Moog ACV CANopen manual B99224-DV018-D-211, section 7.2 (order, limits, scaling). The types
+of the ramp are those of a firmware made after DS 408 V1.5.2 (Lambda Sistemi): 1 one time, 2 one
+for speeding up and one for slowing down, 3 four times.
+"""
+
+from typing import Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16, UNSIGNED32
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.devices.compensation import DeadBand, DeadBandType, apply_directional_gain
+from hil_bench.devices.profile_objects import locate, optional
+from hil_bench.devices.ramp import Ramp, RampTimes
+from hil_bench.devices.saturation import saturate
+from hil_bench.errors import EdsError, SdoAbort
+
+_LOWEST: Final = -32768
+_HIGHEST: Final = 32767
+_UNITY: Final = 0x0001_0001
+_MILLISECOND: Final = 1_000_000
+
+_RAMP_TIMES: Final = range(0x6331, 0x6337)
+_RAMP_TYPES: Final = {
+    0: (),
+    1: (0x6331, 0x6331, 0x6331, 0x6331),
+    2: (0x6331, 0x6331, 0x6334, 0x6334),
+    3: (0x6332, 0x6333, 0x6335, 0x6336),
+}
+"""By the type in 0x6330: which objects hold the times of the quadrants, in their order."""
+
+
+class DemandGenerator:
+    """What makes the demand value of one valve.
+
+    Attributes:
+        is_limited: whether a limit held the last set-point back.
+        ramp: the ramp; it runs while the demand value is on its way.
+    """
+
+    def __init__(self, object_dictionary: ObjectDictionary, reference: Variable) -> None:
+        """Bind the profile's objects; EdsError where one is of a wrong kind.
+
+        Args:
+            object_dictionary: that of the valve.
+            reference: the value that stands for 100 %.
+        """
+        self.is_limited = False
+        self.ramp = Ramp()
+        self._reference = reference
+        self._scaled = 0.0
+        self._has_ramp = False
+        self._bind_limits(object_dictionary)
+        self._bind_scaling(object_dictionary)
+        self._bind_ramp(object_dictionary)
+        self._bind_compensation(object_dictionary)
+        reference.add_hook(self._configure)
+        self.restart()
+
+    def _bind_limits(self, od: ObjectDictionary) -> None:
+        self._upper_limit = optional(od, 0x6320, 1, INTEGER16, absent=_HIGHEST)
+        self._lower_limit = optional(od, 0x6321, 1, INTEGER16, absent=_LOWEST)
+        self._upper_limit.add_check(self._check_upper_limit)
+        self._lower_limit.add_check(self._check_lower_limit)
+
+    def _bind_scaling(self, od: ObjectDictionary) -> None:
+        self._factor = self._bind_factor(od, 0x6322)
+        self._offset = self._bind(od, 0x6323, 1)
+        self._zero_correction = self._bind(od, 0x6324, 1)
+
+    def _bind_ramp(self, od: ObjectDictionary) -> None:
+        self._ramp_type = optional(od, 0x6330, 0, INTEGER8)
+        self._check_type(od, self._ramp_type, len(_RAMP_TYPES))
+        self._ramp_times = {index: optional(od, index, 1, UNSIGNED16) for index in _RAMP_TIMES}
+        for time in self._ramp_times.values():
+            time.add_hook(self._configure)
+
+    def _bind_compensation(self, od: ObjectDictionary) -> None:
+        self._gain_type = optional(od, 0x6340, 0, INTEGER8)
+        self._check_type(od, self._gain_type, 2)
+        self._gain_factor = self._bind_factor(od, 0x6341)
+        self._dead_band_type = optional(od, 0x6342, 0, INTEGER8)
+        self._check_type(od, self._dead_band_type, len(DeadBandType))
+        self._side_a, self._side_b = self._bind(od, 0x6343, 1), self._bind(od, 0x6344, 1)
+        self._threshold = self._bind(od, 0x6345, 1)
+        for size in (self._side_a, self._side_b, self._threshold):
+            size.add_check(_check_size)
+
+    def _bind(self, od: ObjectDictionary, index: int, subindex: int) -> Variable:
+        variable = optional(od, index, subindex, INTEGER16)
+        variable.add_hook(self._configure)
+        return variable
+
+    def _bind_factor(self, od: ObjectDictionary, index: int) -> Variable:
+        factor = optional(od, index, 0, UNSIGNED32, absent=_UNITY)
+        if not factor.default >> 16 or not factor.default & 0xFFFF:
+            raise EdsError(
+                f"{locate(od, factor)} is 0x{factor.default:08X}; numerator (upper half) and "
+                "denominator are more than 0, as in 0x00010001"
+            )
+        factor.add_check(_check_factor)
+        factor.add_hook(self._configure)
+        return factor
+
+    def _check_type(self, od: ObjectDictionary, variable: Variable, types: int) -> None:
+        """Let `variable` hold 0 to `types` - 1.
+
+        Raises:
+            EdsError: its default is another one.
+        """
+        if not 0 <= variable.default < types:
+            raise EdsError(f"{locate(od, variable)} is {variable.default}; 0 to {types - 1} exist")
+
+        def check(value: int) -> None:
+            if not 0 <= value < types:
+                raise SdoAbort(*abort_codes.VALUE)
+
+        variable.add_check(check)
+        variable.add_hook(self._configure)
+
+    def generate(self, setpoint: int, now: int) -> int:
+        """Return the demand value of a set-point at `now` [ns]; all [increments]."""
+        limited: int = min(max(setpoint, self._lower_limit.value), self._upper_limit.value)
+        self.is_limited = limited != setpoint
+        if self._is_plain:
+            self._scaled = limited
+            return limited
+        return self._shape(limited, now)
+
+    def restart(self) -> None:
+        """Begin anew with the objects' present values, at 0."""
+        self._scaled = 0.0
+        self.ramp.restart(0.0)
+        self._configure()
+
+    def _shape(self, limited: int, now: int) -> int:
+        value = limited * self._scale + self._offset.value
+        if self._has_ramp:
+            value = self.ramp.follow(value, now)
+        self._scaled = value
+        if self._gain_type.value:
+            value = apply_directional_gain(value, self._gain)
+        if self._dead_band is not None:
+            value = self._dead_band.compensate(value)
+        return saturate(value + self._zero_correction.value, _LOWEST, _HIGHEST, unknown=0)
+
+    def _configure(self, _written: int = 0) -> None:
+        self._scale = _quotient(self._factor)
+        self._gain = _quotient(self._gain_factor)
+        self._dead_band = self._present_dead_band()
+        self._configure_ramp()
+        self._is_plain = not (
+            self._has_ramp
+            or self._gain_type.value
+            or self._dead_band
+            or self._scale != 1.0
+            or self._offset.value
+            or self._zero_correction.value
+        )
+
+    def _present_dead_band(self) -> DeadBand | None:
+        kind = self._dead_band_type.value
+        if kind not in {DeadBandType.JUMP, DeadBandType.CONTINUOUS}:
+            return None
+        sizes = (self._side_a, self._side_b, self._threshold, self._reference)
+        return DeadBand(DeadBandType(kind), *(size.value for size in sizes))
+
+    def _configure_ramp(self) -> None:
+        milliseconds = [
+            self._ramp_times[index].value for index in _RAMP_TYPES.get(self._ramp_type.value, ())
+        ]
+        unit = _MILLISECOND / self._reference.value
+        self.ramp.times = RampTimes(*(time * unit for time in milliseconds))
+        had_ramp, self._has_ramp = self._has_ramp, self._ramp_type.value != 0
+        if self._has_ramp != had_ramp:
+            self.ramp.restart(self._scaled)
+
+    def _check_upper_limit(self, limit: int) -> None:
+        if limit < self._lower_limit.value:
+            raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
+
+    def _check_lower_limit(self, limit: int) -> None:
+        if limit > self._upper_limit.value:
+            raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+
+
+def _quotient(factor: Variable) -> float:
+    numerator, denominator = divmod(factor.value, 0x10000)
+    return float(numerator / denominator) if denominator else 1.0
+
+
+def _check_factor(factor: int) -> None:
+    if not factor >> 16 or not factor & 0xFFFF:
+        raise SdoAbort(*abort_codes.VALUE)
+
+
+def _check_size(size: int) -> None:
+    if size < 0:
+        raise SdoAbort(*abort_codes.VALUE_TOO_LOW)

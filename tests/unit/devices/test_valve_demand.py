@@ -1,0 +1,285 @@
+"""From the set-point to the demand value, over the bus. 16384 increments are 100 %, here 1 mm."""
+
+import pytest
+
+from device_profiles import VALVE_408
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.errors import EdsError
+
+FULL_OPENING = 1e-3
+ACTIVE, HOLD, FAULT_HOLD = 0x000F, 0x000B, 0x0003
+RAMP_RUNNING, LIMITED = 1 << 9, 1 << 10
+
+
+@pytest.fixture
+def rig(make_rig):
+    """A valve in ACTIVE at 0 whose spool is where it is told to be."""
+    rig = make_rig(VALVE_408)
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+
+    def work(now):
+        rig.spool = rig.valve.command(now)
+        rig.valve.publish(rig.spool, now)
+
+    rig.work = work
+    rig.tick()
+    rig.nmt(rig.START)
+    control(rig, 0x0007)
+    return rig
+
+
+def control(rig, word, setpoint=0):
+    rig.receive(0x205, *word.to_bytes(2, "little"), *setpoint.to_bytes(2, "little", signed=True))
+    rig.tick()
+
+
+def demand(rig, setpoint):
+    control(rig, 0x0007, setpoint)
+    return rig.value(0x6310, 1)
+
+
+def set_up(rig, **values):
+    """Write `x6330=1` and the like: to sub-index 1 where the object has one."""
+    for name, value in values.items():
+        index = int(name[1:], 16)
+        variable = rig.object_dictionary.find(index, 1) or rig.object_dictionary.find(index)
+        size = variable.data_type.size
+        assert rig.write(index, variable.subindex, value, size, signed=value < 0) is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "offset", "setpoint", "expected"),
+    # y = x * numerator / denominator + offset (Moog 7.2.4); 0x0003_0002 is 3/2.
+    [
+        (0x0001_0001, 100, 1000, 1100),
+        (0x0003_0002, 0, 1000, 1500),
+        (0x0003_0002, -100, 1000, 1400),
+        (0x0001_0003, 0, -1000, -333),
+        (0x0001_0003, 0, 1001, 334),  # 333.67
+        (0x0003_0001, 0, 16384, 32767),  # 49152 is more than INTEGER16 holds
+        (0x0003_0001, 0, -16384, -32768),
+    ],
+)
+def test_scaling(rig, factor, offset, setpoint, expected):
+    set_up(rig, x6322=factor, x6323=offset)
+    assert demand(rig, setpoint) == expected
+    assert rig.spool == pytest.approx(expected / 16384 * FULL_OPENING)
+
+
+def test_the_limits_come_before_the_scaling(rig):
+    set_up(rig, x6320=1000, x6322=0x0002_0001)
+    assert demand(rig, 1500) == 2000
+    assert rig.value(0x6041) == ACTIVE | LIMITED
+    assert demand(rig, 1000) == 2000
+    assert rig.value(0x6041) == ACTIVE
+
+
+def test_the_zero_correction_is_added_to_all(rig):
+    set_up(rig, x6324=-50, x6322=0x0002_0001)
+    assert demand(rig, 1000) == 1950  # after the scaling
+    assert demand(rig, 0) == -50
+
+
+@pytest.mark.parametrize("index", [0x6322, 0x6341])
+@pytest.mark.parametrize("factor", [0, 0x0001_0000, 0x0000_0001])
+def test_a_factor_has_numerator_and_denominator(rig, index, factor):
+    assert rig.write(index, 0, factor, 4) == 0x06090030
+
+
+@pytest.mark.parametrize(
+    ("types", "setpoint", "after_10_ms"),
+    # From 0 to the set-point; 16384 * 10 ms / time.
+    [
+        ({"x6330": 1, "x6331": 100}, 16384, 1638),
+        ({"x6330": 1, "x6331": 100}, -16384, -1638),
+        ({"x6330": 2, "x6331": 200}, 16384, 819),
+        ({"x6330": 2, "x6331": 200}, -16384, -819),
+        ({"x6330": 3, "x6332": 400, "x6333": 50}, 16384, 410),
+        ({"x6330": 3, "x6332": 400, "x6333": 50}, -16384, -3277),
+        ({"x6330": 0, "x6331": 100}, 16384, 16384),
+        ({"x6330": 3, "x6331": 100, "x6334": 100}, 16384, 16384),
+    ],
+)
+def test_speeding_up(rig, types, setpoint, after_10_ms):
+    set_up(rig, **types)
+    demand(rig, setpoint)
+    rig.tick(10)
+    assert rig.value(0x6310, 1) == after_10_ms
+
+
+@pytest.mark.parametrize(
+    ("types", "start", "after_10_ms"),
+    # From the start to 0; 16384 * 10 ms / time less.
+    [
+        ({"x6330": 1, "x6331": 100}, 16384, 14746),
+        ({"x6330": 2, "x6331": 100, "x6334": 200}, 16384, 15565),
+        ({"x6330": 2, "x6331": 100, "x6334": 200}, -16384, -15565),
+        ({"x6330": 3, "x6335": 400, "x6336": 50}, 16384, 15974),
+        ({"x6330": 3, "x6335": 400, "x6336": 50}, -16384, -13107),
+    ],
+)
+def test_slowing_down(rig, types, start, after_10_ms):
+    demand(rig, start)
+    set_up(rig, **types)
+    demand(rig, 0)
+    rig.tick(10)
+    assert rig.value(0x6310, 1) == after_10_ms
+
+
+def test_the_ramp_ends_at_its_tick_and_says_so(rig):
+    set_up(rig, x6330=1, x6331=100)
+    assert demand(rig, 8192) == 0
+    assert rig.value(0x6041) == ACTIVE | RAMP_RUNNING
+    rig.tick(49)
+    assert rig.value(0x6310, 1) == 8028  # 8192 * 49 / 50
+    assert rig.value(0x6041) == ACTIVE | RAMP_RUNNING
+    rig.tick()
+    assert rig.value(0x6310, 1) == 8192  # half the way, half the time
+    assert rig.value(0x6041) == ACTIVE
+
+
+def test_a_ramp_switched_on_begins_where_the_valve_is(rig):
+    demand(rig, 8192)
+    set_up(rig, x6331=100, x6330=1)
+    assert rig.value(0x6310, 1) == 8192
+    demand(rig, 16384)
+    rig.tick(10)
+    assert rig.value(0x6310, 1) == 8192 + 1638
+
+
+def test_a_ramp_switched_off_is_at_its_end(rig):
+    set_up(rig, x6331=100, x6330=1)
+    demand(rig, 16384)
+    set_up(rig, x6330=0)
+    rig.tick()
+    assert rig.value(0x6310, 1) == 16384
+    assert rig.value(0x6041) == ACTIVE
+
+
+def test_the_hold_setpoint_is_reached_on_the_ramp(rig):
+    set_up(rig, x6331=100, x6330=1)
+    demand(rig, 16384)
+    rig.tick(100)
+    control(rig, 0x0003)
+    rig.tick(50)
+    assert rig.value(0x6310, 1) == 8192
+    assert rig.value(0x6041) == HOLD | RAMP_RUNNING
+
+
+def test_a_node_reset_ends_the_ramp(rig):
+    set_up(rig, x6331=100, x6330=1)
+    demand(rig, 16384)
+    rig.tick(50)
+    rig.nmt(rig.RESET_NODE)
+    rig.tick()
+    assert rig.value(0x6310, 1) == 0
+    assert not rig.value(0x6041) & RAMP_RUNNING
+
+
+@pytest.mark.parametrize(
+    ("factor", "setpoint", "expected"),
+    # 1/2 halves the positive side, 2/1 the negative one.
+    [(0x0001_0002, 1000, 500), (0x0001_0002, -1000, -1000), (0x0002_0001, -1000, -500)],
+)
+def test_directional_gain(rig, factor, setpoint, expected):
+    set_up(rig, x6341=factor)
+    assert demand(rig, setpoint) == setpoint
+    set_up(rig, x6340=1)
+    assert demand(rig, setpoint) == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "setpoint", "expected"),
+    # A 1000, B 2000, threshold 100; slope beyond it (16384 - step) / (16384 - 100).
+    [
+        (1, 99, 0),
+        (1, 100, 1000),
+        (1, -100, -2000),
+        (1, 8242, 8692),  # half way from 100 to 16384, so half way from 1000 to 16384
+        (2, 50, 500),
+        (2, -50, -1000),
+        (0, 50, 50),
+    ],
+)
+def test_dead_band_compensation(rig, kind, setpoint, expected):
+    set_up(rig, x6343=1000, x6344=2000, x6345=100, x6342=kind)
+    assert demand(rig, setpoint) == expected
+
+
+def test_gain_comes_before_dead_band_and_zero_correction_last(rig):
+    set_up(rig, x6341=0x0001_0002, x6340=1, x6343=1000, x6345=100, x6342=1, x6324=7)
+    # 198 / 2 = 99 is below the threshold; 200 / 2 is not.
+    assert demand(rig, 198) == 7
+    assert demand(rig, 200) == 1007
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "value", "size"),
+    [(0x6330, 0, 4, 1), (0x6340, 0, 2, 1), (0x6342, 0, 3, 1)],
+)
+def test_a_type_that_does_not_exist_is_refused(rig, index, subindex, value, size):
+    assert rig.write(index, subindex, value, size) == 0x06090031
+
+
+@pytest.mark.parametrize("index", [0x6343, 0x6344, 0x6345])
+def test_a_negative_step_is_refused(rig, index):
+    assert rig.write(index, 1, -1, 2, signed=True) == 0x06090032
+
+
+def without_limits(rig_class, *indices):
+    """A rig whose EDS gives these objects no limits, as another maker's may."""
+    rig = rig_class(VALVE_408)
+    for index in indices:
+        for variable in rig.object_dictionary:
+            if variable.index == index:
+                variable.low = variable.high = None
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+    rig.work = lambda now: rig.valve.publish(rig.valve.command(now), now)
+    rig.tick()
+    return rig
+
+
+@pytest.mark.parametrize(
+    ("index", "subindex", "value", "size", "abort"),
+    [
+        (0x6330, 0, 4, 1, 0x06090030),
+        (0x6342, 0, -1, 1, 0x06090030),
+        (0x6351, 0, 2, 1, 0x06090030),
+        (0x6345, 1, -1, 2, 0x06090032),
+    ],
+)
+def test_the_device_refuses_what_the_eds_does_not(make_rig, index, subindex, value, size, abort):
+    rig = without_limits(make_rig, index)
+    assert rig.write(index, subindex, value, size, signed=value < 0) == abort
+
+
+def test_stored_parameters_without_meaning_switch_the_function_off(make_rig):
+    rig = make_rig(VALVE_408)
+    for index, value in ((0x6330, 9), (0x6342, 9), (0x6322, 0)):
+        rig.object_dictionary.variable(index).value = value  # as read from a file at power on
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+    rig.work = lambda now: rig.valve.publish(rig.valve.command(now), now)
+    rig.tick()
+    rig.nmt(rig.START)
+    assert demand(rig, 0) == 0
+    assert demand(rig, 16384) == 16384
+
+
+@pytest.mark.parametrize(
+    ("index", "default", "told"),
+    [(0x6330, 4, "0 to 3 exist"), (0x6322, 0x10000, "denominator")],
+)
+def test_a_default_without_meaning_is_told_when_the_bench_is_built(make_rig, index, default, told):
+    rig = make_rig(VALVE_408)
+    rig.object_dictionary.variable(index).default = default
+    with pytest.raises(EdsError, match=told):
+        ValveDevice(rig.node, FULL_OPENING)
+
+
+def test_the_times_say_their_unit():
+    dictionary = load_eds(VALVE_408, 5)
+    # Unit 3 is the second, prefix -3 is milli (Moog ACV manual, 2.4.3).
+    for index in (*range(0x6331, 0x6337), 0x6352):
+        assert dictionary.number(index, 2) == 3
+        assert dictionary.number(index, 3) == -3

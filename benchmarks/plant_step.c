@@ -5,7 +5,8 @@
 /* The order of hil_bench.plant.constants.pack. */
 typedef struct {
     double dt, m, per_E_dt, floor;
-    double alpha, beta, omega_0_squared, two_xi_omega_0;
+    double omega_0_squared, two_xi_omega_0;
+    double alpha, beta, alpha_negative, beta_negative;
     double a_11, a_12, a_21, a_22;
     double K, P_S, P_T, transition_squared, signed_root;
     double E, C_L, A_A, A_B, V_A0, V_B0, h;
@@ -21,9 +22,8 @@ typedef struct { double force_or_flow, secant, tangent; } Slopes;
 
 static inline double orifice_state(double nu, const Plant *p)
 {
-    double opening = fabs(nu) - p->beta;
-    if (opening <= 0.0) return 0.0;
-    return copysign(least(opening, p->alpha), nu);
+    if (nu > 0.0) return most(least(nu - p->beta, p->alpha), 0.0);
+    return least(most(nu + p->beta_negative, -p->alpha_negative), 0.0);
 }
 
 static inline Slopes port(double opening, double pressure, const Plant *p)

@@ -25,12 +25,12 @@ def advance_forward_euler(
     Returns:
         The fields of `hil_bench.plant.state.PlantOutput` after the last step.
     """
-    step, valve, _, orifice, chambers, friction, stop = unpack(constants)
+    step, spool, opening, _, orifice, chambers, friction, stop = unpack(constants)
     dt, m, _, floor = step
-    alpha, beta, stiffness, damping = valve
+    stiffness, damping = spool
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
-    z = orifice_state(nu, alpha, beta)
+    z = orifice_state(nu, opening)
     Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     for _ in range(steps):
         V_A, V_B = chamber_volumes(x, chambers)
@@ -42,7 +42,7 @@ def advance_forward_euler(
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
         P_A = floor if P_A < floor else P_A
         P_B = floor if P_B < floor else P_B
-        z = orifice_state(nu, alpha, beta)
+        z = orifice_state(nu, opening)
         Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
     return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -69,7 +69,7 @@ def move_cylinder(
         F_L: external load [N].
         constants: in their groups.
     """
-    (dt, m, per_E_dt, floor), _, _, orifice, chambers, friction, stop = constants
+    (dt, m, per_E_dt, floor), _, _, _, orifice, chambers, friction, stop = constants
     _, C_L, A_A, A_B, _, _, _ = chambers
 
     Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
@@ -126,14 +126,14 @@ def advance_implicit_midpoint(
         The fields of `hil_bench.plant.state.PlantOutput` after the last step.
     """
     groups = unpack(constants)
-    _, (alpha, beta, _, _), transition, orifice, _, _, _ = groups
+    _, _, opening, transition, orifice, _, _, _ = groups
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
     for _ in range(steps):
         nu_before = nu
         nu, nu_dot = move_spool(nu, nu_dot, u, transition)
-        z_middle = orifice_state(0.5 * (nu_before + nu), alpha, beta)
+        z_middle = orifice_state(0.5 * (nu_before + nu), opening)
         x, v, P_A, P_B = move_cylinder(x, v, P_A, P_B, z_middle, F_L, groups)
     state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    z = orifice_state(nu, alpha, beta)
+    z = orifice_state(nu, opening)
     Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -47,6 +47,8 @@ class PlantOptions:
         end_stop: what stops the piston at the stroke's ends; None lets it run on, as printed.
         cavitation_floor: gauge pressure below which no chamber falls [Pa]; None for no floor.
         laminar_transition: pressure drop below which orifice flow is laminar [Pa]; 0 turns it off.
+        alpha_negative: alpha of eq. (2) for negative spool positions [m]; None for the same alpha.
+        beta_negative: beta of eq. (2) for negative spool positions [m]; None for the same beta.
 
     Raises:
         ParameterError: for a value that makes no physical sense.
@@ -57,11 +59,17 @@ class PlantOptions:
     end_stop: EndStop | None = None
     cavitation_floor: float | None = None
     laminar_transition: float = 0.0
+    alpha_negative: float | None = None
+    beta_negative: float | None = None
 
     def __post_init__(self) -> None:
         if self.tanh_gain != math.inf:
             require_positive("tanh_gain", self.tanh_gain, "s/m")
         require_not_negative("laminar_transition", self.laminar_transition, "Pa")
+        if self.alpha_negative is not None:
+            require_positive("alpha_negative", self.alpha_negative, "m")
+        if self.beta_negative is not None:
+            require_not_negative("beta_negative", self.beta_negative, "m")
         if self.cavitation_floor is not None:
             require_finite("cavitation_floor", self.cavitation_floor, "Pa")
             if self.cavitation_floor > 0.0:

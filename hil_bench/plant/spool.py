@@ -7,6 +7,9 @@ from hil_bench.plant.kernel import kernel
 SpoolTransition = tuple[float, float, float, float]
 """(a_11, a_12, a_21, a_22) of the state (nu - u, nu_dot) over one step with constant u."""
 
+OpeningConstants = tuple[float, float, float, float]
+"""(alpha, beta) for a positive spool position, then (alpha, beta) for a negative one."""
+
 
 def spool_transition(omega_0: float, xi: float, dt: float) -> SpoolTransition:
     """Return the exact transition of eq. (3) over one step with constant set-point.
@@ -61,10 +64,14 @@ def move_spool(
 
 
 @kernel
-def orifice_state(nu: float, alpha: float, beta: float) -> float:
-    """Return the orifice state z [m] at spool position nu [m]: dead-zone, saturation, eq. (2)."""
-    opening = abs(nu) - beta
-    if opening <= 0.0:
-        return 0.0
-    opening = alpha if opening > alpha else opening
-    return opening if nu > 0.0 else -opening
+def orifice_state(nu: float, opening: OpeningConstants) -> float:
+    """Return the orifice state z [m] at spool position nu [m]: dead-zone, saturation, eq. (2).
+
+    Both are given for each direction, as the paper suggests for "more specific DCV assemblies".
+    """
+    alpha, beta, alpha_negative, beta_negative = opening
+    if nu > 0.0:
+        z = nu - beta
+        return 0.0 if z <= 0.0 else alpha if z > alpha else z
+    z = nu + beta_negative
+    return 0.0 if z >= 0.0 else -alpha_negative if z < -alpha_negative else z

@@ -166,6 +166,16 @@ def test_spool_in_the_dead_zone_moves_nothing(paper: PlantParameters, solver: So
 
 
 @pytest.mark.parametrize("solver", Solver)
+def test_an_asymmetric_valve_saturates_each_way_by_itself(
+    paper: PlantParameters, solver: Solver
+) -> None:
+    options = dataclasses.replace(PAPER, alpha_negative=5e-4, beta_negative=1e-4)
+    plant = FullOrderPlant(paper, options=options, solver=solver)
+    seen = [plant.step(PlantInput(u), 500).z for u in (2e-3, -2e-4, -2e-3)]
+    assert seen == pytest.approx([1e-3, -1e-4, -5e-4], rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", Solver)
 def test_equal_pressures_do_not_balance_a_single_rod(
     paper: PlantParameters, solver: Solver
 ) -> None:

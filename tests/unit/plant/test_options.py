@@ -30,6 +30,8 @@ def test_bench_keeps_piston_and_pressures_where_they_can_be() -> None:
         ({"tanh_gain": math.nan}, "tanh_gain = nan s/m: must be finite"),
         ({"tanh_gain": -math.inf}, "tanh_gain = -inf s/m: must be finite"),
         ({"laminar_transition": -1.0}, "laminar_transition = -1 Pa: must be 0 or greater"),
+        ({"alpha_negative": 0.0}, "alpha_negative = 0 m: must be greater than 0"),
+        ({"beta_negative": -1e-4}, "beta_negative = -0.0001 m: must be 0 or greater"),
         ({"cavitation_floor": 1e5}, "cavitation_floor = 100000 Pa: must be 0 or less"),
         ({"cavitation_floor": -math.inf}, "cavitation_floor = -inf Pa: must be finite"),
     ],

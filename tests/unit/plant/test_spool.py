@@ -5,7 +5,7 @@ import pytest
 
 from hil_bench.plant.spool import move_spool, orifice_state, spool_transition
 
-ALPHA, BETA = 1e-3, 3e-4  # Table I
+TABLE_I = (1e-3, 3e-4, 1e-3, 3e-4)  # alpha and beta, the same for both directions
 
 
 def step_response(t: float, omega: float, xi: float) -> float:
@@ -56,4 +56,21 @@ def test_stiff_overdamped_spool_stays_finite() -> None:
     ],
 )
 def test_dead_zone_and_saturation(nu: float, z: float) -> None:
-    assert orifice_state(nu, ALPHA, BETA) == pytest.approx(z, rel=1e-12, abs=1e-18)
+    assert orifice_state(nu, TABLE_I) == pytest.approx(z, rel=1e-12, abs=1e-18)
+
+
+@pytest.mark.parametrize(
+    ("nu", "z"),
+    [  # eq. (2) with alpha 1.0 mm, beta 0.3 mm for nu > 0 and alpha 0.6 mm, beta 0.5 mm for nu < 0
+        (3e-4, 0.0),
+        (5e-4, 2e-4),
+        (2e-3, 1e-3),
+        (-3e-4, 0.0),
+        (-5e-4, 0.0),
+        (-7e-4, -2e-4),
+        (-1.1e-3, -6e-4),
+        (-2e-3, -6e-4),
+    ],
+)
+def test_each_direction_may_have_its_own_dead_zone_and_saturation(nu: float, z: float) -> None:
+    assert orifice_state(nu, (1e-3, 3e-4, 6e-4, 5e-4)) == pytest.approx(z, rel=1e-12, abs=1e-18)

@@ -1,19 +1,24 @@
 """An absolute linear encoder on the bus: profile CiA 406.
 
 The position 0x6004, the same as 0x6020.01, counts steps of 0x6005.01 x 0.001 μm; the speed
-0x6030.01 counts steps of 0x6005.02 x 0.01 mm/s. Bit 3 of the operating parameters 0x6000 reverses
-both. A write to the steps or to the direction changes the next published values; there is no
-preset, so 0 is the plant's 0.
+0x6030.01 counts steps of 0x6005.02 x 0.01 mm/s, the acceleration 0x6040.01 steps of 0x6005.03 x
+1 mm/s². Bit 3 of the operating parameters 0x6000 reverses all. A write to the steps or to the
+direction changes the next published values.
+
+A preset, written to 0x6003 or 0x6010.01, makes the present position that value: it sets the offset
+0x6509, which is added to what is measured. Without one, 0 is the plant's 0. The present position is
+the last published one.
 
 A position that the counter cannot hold is a position error: bit 0 of the alarms 0x6503, an EMCY,
 and the counter stands at its nearest end (at its last value where the position is no number). A
 speed beyond the counter stands at its end and sets bit 0 of the warnings 0x6505.
 
-The cyclic timer 0x6200 and the event timer 0x1800.05 are one value.
+The cyclic timer 0x6200 and the event timer 0x1800.05 are one value. Cams and work area: see
+`position_switches`.
 
 Sources: Temposonics E-Series and HYDAC HLT 1100 operation manuals (objects and units),
-TR-Electronic LA-46 manual (error register of a position error), Kübler CANlift manual (meaning of
-warning bit 0).
+TR-Electronic LA-46 manual (error register of a position error) and CM-36 manual (preset, its abort
+code), BEI MHK5 manual (offset), Kübler CANlift manual (meaning of warning bit 0).
 """
 
 from typing import Final
@@ -23,6 +28,7 @@ from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32, UNSIGNED16,
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.devices.position_switches import CamSwitches, WorkArea
 from hil_bench.devices.profile_objects import locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.errors import EdsError, SdoAbort
@@ -31,6 +37,8 @@ POSITION_UNITS: Final = 1e9
 """Units of 0x6005.01, 0.001 μm, in one metre."""
 SPEED_UNITS: Final = 1e5
 """Units of 0x6005.02, 0.01 mm/s, in one metre a second."""
+ACCELERATION_UNITS: Final = 1e3
+"""Units of 0x6005.03, 1 mm/s², in one metre a second squared."""
 
 REVERSED_BIT: Final = 1 << 3
 """Measuring direction, in 0x6000 and 0x6500."""
@@ -43,6 +51,8 @@ OVERSPEED: Final = 1 << 0
 POSITION_EMCY: Final = 0x1000
 DEVICE_PROFILE_ERROR: Final = 0x20
 """Bit of the error register that a position error sets."""
+
+_END_OF_TIME: Final = 1 << 63
 
 
 class EncoderDevice:
@@ -59,10 +69,16 @@ class EncoderDevice:
             node: the node; its object dictionary comes from the encoder's EDS file.
         """
         self.node = node
+        self._last_position: float = 0.0
+        self._last_speed: float = 0.0
+        self._then = _END_OF_TIME
         self._bind_position()
         self._bind_speed()
+        self._bind_preset()
         self._bind_diagnostics()
         self._bind_timer()
+        self._cams = CamSwitches(node.object_dictionary)
+        self._work_area = WorkArea(node.object_dictionary)
         self._restart()
 
     def _bind_position(self) -> None:
@@ -87,6 +103,23 @@ class EncoderDevice:
         self._speed = optional(od, 0x6030, 1, INTEGER16)
         self._speed_step = optional(od, 0x6005, 2, UNSIGNED32, absent=1)
         self._bind_step(self._speed_step)
+        self._acceleration = optional(od, 0x6040, 1, INTEGER16)
+        self._acceleration_step = optional(od, 0x6005, 3, UNSIGNED32, absent=1)
+        self._bind_step(self._acceleration_step)
+
+    def _bind_preset(self) -> None:
+        od = self.node.object_dictionary
+        self._presets = (
+            optional(od, 0x6003, 0, INTEGER32, UNSIGNED32),
+            optional(od, 0x6010, 1, INTEGER32, UNSIGNED32),
+        )
+        self._offsets = (
+            optional(od, 0x6509, 0, INTEGER32),
+            optional(od, 0x650C, 1, INTEGER32),
+        )
+        for preset in self._presets:
+            preset.add_check(self._check_preset)
+            preset.add_hook(self._preset)
 
     def _bind_step(self, step: Variable) -> None:
         if step.default == 0:
@@ -115,8 +148,8 @@ class EncoderDevice:
         self._cyclic_timer.add_check(self._event_timer.write)
         self._event_timer.add_hook(self._show_event_timer)
 
-    def publish(self, position: float, speed: float, now: int) -> None:  # noqa: ARG002 - no delay
-        """Put position and speed into the object dictionary.
+    def publish(self, position: float, speed: float, now: int) -> None:
+        """Put position, speed and acceleration into the object dictionary.
 
         Args:
             position: position of the piston [m].
@@ -125,20 +158,40 @@ class EncoderDevice:
         """
         if self.node.events:
             self._hear_events()
-        steps = position * self._position_counts
+        self._publish_position(position)
+        self._publish_speed(speed * self._speed_counts)
+        self._publish_acceleration(speed, now)
+
+    def _publish_position(self, position: float) -> None:
+        measured = position * self._position_counts
+        steps = measured + self._offset
         if self._lowest <= steps <= self._highest:
-            self._show_position(round(steps))
+            self._last_position = position
+            self._show_position(round(measured) + self._offset)
             if self._alarms.value:
                 self._end_position_error()
         else:
             self._show_position_error(steps)
-        steps = speed * self._speed_counts
+        shown = self._positions[0].value
+        self._cams.switch(shown)
+        self._work_area.show(shown, is_out_of_range=bool(self._alarms.value))
+
+    def _publish_speed(self, steps: float) -> None:
         if -32768 <= steps <= 32767:
             self._speed.value = round(steps)
             self._warnings.value = 0
         else:
             self._speed.value = saturate(steps, -32768, 32767, unknown=self._speed.value)
             self._warnings.value = OVERSPEED
+
+    def _publish_acceleration(self, speed: float, now: int) -> None:
+        """Show the mean acceleration since the last tick; 0 in the first one."""
+        elapsed = now - self._then
+        if elapsed > 0:
+            steps = (speed - self._last_speed) * 1e9 / elapsed * self._acceleration_counts
+            shown = self._acceleration.value
+            self._acceleration.value = saturate(steps, -32768, 32767, unknown=shown)
+        self._last_speed, self._then = speed, now
 
     def _show_position(self, steps: int) -> None:
         for position in self._positions:
@@ -163,7 +216,36 @@ class EncoderDevice:
             elif kind is NodeEventKind.RESET_COMMUNICATION:
                 self._show_event_timer(self._event_timer.value)
 
+    def _check_preset(self, position: int) -> None:
+        """Refuse a position that the counter or the offset cannot hold.
+
+        Raises:
+            SdoAbort: 0609 0030.
+        """
+        offset = position - self._measured()
+        if not (self._lowest <= position <= self._highest and -(1 << 31) <= offset < 1 << 31):
+            raise SdoAbort(*abort_codes.VALUE)
+
+    def _preset(self, position: int) -> None:
+        for preset in self._presets:
+            preset.value = position
+        self._set_offset(position - self._measured())
+        self._show_position(position)
+
+    def _measured(self) -> int:
+        """The last position without offset [steps], in the present steps and direction."""
+        return round(self._last_position * self._position_counts)
+
+    def _set_offset(self, steps: int) -> None:
+        self._offset = steps
+        for offset in self._offsets:
+            offset.value = steps
+
     def _restart(self) -> None:
+        self._last_position = self._last_speed = 0.0
+        self._then = _END_OF_TIME
+        self._set_offset(0)
+        self._cams.restart()
         self._supported_alarms.value = POSITION_ERROR
         self._supported_warnings.value = OVERSPEED
         self._show_event_timer(self._event_timer.value)
@@ -173,9 +255,11 @@ class EncoderDevice:
         self._cyclic_timer.value = milliseconds
 
     def _scale(self, _written: int = 0) -> None:
-        direction = -1.0 if self._parameters.value & REVERSED_BIT else 1.0
-        self._position_counts = direction * POSITION_UNITS / self._position_step.value
+        direction: float = -1.0 if self._parameters.value & REVERSED_BIT else 1.0
+        self._position_counts: float = direction * POSITION_UNITS / self._position_step.value
         self._speed_counts = direction * SPEED_UNITS / self._speed_step.value
+        step = self._acceleration_step.value
+        self._acceleration_counts = direction * ACCELERATION_UNITS / step
         self._operating_status.value = self._parameters.value & REVERSED_BIT
         self._measuring_step.value = self._position_step.value
 

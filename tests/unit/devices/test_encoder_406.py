@@ -260,3 +260,109 @@ def test_a_step_of_zero_is_refused_where_the_eds_has_no_limit(make_rig, edited_e
     assert rig.write(0x6005, 1, 0, 4) == 0x06090032
     move(rig, 0.1)
     assert position(rig) == 100000
+
+
+@pytest.mark.parametrize(("index", "subindex"), [(0x6003, 0), (0x6010, 1)])
+@pytest.mark.parametrize("preset", [0, 5000, -5000, 2147483647])
+def test_a_preset_makes_the_present_position_that_value(rig, index, subindex, preset):
+    move(rig, 0.25)  # 250000 steps
+    assert rig.write(index, subindex, preset, 4, signed=True) is None
+    assert position(rig) == preset  # at once, not only with the next tick
+    assert (rig.value(0x6003), rig.value(0x6010, 1)) == (preset, preset)
+    assert (rig.value(0x6509), rig.value(0x650C, 1)) == (preset - 250000, preset - 250000)
+    move(rig, 0.25)
+    assert position(rig) == preset
+    move(rig, 0.2)
+    assert position(rig) == preset - 50000
+
+
+def test_presets_do_not_add_up(rig):
+    move(rig, 0.1)
+    assert rig.write(0x6003, 0, 7, 4) is None
+    move(rig, 0.2)
+    assert rig.write(0x6003, 0, 9, 4) is None
+    move(rig, 0.2)
+    assert (position(rig), rig.value(0x6509)) == (9, 9 - 200000)
+
+
+def test_a_preset_rounds_like_the_position(rig):
+    move(rig, 1.5e-6)  # 1.5 steps show as 2
+    assert rig.write(0x6003, 0, 101, 4) is None
+    move(rig, 1.5e-6)
+    assert position(rig) == 101
+
+
+def test_a_preset_counts_in_the_steps_that_are_in_force(rig):
+    move(rig, 0.1)
+    for index, subindex, value in ((0x6005, 1, 10000), (0x6003, 0, 50)):  # in one tick
+        rig.object_dictionary.download(index, subindex, value.to_bytes(4, "little"))
+    move(rig, 0.1)
+    assert position(rig) == 50
+    assert rig.value(0x6509) == 50 - 10000  # 0.1 m are 10000 steps of 10 um
+
+
+def test_a_reversed_encoder_takes_a_preset(rig):
+    assert rig.write(0x6000, 0, 0x0008, 2) is None
+    move(rig, 0.1)
+    assert rig.write(0x6003, 0, 1000, 4) is None
+    move(rig, 0.101)
+    assert position(rig) == 0  # 1 mm against the direction
+
+
+def test_a_preset_beyond_the_offset_is_refused(rig):
+    move(rig, -2147.0)  # -2,147,000,000 steps
+    assert rig.write(0x6003, 0, 1000000, 4) == 0x06090030
+    assert (position(rig), rig.value(0x6003), rig.value(0x6509)) == (-2147000000, 0, 0)
+
+
+def test_the_counter_ends_after_the_offset(rig):
+    move(rig, 0.0)
+    assert rig.write(0x6003, 0, 2147483000, 4) is None
+    move(rig, 0.000648)  # one step too far
+    assert (position(rig), rig.value(0x6503)) == (2147483647, 0x0001)
+    move(rig, 0.000647)
+    assert (position(rig), rig.value(0x6503)) == (2147483647, 0)
+
+
+def test_a_node_reset_takes_the_preset_back(rig):
+    move(rig, 0.1)
+    assert rig.write(0x6003, 0, 7, 4) is None
+    rig.nmt(rig.RESET_NODE)
+    move(rig, 0.1)
+    assert (position(rig), rig.value(0x6509)) == (100000, 0)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "step", "steps"),
+    # One tick is 1 ms: 0.01 m/s a tick is 10 m/s², 10000 steps of 1 mm/s².
+    [
+        ((0.0, 0.01), 1, 10000),
+        ((0.01, 0.0), 1, -10000),
+        ((0.5, 0.5), 1, 0),
+        ((0.0, 0.01), 10, 1000),
+        ((0.0, 0.04), 1, 32767),
+        ((0.0, -0.04), 1, -32768),
+    ],
+)
+def test_acceleration_in_steps(rig, speeds, step, steps):
+    assert rig.write(0x6005, 3, step, 4) is None
+    for speed in speeds:
+        move(rig, 0.0, speed)
+    assert rig.value(0x6040, 1) == steps
+
+
+def test_the_direction_reverses_the_acceleration(rig):
+    assert rig.write(0x6000, 0, 0x0008, 2) is None
+    move(rig, 0.0, 0.0)
+    move(rig, 0.0, 0.01)
+    assert rig.value(0x6040, 1) == -10000
+
+
+def test_the_first_tick_knows_no_acceleration(make_rig):
+    rig = make_rig(ENCODER_406)
+    rig.device = EncoderDevice(rig.node)
+    move(rig, 0.0, 1.0)
+    assert rig.value(0x6040, 1) == 0
+    rig.nmt(rig.RESET_NODE)
+    move(rig, 0.0, 2.0)
+    assert rig.value(0x6040, 1) == 0

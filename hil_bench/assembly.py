@@ -6,7 +6,9 @@
 
 from hil_bench.bench import Axis, Bench, Publish, encoder_publisher, pressure_publisher
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.config import (
     AxisConfig,
     BenchConfig,
@@ -19,7 +21,7 @@ from hil_bench.config import (
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, EdsError
 from hil_bench.plant import FullOrderPlant, balanced_state
 from hil_bench.transports.embedded import EmbeddedBus
 
@@ -46,8 +48,27 @@ def build_bench(config: BenchConfig) -> Bench:
 
 
 def build_node(config: NodeConfig) -> Node:
-    """Return the CANopen node of one device, made from its EDS."""
-    return Node(load_eds(config.eds, config.node_id), config.node_id)
+    """Return the CANopen node of one device, made from its EDS and what it has stored."""
+    object_dictionary = load_eds(config.eds, config.node_id)
+    if config.serial_number is not None:
+        set_serial_number(object_dictionary, config.serial_number)
+    storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
+    return Node(object_dictionary, config.node_id, storage)
+
+
+def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -> None:
+    """Give a device a serial number of its own.
+
+    Raises:
+        EdsError: the device has no object for it.
+    """
+    variable = object_dictionary.find(0x1018, 4)
+    if variable is None:
+        raise EdsError(
+            f"{object_dictionary.source}: object 0x1018.04, the serial number, is missing"
+        )
+    variable.base = None
+    variable.default = variable.value = serial_number
 
 
 def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) -> Axis:

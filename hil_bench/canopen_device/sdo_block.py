@@ -54,8 +54,8 @@ class BlockDownload(Transfer):
     """
 
     __slots__ = (
-        *("_acknowledged", "_announced", "_data", "_has_crc", "_is_complete", "_limit"),
-        "_write",
+        *("_acknowledged", "_announced", "_data", "_has_crc", "_is_complete", "_is_within"),
+        *("_limit", "_write"),
     )
 
     def __init__(
@@ -86,6 +86,7 @@ class BlockDownload(Transfer):
         self._data = bytearray()
         self._acknowledged = 0
         self._is_complete = False
+        self._is_within = False
 
     def owns(self, command: int) -> bool:
         """Return whether it is a segment, or the end after the last one.
@@ -108,7 +109,7 @@ class BlockDownload(Transfer):
         Raises:
             SdoAbort: 0504 0000, the client has gone silent.
         """
-        if self._is_complete or not self._acknowledged:
+        if not self._is_within:
             raise SdoAbort(*abort_codes.TIME_OUT)
         yield self._confirm(now)
 
@@ -120,15 +121,17 @@ class BlockDownload(Transfer):
             self._acknowledged = number
             self._is_complete = is_last
             self._data += request[1:]
-            # Up to 6 bytes of the last segment may be none; how many, only the end tells.
-            check_bound(len(self._data) - (SEGMENT_BYTES - 1), self._limit)
+            # Up to 7 bytes of the last segment may be none; how many, only the end tells.
+            check_bound(len(self._data) - SEGMENT_BYTES, self._limit)
         if is_last or number == BLOCK_SIZE:
             return self._confirm(now)
-        self.due = now + (TIME_OUT // 2 if self._acknowledged else TIME_OUT)
+        self._is_within = True
+        self.due = now + TIME_OUT // 2
         return None
 
     def _confirm(self, now: int) -> bytes:
         acknowledged, self._acknowledged = self._acknowledged, 0
+        self._is_within = False
         self.due = now + TIME_OUT
         return _CONFIRMATION.pack(_DOWNLOAD_CONFIRMATION, acknowledged, BLOCK_SIZE)
 

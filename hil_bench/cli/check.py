@@ -54,7 +54,8 @@ def _toml_text(config: BenchConfig) -> str:
 def _line(setting: Setting) -> str:
     name = setting.key.name
     if setting.value is None:
-        return f"{f'# {name} =':{_COMMENT_COLUMN}}  # left to python-can"
+        why = "left to python-can" if setting.table == "bus" else "none"
+        return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
     assignment = f"{name} = {json.dumps(setting.value, ensure_ascii=False)}"
     return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"
 

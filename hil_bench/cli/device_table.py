@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import (
@@ -131,7 +132,8 @@ def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> P
 
 
 def _device_lines(device: Device) -> Iterator[str]:
-    yield f"node {device.node_id}  {device.name}  {device.profile}  {device.axis}"
+    node_id = "unconfigured" if device.node_id == UNCONFIGURED else device.node_id
+    yield f"node {node_id}  {device.name}  {device.profile}  {device.axis}"
     yield f"  EDS    {device.eds}"
     for pdo in device.pdos:
         head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"

@@ -15,6 +15,7 @@ from hil_bench.config.values import (
     integer,
     interface,
     interval,
+    node_id,
     number,
     text,
 )
@@ -113,9 +114,11 @@ PROFILE_KEY = Key("profile", choice(Profile), example='"valve_408"')
 
 _COMMON_NODE_KEYS = (
     PROFILE_KEY,
-    Key("node_id", integer(1, 127), example="1"),
+    Key("node_id", node_id, example="1"),
     Key("axis", text),
     Key("eds", text),
+    Key("storage", text),
+    Key("serial_number", integer(0, 0xFFFFFFFF)),
 )
 
 NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import NODE_KEYS, PROFILE_KEY
 from hil_bench.config.records import (
@@ -51,10 +52,11 @@ def read_nodes(document: Document, problems: Problems) -> dict[str, Settings]:
 def resolve_nodes(
     nodes: Mapping[str, Settings], axes: Mapping[str, Settings], base: Path, problems: Problems
 ) -> None:
-    """Fill in what a node takes from elsewhere: its axis, its EDS file, its full opening."""
+    """Fill in what a node takes from elsewhere: its axis, files and full opening."""
     for name, node in nodes.items():
         _resolve_axis(problems.place(f"nodes.{name}", "axis"), node, list(axes), problems)
         _resolve_eds(problems.place(f"nodes.{name}", "eds"), node, base, problems)
+        _resolve_storage(problems.place(f"nodes.{name}", "storage"), node, base, problems)
         if axis := axes.get(node["axis"].value):
             _resolve_full_opening(node, axis)
 
@@ -62,8 +64,9 @@ def resolve_nodes(
 def check_nodes(
     nodes: Mapping[str, Settings], axes: Mapping[str, Settings], problems: Problems
 ) -> None:
-    """Note node-IDs that clash, and axes that have no valve or several."""
+    """Note node-IDs and serial numbers that clash, and axes that have no valve or several."""
     _check_node_ids(nodes, problems)
+    _check_serial_numbers(nodes, problems)
     if all(node["axis"].value in axes for node in nodes.values()):
         for axis in axes:
             _check_valves(axis, nodes, problems)
@@ -73,7 +76,9 @@ def build_node(name: str, node: Settings) -> NodeConfig:
     """Return the record of a checked node."""
     profile = node["profile"].value
     values = convert(node, NODE_KEYS[profile])
-    return _RECORDS[profile](name=name, **values | {"eds": Path(values["eds"])})
+    storage = values["storage"]
+    paths = {"eds": Path(values["eds"]), "storage": None if storage is None else Path(storage)}
+    return _RECORDS[profile](name=name, **values | paths)
 
 
 def _read_node(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
@@ -104,6 +109,16 @@ def _resolve_eds(place: str, node: Settings, base: Path, problems: Problems) -> 
     node["eds"] = eds._replace(value=str(path))
 
 
+def _resolve_storage(place: str, node: Settings, base: Path, problems: Problems) -> None:
+    storage = node["storage"]
+    if storage.value is None:
+        return
+    folder = base / storage.value
+    if folder.exists() and not folder.is_dir():
+        problems.add(place, f"{folder} is no folder; give the path of one, which may be new")
+    node["storage"] = storage._replace(value=str(folder))
+
+
 def _resolve_full_opening(node: Settings, axis: Settings) -> None:
     opening = node.get("full_opening_mm")
     if opening and opening.value is None:
@@ -119,10 +134,29 @@ def _check_node_ids(nodes: Mapping[str, Settings], problems: Problems) -> None:
     right = "a bus has room for 127 nodes" if free is None else f"{free} is free"
     for name, node in nodes.items():
         node_id = node["node_id"].value
+        if node_id == UNCONFIGURED:
+            continue
         owner = owners.setdefault(node_id, name)
         if owner != name:
             place = problems.place(f"nodes.{name}", "node_id")
             problems.add(place, f"{node_id} is taken by nodes.{owner}; {right}")
+
+
+def _check_serial_numbers(nodes: Mapping[str, Settings], problems: Problems) -> None:
+    """LSS tells two devices of the same kind apart by their serial numbers alone."""
+    owners: dict[tuple[str, int], str] = {}
+    for name, node in nodes.items():
+        serial_number = node["serial_number"].value
+        place = problems.place(f"nodes.{name}", "serial_number")
+        if serial_number is None:
+            if node["node_id"].value == UNCONFIGURED:
+                right = "give one, for LSS finds an unconfigured node by it"
+                problems.add(place, f"missing; {right}")
+            continue
+        owner = owners.setdefault((node["eds"].value, serial_number), name)
+        if owner != name:
+            right = "give each device of a kind its own"
+            problems.add(place, f"{serial_number} is that of nodes.{owner} too; {right}")
 
 
 def _check_valves(axis: str, nodes: Mapping[str, Settings], problems: Problems) -> None:

@@ -70,8 +70,10 @@ class NodeConfig:
         name: the node, as in ``[nodes.NAME]``.
         profile: its device profile.
         axis: the name of the axis that it belongs to.
-        node_id: CANopen node-ID, 1 to 127.
+        node_id: CANopen node-ID, 1 to 127; 255 for a node that waits for LSS to give it one.
         eds: its EDS file.
+        storage: folder of the file that it stores its parameters in; None for memory.
+        serial_number: 0x1018.04; None for that of the EDS file.
     """
 
     name: str
@@ -79,6 +81,8 @@ class NodeConfig:
     axis: str
     node_id: int
     eds: Path
+    storage: Path | None
+    serial_number: int | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,14 @@ from typing import Any
 
 import can
 
+from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE, Unit
 
 Value = Any  # of a type that its reader has checked
 Reader = Callable[[object], Value]
 
+_HIGHEST_NODE_ID = 127
 _LONGEST = 40  # characters of a bad value that a message repeats
 
 
@@ -86,6 +88,22 @@ def integer(low: int, high: int | None = None) -> Reader:
         return value
 
     return read
+
+
+def node_id(value: object) -> int:
+    """Return a CANopen node-ID, 255 for a node that has none yet.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    right = f'give an integer from 1 to {_HIGHEST_NODE_ID}, or "unconfigured"'
+    if value in (UNCONFIGURED, "unconfigured"):
+        return UNCONFIGURED
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ConfigError(f"{describe(value)} is not a node-ID; {right}")
+    if not 1 <= value <= _HIGHEST_NODE_ID:
+        raise ConfigError(f"{describe(value)} is out of range; {right}")
+    return value
 
 
 def choice(choices: type[StrEnum]) -> Reader:

@@ -2,9 +2,11 @@
 
 import pytest
 
+from device_profiles import VALVE_408
 from hil_bench.assembly import build_bench, embedded_bus
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, EdsError
 from hil_bench.plant import Solver
 
 OTHER_BENCH = """
@@ -79,3 +81,88 @@ def test_a_valve_without_its_objects_is_refused(tmp_path):
     (tmp_path / "sensor.eds").write_bytes(eds.read_bytes())
     with pytest.raises(ConfigError, match=r"sensor\.eds: .*0x6040"):
         build_bench(load_config(tmp_path / "bench.toml"))
+
+
+class BenchRig:
+    """A bench whose valve is asked by SDO, one tick of 2 ms at a time."""
+
+    def __init__(self, path):
+        self.bench = build_bench(load_config(path))
+        self.now = 0
+        self.bench.start(0)
+        self.sent = self.bench.tick([], 0)
+
+    def request(self, node_id, text):
+        """Send one SDO request and return the answer's data."""
+        self.now += 2_000_000
+        sent = self.bench.tick([Frame(0x600 + node_id, bytes.fromhex(text))], self.now)
+        (answer,) = [frame.data for frame in sent if frame.can_id == 0x580 + node_id]
+        return answer.hex()
+
+    def configure(self, *texts):
+        """Send LSS messages and return the identifiers of what was sent."""
+        sent = []
+        for text in texts:
+            self.now += 2_000_000
+            sent += self.bench.tick([Frame(0x7E5, bytes.fromhex(text).ljust(8, b"\0"))], self.now)
+        return [frame.can_id for frame in sent]
+
+
+def write_bench(tmp_path, *lines):
+    path = tmp_path / "bench.toml"
+    path.write_text("\n".join(("[bench]\ntick_us = 2000\n[nodes.valve]", *lines)))
+    return path
+
+
+VALVE = 'profile = "valve_408"'
+
+
+def test_what_a_device_stores_survives_the_end_of_the_bench(tmp_path):
+    path = write_bench(tmp_path, VALVE, "node_id = 9", 'storage = "kept"')
+    first = BenchRig(path)
+    assert first.request(9, "2b 14 63 01 00 01 00 00").startswith("60")  # hold set-point := 256
+    assert first.request(9, "23 10 10 01 73 61 76 65").startswith("60")  # "save"
+    assert (tmp_path / "kept" / "valve.parameters").is_file()
+
+    assert BenchRig(path).request(9, "40 14 63 01 00 00 00 00") == "4b14630100010000"
+
+
+def test_a_damaged_file_is_told_by_emcy_and_the_defaults_hold(tmp_path):
+    path = write_bench(tmp_path, VALVE, "node_id = 9", 'storage = "kept"')
+    first = BenchRig(path)
+    first.request(9, "2b 14 63 01 00 01 00 00")
+    first.request(9, "23 10 10 01 73 61 76 65")
+    file = tmp_path / "kept" / "valve.parameters"
+    file.write_bytes(file.read_bytes()[:-1])
+
+    second = BenchRig(path)
+    assert Frame(0x089, bytes.fromhex("3055 01 0000000000")) in second.sent
+    assert second.bench.nodes[0].storage_problem.startswith(f"{file}: is damaged")
+    assert second.request(9, "40 14 63 01 00 00 00 00") == "4b14630100000000"
+
+
+def test_a_node_without_node_id_gets_it_by_lss_and_keeps_it(tmp_path):
+    path = write_bench(
+        *(tmp_path, VALVE, 'node_id = "unconfigured"', "serial_number = 5", 'storage = "kept"')
+    )
+    rig = BenchRig(path)
+    assert rig.sent == []
+    # Fastscan: vendor 0, product 0x408, revision 0x10000, serial number 5; node-ID 20; store.
+    sent = rig.configure(
+        *("51 00000000 80", "51 00000000 00 00 01", "51 08040000 00 01 02"),
+        *("51 00000100 00 02 03", "51 05000000 00 03 00", "11 14", "17", "04 00"),
+    )
+    assert sent == [0x7E4] * 7 + [0x714]
+    assert rig.request(20, "40 18 10 04 00 00 00 00") == "4318100405000000"
+
+    assert BenchRig(path).sent[0].can_id == 0x714
+
+
+def test_a_serial_number_needs_its_object(tmp_path):
+    text = VALVE_408.read_text(encoding="ascii")
+    start = text.index("[1018sub4]")
+    end = text.index("[", start + 1)
+    (tmp_path / "v.eds").write_text(text[:start] + text[end:])
+    lines = (VALVE, "node_id = 9", "serial_number = 5", 'eds = "v.eds"')
+    with pytest.raises(EdsError, match=r"v\.eds: object 0x1018\.04, the serial number, is missing"):
+        BenchRig(write_bench(tmp_path, *lines))

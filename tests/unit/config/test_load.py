@@ -222,3 +222,26 @@ def test_each_value_knows_its_origin(write: Write) -> None:
 def test_records_are_frozen() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         load_config().seed = 2  # type: ignore[misc]
+
+
+def test_a_node_without_node_id_needs_a_serial_number(write: Write) -> None:
+    text = '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 77\n'
+    (valve,) = load_config(write(text)).nodes
+
+    assert (valve.node_id, valve.serial_number) == (255, 77)
+
+
+def test_a_relative_storage_folder_is_relative_to_the_file_and_may_be_new(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text('[nodes.v]\nprofile = "valve_408"\nnode_id = 9\nstorage = "new"\n')
+    (valve,) = load_config(path).nodes
+
+    assert valve.storage == tmp_path / "new"
+    assert not valve.storage.exists()
+
+
+def test_nodes_without_node_id_do_not_clash(write: Write) -> None:
+    node = '[nodes.n{0}]\nprofile = "{1}"\nnode_id = 255\nserial_number = {0}\n'
+    text = node.format(1, "valve_408") + node.format(2, "encoder_406")
+
+    assert [node.node_id for node in load_config(write(text)).nodes] == [255, 255]

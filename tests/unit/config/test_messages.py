@@ -40,8 +40,10 @@ ONE_VALUE = [
     ("[bench]\ntick_us = 0", "bench.tick_us: 0 is out of range; give an integer from 100 to 1000000"),
     ("[bench]\nstep_us = 0", "bench.step_us: 0 is out of range; give an integer from 1 to 10000"),
     ("[bus]\nbitrate = 2000000", "bus.bitrate: 2000000 is out of range; give an integer from 1 to 1000000"),
-    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 0', "nodes.v.node_id: 0 is out of range; give an integer from 1 to 127"),
-    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 128', "nodes.v.node_id: 128 is out of range; give an integer from 1 to 127"),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 0', "nodes.v.node_id: 0 is out of range; give an integer from 1 to 127, or \"unconfigured\""),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 128', "nodes.v.node_id: 128 is out of range; give an integer from 1 to 127, or \"unconfigured\""),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = "x"', 'nodes.v.node_id: "x" is not a node-ID; give an integer from 1 to 127, or "unconfigured"'),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = true', 'nodes.v.node_id: true is not a node-ID; give an integer from 1 to 127, or "unconfigured"'),
     # Other kinds
     ("[plant.axis1]\nend_stop = 1", "plant.axis1.end_stop: 1 is not a truth value; give true or false"),
     ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint"'),
@@ -60,7 +62,7 @@ ONE_VALUE = [
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [250, 0]', "nodes.p.span_bar: [250, 0] is empty; give [start, end] in bar, start below end"),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [5, 5]', "nodes.p.span_bar: [5, 5] is empty; give [start, end] in bar, start below end"),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = [0, "x"]', 'nodes.p.span_bar: "x" is not a number; give [start, end] in bar, start below end'),
-    ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4\nspan_bar = [0, 1]', "nodes.e.span_bar: unknown key; the nearest known key is profile"),
+    ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4\nspan_bar = [0, 1]', "nodes.e.span_bar: unknown key; the nearest known key is storage"),
 ]  # fmt: skip
 
 TOGETHER = [
@@ -73,6 +75,10 @@ TOGETHER = [
     ('[nodes.e]\nprofile = "encoder_406"\nnode_id = 4', 'plant.axis1: has no valve; give it a node with profile = "valve_408" and axis = "axis1"'),
     (f'{VALVE}[nodes.v2]\nprofile = "valve_408"\nnode_id = 2', "nodes.v2.axis: axis1 has the valve nodes.valve already; give each axis one valve"),
     (f'{VALVE}eds = "no.eds"', "nodes.valve.eds: there is no file no.eds; give the path of an EDS file"),
+    (f'{VALVE}storage = "bench.toml"', "nodes.valve.storage: bench.toml is no folder; give the path of one, which may be new"),
+    ('[nodes.valve]\nprofile = "valve_408"\nnode_id = 255', "nodes.valve.serial_number: missing; give one, for LSS finds an unconfigured node by it"),
+    ('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\nserial_number = 4294967296', "nodes.valve.serial_number: 4294967296 is out of range; give an integer from 0 to 4294967295"),
+    (f'{VALVE}[nodes.a]\nprofile = "encoder_406"\nnode_id = 2\nserial_number = 1\n[nodes.b]\nprofile = "encoder_406"\nnode_id = 3\nserial_number = 1', "nodes.b.serial_number: 1 is that of nodes.a too; give each device of a kind its own"),
     # Physical sense is the plant's to judge; the key is the one that the user wrote.
     ("[plant.axis1]\nbulk_modulus_mpa = -1", "plant.axis1.bulk_modulus_mpa: E = -1e+06 Pa; must be greater than 0"),
     ("[plant.axis1]\nmoving_mass_kg = 0", "plant.axis1.moving_mass_kg: m = 0 kg; must be greater than 0"),

@@ -1,0 +1,29 @@
+"""What an analysis refuses, by name."""
+
+import importlib.util
+
+from hil_bench.errors import ConfigError, ParameterError
+
+
+class OperatingPointError(ParameterError):
+    """There is no such operating point; the message says what stands against it."""
+
+
+class NyquistError(ParameterError):
+    """An excitation holds frequencies that its sampling cannot carry."""
+
+
+def require_extra(package: str, what: str) -> None:
+    """Refuse to go on without an optional package.
+
+    Args:
+        package: the package's name.
+        what: needs it, as in ``"a figure"``.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    if importlib.util.find_spec(package) is None:
+        raise ConfigError(
+            f"{what} needs {package}; install it with: pip install 'hil-bench[analysis]'"
+        )

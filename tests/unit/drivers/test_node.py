@@ -121,8 +121,8 @@ def test_a_missing_device_is_given_up(node, bus):
 
 
 def test_an_object_that_the_eds_lacks_names_both(node, encoder_eds):
-    with pytest.raises(DeviceMismatchError, match=rf"{encoder_eds.name} has no 0x6311\.01"):
-        node.read(0x6311, 1)
+    with pytest.raises(DeviceMismatchError, match=rf"{encoder_eds.name} has no 0x6131\.01"):
+        node.read(0x6131, 1)
     # 0x6004 has no sub-indices, though canopen would find it under any.
     with pytest.raises(DeviceMismatchError, match=r"0x6004\.01"):
         node.read(0x6004, 1)

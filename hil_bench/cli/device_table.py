@@ -59,11 +59,11 @@ class Device:
 
     Attributes:
         name: as in ``[nodes.NAME]``.
-        node_id: its node-ID.
+        node_id: its node-ID; 255 for none.
         profile: its device profile.
         axis: the axis that it belongs to.
         eds: its EDS file.
-        pdos: its PDOs.
+        pdos: its PDOs; none without a node-ID.
     """
 
     name: str
@@ -99,13 +99,15 @@ def device_table(config: BenchConfig) -> str:
 
 def _read_device(node: NodeConfig) -> Device:
     object_dictionary = load_eds(node.eds, node.node_id)
+    # Without a node-ID there are no identifiers yet.
+    pdos = () if node.node_id == UNCONFIGURED else tuple(_read_pdos(object_dictionary))
     return Device(
         name=node.name,
         node_id=node.node_id,
         profile=node.profile.value,
         axis=node.axis,
         eds=str(node.eds),
-        pdos=tuple(_read_pdos(object_dictionary)),
+        pdos=pdos,
     )
 
 

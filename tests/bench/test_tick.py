@@ -41,6 +41,19 @@ def test_sync_samples_all_devices_in_the_same_tick(bus):
     assert not bus.tick()  # no SYNC, no TPDO
 
 
+def test_a_sync_that_one_node_produces_reaches_the_others_in_the_next_tick(bus):
+    bus.tick()
+    for node_id in ALL:
+        assert bus.download(node_id, 0x1800, 2, b"\x01")[0] == 0x60
+    bus.nmt(0x01)
+    assert bus.download(VALVE, 0x1006, 0, (5000).to_bytes(4, "little"))[0] == 0x60
+    assert bus.download(VALVE, 0x1005, 0, (0x40000080).to_bytes(4, "little"))[0] == 0x60
+    ticks = [[frame.can_id for frame in bus.tick()] for _ in range(10)]
+    # Every 5 ms; the producer's own TPDO follows its SYNC.
+    assert ticks == ([[0x080, 0x181], [0x182, 0x183, 0x184], [], [], []] * 2)
+    assert all(not node.counters.ignored_frames for node in bus.bench.nodes)
+
+
 def test_frames_for_nobody_are_counted_and_change_nothing(bus):
     bus.activate()
     before = bus.plant.state

@@ -240,6 +240,21 @@ def test_mapping_of_more_than_64_bit(load_changed):
     assert message.endswith("[1A00] maps 72 bit; a PDO carries at most 64")
 
 
+def test_a_device_without_node_id_has_the_defaults_of_the_last_one(eds_path):
+    dictionary = load_eds(eds_path, 255)
+    assert dictionary.variable(0x1014).default == 0x80 + 127
+
+
+def test_defaults_follow_a_new_node_id(eds_path):
+    dictionary = load_eds(eds_path, 5)
+    dictionary.assign_node_id(9)
+    dictionary.restore(range(0x1000, 0x10000))
+    expected = load_eds(eds_path, 9)
+    for variable in dictionary:
+        assert variable.value == expected.variable(variable.index, variable.subindex).value
+    assert dictionary.variable(0x1400, 1).value == 0x209
+
+
 @pytest.mark.parametrize("node_id", [0, 128, -1])
 def test_node_id_is_checked(eds_path, node_id):
     assert refusal(load_eds, eds_path, node_id).endswith(

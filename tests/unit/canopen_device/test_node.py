@@ -1,3 +1,6 @@
+import gc
+import random
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -6,10 +9,10 @@ from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.datatypes import UNSIGNED32
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.nmt import UNCONFIGURED, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, SdoAbort
 
 
 @pytest.mark.parametrize("node_id", [0, 128])
@@ -120,10 +123,60 @@ def test_emcy_queue_is_bounded(rig):
     assert rig.node.counters.dropped_emcy == 16
 
 
+def test_startup_refuses_to_make_an_nmt_master(object_dictionary):
+    startup_object = Variable(0x1F80, 0, "NMT startup", UNSIGNED32, default=4)
+    node = Node(ObjectDictionary([*object_dictionary, startup_object]), 5)
+    for startup in (0x4, 0x0, 0xC):
+        node.object_dictionary.download(0x1F80, 0, startup.to_bytes(4, "little"))
+    for startup in (0x1, 0x2, 0x10, 0x5):
+        with pytest.raises(SdoAbort, match="invalid value"):
+            node.object_dictionary.download(0x1F80, 0, startup.to_bytes(4, "little"))
+
+
+def test_a_device_without_0x1006_is_no_sync_producer(object_dictionary):
+    kept = [variable for variable in object_dictionary if variable.index != 0x1006]
+    node = Node(ObjectDictionary(kept), 5)
+    with pytest.raises(SdoAbort, match="invalid value"):
+        node.object_dictionary.download(0x1005, 0, (0x40000080).to_bytes(4, "little"))
+
+
+def test_a_device_without_0x100C_is_not_guarded(object_dictionary):
+    kept = [variable for variable in object_dictionary if variable.index != 0x100C]
+    node, sent = Node(ObjectDictionary(kept), 5), []
+    node.start(0)
+    node.serve(0, sent.append)
+    node.receive(Frame(0x705, is_remote=True), 0)
+    node.serve(0, sent.append)
+    assert sent == [Frame(0x705, b"\x00")]
+    assert node.counters.ignored_frames == 1
+
+
+def test_the_default_sdo_channel_never_changes(object_dictionary):
+    # An EDS may declare 0x1200 as rw, which CiA 301 does not.
+    channel = [
+        Variable(0x1200, 1, "request", UNSIGNED32, default=0x605),
+        Variable(0x1200, 2, "response", UNSIGNED32, default=0x585),
+    ]
+    node = Node(ObjectDictionary([*object_dictionary, *channel]), 5)
+    for subindex in (1, 2):
+        with pytest.raises(SdoAbort, match="read only"):
+            node.object_dictionary.download(0x1200, subindex, (0x6A0).to_bytes(4, "little"))
+
+
+def test_lss_queue_is_bounded(rig):
+    rig.receive(0x7E5, bytes.fromhex("0401000000000000"))
+    for _ in range(100):
+        rig.receive(0x7E5, bytes.fromhex("5E00000000000000"))
+    assert len(rig.run()) == 64
+    assert rig.node.counters.dropped_lss_requests == 36
+
+
+IDENTIFIERS = (0x000, 0x080, 0x100, 0x205, 0x305, 0x605, 0x681, 0x185, 0x705, 0x707, 0x7E5)
+
 FRAMES = st.builds(
     Frame,
     st.one_of(
-        st.sampled_from([0x000, 0x080, 0x205, 0x305, 0x605, 0x185, 0x705, 0x707]),
+        st.sampled_from(IDENTIFIERS),
         st.integers(0, 0x7FF),
     ),
     st.one_of(st.binary(max_size=8), st.sampled_from([b"\x01\x05", b"\x80\x00", b"\x02\x00"])),
@@ -135,8 +188,7 @@ FRAMES = st.builds(
 @given(st.lists(st.tuples(FRAMES, st.integers(0, 2000)), max_size=60))
 def test_no_frame_harms_a_node(make_rig, traffic):
     rig = make_rig()
-    rig.node.object_dictionary.download(0x1016, 1, (7 << 16 | 10).to_bytes(4, "little"))
-    rig.receive(0x000, b"\x01\x05")
+    turn_everything_on(rig)
     for frame, pause in traffic:
         rig.node.receive(frame, rig.now)
         rig.run(pause)
@@ -147,6 +199,99 @@ def test_no_frame_harms_a_node(make_rig, traffic):
             assert variable.low is None or variable.value >= variable.low
             assert variable.high is None or variable.value <= variable.high
     assert all(len(frame.data) <= 8 for frame in rig.sent)
-    rig.receive(0x000, b"\x81\x05")
-    assert rig.run() == [Frame(0x705, b"\x00")]
-    assert rig.request(bytes.fromhex("4000100000000000")) == [bytes.fromhex("4300100091010000")]
+    check_alive(rig)
+
+
+def turn_everything_on(rig):
+    """Let every service listen: heartbeat, TIME, a second SDO channel, guarding; then start."""
+    for index, subindex, value in (
+        *((0x1016, 1, 7 << 16 | 10), (0x1012, 0, 0x80000100), (0x1201, 1, 0x681)),
+        *((0x1201, 2, 0x682), (0x1801, 1, 0x80000285), (0x1801, 1, 0x285)),
+    ):
+        rig.node.object_dictionary.download(index, subindex, value.to_bytes(4, "little"))
+    rig.node.object_dictionary.download(0x100C, 0, b"\x14\x00")
+    rig.node.object_dictionary.download(0x100D, 0, b"\x02")
+    rig.receive(0x000, b"\x01\x05")
+
+
+def check_alive(rig):
+    """Whatever came before, after a reset node by its present node-ID the node is as new."""
+    node_id = rig.node.node_id
+    if node_id == UNCONFIGURED:
+        return
+    rig.run(200_000)  # a silence that LSS asked for lasts 131 s at most
+    rig.receive(0x000, bytes([0x81, 0]))
+    rig.run()
+    rig.receive(0x600 + rig.node.node_id, bytes.fromhex("4000100000000000"))
+    answer = Frame(0x580 + rig.node.node_id, bytes.fromhex("4300100091010000"))
+    assert answer in rig.run()
+
+
+@pytest.mark.slow
+def test_a_million_random_frames(make_rig):
+    rig = make_rig()
+    turn_everything_on(rig)
+    generator = random.Random(301)  # noqa: S311 - frames, not secrets
+    for batch in range(20):
+        for _ in range(5000):
+            receive_random_frames(rig, generator, 10)
+            rig.run(generator.choice((1, 1, 1, 30)))
+            rig.sent.clear()
+            rig.node.events.clear()
+        if batch == 0:
+            gc.collect()
+            before = len(gc.get_objects())
+        if rig.node.node_id == UNCONFIGURED or rig.node.state is NmtState.STOPPED:
+            turn_on_anew(rig)
+    gc.collect()
+    assert len(gc.get_objects()) < before + 1000
+    check_alive(rig)
+
+
+SENSIBLE = [
+    *((0x000, bytes([command, 0])) for command in (1, 1, 1, 1, 2, 128, 130)),
+    *((0x707, bytes([state])) for state in (0, 4, 5, 127)),
+    *((0x205, bytes(length)) for length in (3, 4, 5)),
+    *[
+        (0x080, b""),
+        (0x305, bytes(4)),
+        (0x100, bytes(6)),
+        (0x605, bytes.fromhex("A300000000000000")),
+    ],
+    *(
+        (can_id, bytes([command]) + multiplexer + tail)
+        for can_id in (0x605, 0x681)
+        for command in (0x20, 0x21, 0x2B, 0x40, 0xA4, 0xC4)
+        for multiplexer in map(bytes.fromhex, ("081000", "101001", "202000", "212000", "171000"))
+        for tail in (bytes.fromhex("7F000000"), b"save")
+    ),
+    *((0x605, bytes([command]) + bytes(7)) for command in (1, 2, 3, 0x81, 0x60, 0x70, 0xA1, 0xC1)),
+    *(
+        (0x7E5, bytes.fromhex(text).ljust(8, b"\0"))
+        for text in ("0401", "0400", "1105", "17", "5E")
+    ),
+]
+"""Frames that a master would send, so that the random ones meet a node that is doing something."""
+
+
+def receive_random_frames(rig, generator, count):
+    """A quarter sensible, a quarter on identifiers that the node listens to; odd flags at times."""
+    receive, now = rig.node.receive, rig.now
+    for _ in range(count):
+        kind = generator.random()
+        if kind < 0.25:
+            receive(Frame(*generator.choice(SENSIBLE)), now)
+            continue
+        can_id = generator.choice(IDENTIFIERS) if kind < 0.5 else generator.randrange(0x800)
+        data = generator.randbytes(generator.choice((0, 1, 2, 4, 8, 8, 8)))
+        is_odd = generator.random() < 0.02
+        receive(Frame(can_id, data, is_odd and generator.random() < 0.5, is_odd), now)
+
+
+def turn_on_anew(rig):
+    """Give the node its node-ID again, as an LSS master would, and start it."""
+    for text in ("0401", "1105", "0400"):
+        rig.receive(0x7E5, bytes.fromhex(text).ljust(8, b"\0"))
+    rig.receive(0x000, b"\x82\x00")
+    rig.run()
+    rig.receive(0x000, b"\x01\x00")

@@ -84,6 +84,20 @@ def test_the_valves_pdos_carry_what_a_controller_needs() -> None:
     assert found["TPDO1"] == [(0x6041, 0), (0x6301, 1)]
 
 
+def test_a_node_without_node_id_has_no_identifiers_yet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 1\n'
+    )
+    assert main(["devices", str(path)]) == 0
+
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "node unconfigured  v  valve_408  axis1"
+    assert [line.split()[0] for line in lines[1:]] == ["EDS"]
+
+
 def test_the_table_stands_in_the_order_of_node_ids_and_in_100_columns(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

@@ -18,6 +18,7 @@ from hil_bench.config import (
     ValveConfig,
     load_config,
 )
+from hil_bench.config.objects import override_defaults
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
@@ -49,11 +50,18 @@ def build_bench(config: BenchConfig) -> Bench:
 
 def build_node(config: NodeConfig) -> Node:
     """Return the CANopen node of one device, made from its EDS and what it has stored."""
+    object_dictionary = load_objects(config)
+    storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
+    return Node(object_dictionary, config.node_id, storage)
+
+
+def load_objects(config: NodeConfig) -> ObjectDictionary:
+    """Return the objects of one device with what they hold at power-on."""
     object_dictionary = load_eds(config.eds, config.node_id)
     if config.serial_number is not None:
         set_serial_number(object_dictionary, config.serial_number)
-    storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
-    return Node(object_dictionary, config.node_id, storage)
+    override_defaults(object_dictionary, config.objects, node=config.name, node_id=config.node_id)
+    return object_dictionary
 
 
 def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -> None:

@@ -56,8 +56,15 @@ def _line(setting: Setting) -> str:
     if setting.value is None:
         why = "left to python-can" if setting.table == "bus" else "none"
         return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
-    assignment = f"{name} = {json.dumps(setting.value, ensure_ascii=False)}"
+    assignment = f"{name} = {_toml_value(setting.value)}"
     return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, dict):
+        pairs = (f"{json.dumps(key)} = {_toml_value(given)}" for key, given in value.items())
+        return f"{{ {', '.join(pairs)} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _json_text(config: BenchConfig) -> str:

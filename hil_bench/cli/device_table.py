@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hil_bench.canopen_device.eds import load_eds
+from hil_bench.assembly import load_objects
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction
@@ -98,7 +98,7 @@ def device_table(config: BenchConfig) -> str:
 
 
 def _read_device(node: NodeConfig) -> Device:
-    object_dictionary = load_eds(node.eds, node.node_id)
+    object_dictionary = load_objects(node)
     # Without a node-ID there are no identifiers yet.
     pdos = () if node.node_id == UNCONFIGURED else tuple(_read_pdos(object_dictionary))
     return Device(

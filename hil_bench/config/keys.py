@@ -6,6 +6,7 @@ Ruderman 2017.
 
 from collections.abc import Mapping
 
+from hil_bench.config.objects import objects
 from hil_bench.config.records import PressureSource, Profile
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (
@@ -119,6 +120,7 @@ _COMMON_NODE_KEYS = (
     Key("eds", text),
     Key("storage", text),
     Key("serial_number", integer(0, 0xFFFFFFFF)),
+    Key("objects", objects),
 )
 
 NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {

@@ -7,6 +7,7 @@ from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import NODE_KEYS, PROFILE_KEY
+from hil_bench.config.objects import parse_object
 from hil_bench.config.records import (
     EncoderConfig,
     NodeConfig,
@@ -78,7 +79,8 @@ def build_node(name: str, node: Settings) -> NodeConfig:
     values = convert(node, NODE_KEYS[profile])
     storage = values["storage"]
     paths = {"eds": Path(values["eds"]), "storage": None if storage is None else Path(storage)}
-    return _RECORDS[profile](name=name, **values | paths)
+    objects = {parse_object(name): value for name, value in (values["objects"] or {}).items()}
+    return _RECORDS[profile](name=name, **values | paths | {"objects": objects})
 
 
 def _read_node(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
+from hil_bench.config.objects import ObjectValue
 from hil_bench.config.settings import Setting
 from hil_bench.plant.full_order import Solver
 from hil_bench.plant.options import PlantOptions
@@ -74,6 +75,7 @@ class NodeConfig:
         eds: its EDS file.
         storage: folder of the file that it stores its parameters in; None for memory.
         serial_number: 0x1018.04; None for that of the EDS file.
+        objects: other power-on values than those of the EDS file, by index and sub-index.
     """
 
     name: str
@@ -83,6 +85,7 @@ class NodeConfig:
     eds: Path
     storage: Path | None
     serial_number: int | None
+    objects: Mapping[tuple[int, int], ObjectValue]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.assembly import build_node
 from hil_bench.config import load_config
 from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS
 from hil_bench.config.settings import Key
@@ -24,7 +25,8 @@ ROWS = {
         r"^\| `(\w+)` \| (.+?) \| (.+?) \|", DOCUMENT, re.MULTILINE
     )
 }
-WRONG = re.findall(r"```toml\n(.*?)```\n.*?```text\n(.*?)```", DOCUMENT, re.DOTALL)
+WRONG = re.findall(r"```toml\n([^`]*)```\n\n```text\n([^`]*)```", DOCUMENT)
+OBJECTS = re.findall(r"```toml\n(\[nodes\.valve\.objects\][^`]*)```", DOCUMENT)
 
 
 def test_the_document_has_each_key_and_no_other() -> None:
@@ -60,6 +62,16 @@ def test_the_messages_in_the_document_are_the_real_ones(
 
 def test_the_document_shows_messages() -> None:
     assert len(WRONG) == 3
+
+
+def test_the_objects_in_the_document_can_be_overridden(write: Callable[[str], Path]) -> None:
+    (text,) = OBJECTS
+    valve = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+
+    dictionary = build_node(load_config(write(valve + text)).nodes[0]).object_dictionary
+
+    assert dictionary.number(0x1400, 5) == 100
+    assert dictionary.number(0x1800, 1) == 0x40000281
 
 
 def test_the_example_of_one_axis_is_the_built_in_bench() -> None:

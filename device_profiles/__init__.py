@@ -11,4 +11,7 @@ PRESSURE_404 = Path(__file__).with_name("pressure_404.eds")
 ENCODER_406 = Path(__file__).with_name("encoder_406.eds")
 """Absolute linear encoder, profile CiA 406."""
 
-__all__ = ["ENCODER_406", "PRESSURE_404", "VALVE_408"]
+IMITATIONS = Path(__file__).with_name("imitations")
+"""Folder of EDS files that imitate classes of real devices, see docs/devices.md."""
+
+__all__ = ["ENCODER_406", "IMITATIONS", "PRESSURE_404", "VALVE_408"]

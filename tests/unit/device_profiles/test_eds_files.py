@@ -8,12 +8,13 @@ from pathlib import Path
 import canopen
 import pytest
 
-from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.datatypes import REAL32
 from hil_bench.canopen_device.eds import load_eds
 
 NODE_ID = 5
-FILES = [VALVE_408, PRESSURE_404, ENCODER_406]
+IMITATED = sorted(IMITATIONS.glob("*.eds"))
+FILES = [VALVE_408, PRESSURE_404, ENCODER_406, *IMITATED]
 DOCUMENT = Path(__file__).parents[3] / "docs" / "devices.md"
 
 OBJECT = re.compile(r"([0-9A-F]{4})")
@@ -158,6 +159,15 @@ def test_identity(path, device_type, product_code):
     assert dictionary.variable(0x1018, 2).default == product_code
 
 
+def test_imitations_say_that_they_are_none_of_a_maker():
+    product_codes = [load_eds(path, NODE_ID).number(0x1018, 2) for path in FILES]
+    assert len(set(product_codes)) == len(FILES)
+    for path in IMITATED:
+        assert load_eds(path, NODE_ID).number(0x1018, 1) == 0
+        assert "Not the file of any maker" in path.read_text(encoding="ascii")
+    assert len(IMITATED) == 4
+
+
 def pdo(dictionary, communication):
     """COB-ID, transmission type, event timer and mapping of one PDO."""
     mapping = communication + 0x200
@@ -177,6 +187,20 @@ def pdo(dictionary, communication):
         (PRESSURE_404, 0x1800, (0x40000185, 254, 10, [0x61300120, 0x61500108])),
         (ENCODER_406, 0x1800, (0x40000185, 254, 10, [0x60040020, 0x60300110])),
         (ENCODER_406, 0x1801, (0xC0000285, 1, 0, [0x60040020, 0x60300110])),
+        # "Imitated devices" there.
+        (
+            IMITATIONS / "encoder_multi_sensor.eds",
+            *(0x1800, (0x40000185, 254, 1, [0x60200120, 0x60300110, 0x64000108])),
+        ),
+        (IMITATIONS / "pressure_int32.eds", 0x1800, (0x40000185, 254, 10, [0x91300120])),
+        (
+            IMITATIONS / "pressure_int16_status.eds",
+            *(0x1800, (0x40000185, 254, 10, [0x71300110, 0x61500108])),
+        ),
+        (IMITATIONS / "valve_pdo4.eds", 0x1400, (0x205, 255, 0, [0x60400010])),
+        (IMITATIONS / "valve_pdo4.eds", 0x1403, (0x505, 255, 0, [0x60400010, 0x63000110])),
+        (IMITATIONS / "valve_pdo4.eds", 0x1800, (0x40000185, 255, 10, [0x60410010])),
+        (IMITATIONS / "valve_pdo4.eds", 0x1803, (0x40000485, 255, 10, [0x60410010, 0x63010110])),
     ],
 )
 def test_default_pdos(path, communication, expected):

@@ -146,7 +146,8 @@ class Player:
         elif what == "id":
             assert self.node.node_id == int(words[0]), where
         elif what == "time":
-            assert self.node.time_of_day(self.now) == tuple(map(int, words)), where
+            expected = None if words == ["none"] else tuple(map(int, words))
+            assert self.node.time_of_day(self.now) == expected, where
         elif what == "counter":
             assert getattr(self.node.counters, words[0]) == int(words[2]), where
         else:

@@ -85,6 +85,7 @@ def block_upload(rig, sizes, losses):
     answers = rig.request(b"\xa3" + bytes(7))
     sizes = iter(sizes[1:])
     while not is_over:
+        assert len(answers) <= SEGMENTS_PER_ROUND
         expected, came = 1, b""
         for segment in answers + collect(rig):
             if segment[0] & 0x7F == expected and not next(losses):

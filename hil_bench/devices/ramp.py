@@ -55,13 +55,11 @@ class Ramp:
         self.times = RampTimes()
         self.is_running = False
         self._value = self._target = 0.0
-        self._then: int | None = None
+        self._then = 0
 
     def follow(self, target: float, now: int) -> float:
         """Return the value at `now` [ns], and aim at `target` from now on."""
-        value = self._value
-        if self._then is not None:
-            value = advance(value, self._target, now - self._then, self.times)
+        value = advance(self._value, self._target, now - self._then, self.times)
         self._value = advance(value, target, 0.0, self.times)
         self._target, self._then = target, now
         self.is_running = self._value != target
@@ -70,5 +68,4 @@ class Ramp:
     def restart(self, value: float) -> None:
         """Stand still at `value`."""
         self._value = self._target = value
-        self._then = None
         self.is_running = False

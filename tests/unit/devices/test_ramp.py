@@ -57,15 +57,18 @@ def test_a_new_target_acts_from_the_tick_that_brings_it():
     assert not ramp.is_running
 
 
-def test_it_arrives_at_the_tick_although_times_are_no_binary_fractions():
+@pytest.mark.parametrize("milliseconds", [6, 7, 10, 100, 300])
+def test_it_arrives_at_the_tick_although_times_are_no_binary_fractions(milliseconds):
     ramp = Ramp()
-    ramp.times = RampTimes(speed_up_positive=100e6 / 16384)  # 100 ms for 100 %
+    ramp.times = RampTimes(speed_up_positive=milliseconds * 1e6 / 16384)
     ramp.follow(0.0, 0)
-    values = [ramp.follow(16384.0, tick * 1_000_000) for tick in range(1, 102)]
-    # Begun at tick 1, so tick 101 is 100 ms later; each ms is 163.84 increments.
-    assert values[:3] == [0.0, pytest.approx(163.84), pytest.approx(327.68)]
-    assert values[99] == pytest.approx(16384 - 163.84)
-    assert values[100] == 16384.0
+    values = [ramp.follow(16384.0, tick * 1_000_000) for tick in range(1, milliseconds + 1)]
+    # Begun at tick 1; each later tick is that part of the way.
+    part = 16384 / milliseconds
+    assert values[:3] == [0.0, pytest.approx(part), pytest.approx(2 * part)]
+    assert values[-1] == pytest.approx(16384 - part)
+    assert ramp.is_running
+    assert ramp.follow(16384.0, (milliseconds + 1) * 1_000_000) == 16384.0
     assert not ramp.is_running
 
 
@@ -76,5 +79,5 @@ def test_a_restart_stands_still():
     ramp.follow(9.0, 0)
     ramp.restart(3.0)
     assert not ramp.is_running
-    assert ramp.follow(9.0, 100) == 3.0  # time begins with this call
+    assert ramp.follow(9.0, 100) == 3.0  # the new target is known from this call on
     assert ramp.follow(9.0, 102) == 5.0

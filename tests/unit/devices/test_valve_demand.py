@@ -4,6 +4,7 @@ import pytest
 
 from device_profiles import VALVE_408
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.object_dictionary import Access
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import EdsError
 
@@ -81,6 +82,21 @@ def test_the_zero_correction_is_added_to_all(rig):
     assert demand(rig, 0) == -50
 
 
+@pytest.mark.parametrize(
+    ("objects", "expected"),
+    # Each alone makes of 1000: 1000 + 7, 1000 * 2, 1000 / 2.
+    [
+        ({"x6324": 7}, 1007),
+        ({"x6323": 7}, 1007),
+        ({"x6322": 0x0002_0001}, 2000),
+        ({"x6341": 0x0001_0002, "x6340": 1}, 500),
+    ],
+)
+def test_each_function_works_alone(rig, objects, expected):
+    set_up(rig, **objects)
+    assert demand(rig, 1000) == expected
+
+
 @pytest.mark.parametrize("index", [0x6322, 0x6341])
 @pytest.mark.parametrize("factor", [0, 0x0001_0000, 0x0000_0001])
 def test_a_factor_has_numerator_and_denominator(rig, index, factor):
@@ -148,6 +164,15 @@ def test_a_ramp_switched_on_begins_where_the_valve_is(rig):
     assert rig.value(0x6310, 1) == 8192 + 1638
 
 
+def test_a_ramp_switched_on_begins_at_the_scaled_set_point(rig):
+    set_up(rig, x6322=0x0002_0001)
+    demand(rig, 4096)
+    set_up(rig, x6331=100, x6330=1)
+    rig.tick()
+    assert rig.value(0x6310, 1) == 8192
+    assert rig.value(0x6041) == ACTIVE
+
+
 def test_a_ramp_switched_off_is_at_its_end(rig):
     set_up(rig, x6331=100, x6330=1)
     demand(rig, 16384)
@@ -175,6 +200,43 @@ def test_a_node_reset_ends_the_ramp(rig):
     rig.tick()
     assert rig.value(0x6310, 1) == 0
     assert not rig.value(0x6041) & RAMP_RUNNING
+
+
+def test_a_write_to_another_function_does_not_hold_the_ramp_up(rig):
+    set_up(rig, x6331=100, x6330=1)
+    demand(rig, 16384)
+    rig.tick(49)
+    set_up(rig, x6324=7)  # takes one tick
+    rig.tick(49)
+    assert rig.value(0x6310, 1) == 16220 + 7  # 16384 * 99 / 100
+    rig.tick()
+    assert rig.value(0x6310, 1) == 16384 + 7
+
+
+def test_another_reference_is_another_100_percent(rig):
+    rig.object_dictionary.variable(0x6311, 1).access = Access.RW  # as in profile files
+    set_up(rig, x6331=100, x6330=1, x6311=10000)
+    demand(rig, 10000)
+    rig.tick(10)
+    assert rig.value(0x6310, 1) == 1000  # 10 ms of 100 ms
+    assert rig.spool == pytest.approx(0.1 * FULL_OPENING)
+
+
+def test_a_node_reset_leads_to_the_centre_whatever_the_default_ramp(make_rig):
+    rig = make_rig(VALVE_408)
+    for index, subindex, value in ((0x6330, 0, 1), (0x6331, 1, 100)):
+        variable = rig.object_dictionary.variable(index, subindex)
+        variable.default = variable.value = value
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+    rig.work = lambda now: rig.valve.publish(rig.valve.command(now), now)
+    rig.tick()
+    rig.nmt(rig.START)
+    demand(rig, 16384)
+    rig.tick(50)
+    assert rig.value(0x6310, 1) == 8192
+    rig.nmt(rig.RESET_NODE)
+    rig.tick()
+    assert rig.value(0x6310, 1) == 0
 
 
 @pytest.mark.parametrize(

@@ -169,3 +169,13 @@ def test_a_node_reset_forgets_it(rig):
     rig.nmt(rig.RESET_NODE)
     rig.tick(100)
     assert status(rig) == INIT
+
+
+def test_a_lasting_deviation_is_no_new_fault_each_tick(rig):
+    jam(rig)
+    assert rig.write(0x1400, 5, 20, 2) is None
+    control(rig, 0x0007)
+    rig.tick(25)
+    assert rig.value(0x604E) == 0x8250  # the RPDO time-out came later
+    rig.tick(5)
+    assert rig.value(0x604E) == 0x8250

@@ -90,7 +90,7 @@ def test_each_direction_may_have_its_own_valve(table_1: PlantParameters) -> None
 
     assert point.orifice_state == pytest.approx(same.orifice_state)
     assert point.spool_position == pytest.approx(same.spool_position + 2e-4)
-    with pytest.raises(OperatingPointError, match="opens to 0[.]5 mm"):
+    with pytest.raises(OperatingPointError, match=r"opens to 0\.5 mm"):
         find_operating_point(table_1, options, velocity=-0.2)
 
 

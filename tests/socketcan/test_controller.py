@@ -78,6 +78,10 @@ def test_a_killed_controller_leaves_the_spool_at_its_centre(
     start_bench, start_controller, start, watch, channel
 ):
     start_bench()
+    # A second SYNC, at which the valve tells its spool position once the controller's has died. It
+    # begins before, since a program may take longer to start than the heartbeat is waited for.
+    start("cangen", channel, "-I", f"{SYNC:03X}", "-L", 0, "-g", round(SYNC_PERIOD * 1000))
+    watch.wait_for(SYNC)
     controller = start_controller()
     # Expedited download of two bytes to 0x1400.05: the time-out that the driver chose [ms].
     request = watch.wait_for(VALVE_REQUEST, lambda data: data[:4] == bytes.fromhex("2B001405"))
@@ -85,8 +89,6 @@ def test_a_killed_controller_leaves_the_spool_at_its_centre(
     assert timeout > 0
     watch.wait_for(VALVE_STATUS, lambda data: abs(spool(data)) > FULL_SCALE // 4)
     controller.kill()
-    # With the controller died the SYNC, at which the valve tells its spool position.
-    start("cangen", channel, "-I", f"{SYNC:03X}", "-L", 0, "-g", round(SYNC_PERIOD * 1000))
 
     timed_out = watch.wait_for(VALVE_EMCY)
     assert emergency_code(timed_out.data) == RPDO_TIMED_OUT

@@ -242,7 +242,6 @@ class EncoderDevice:
             offset.value = steps
 
     def _restart(self) -> None:
-        self._last_position = self._last_speed = 0.0
         self._then = _END_OF_TIME
         self._set_offset(0)
         self._cams.restart()

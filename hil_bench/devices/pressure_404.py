@@ -190,7 +190,6 @@ class PressureDevice:
             if self.node.events.popleft().kind is NodeEventKind.RESET_NODE:
                 self._scale()
                 self._chain.restart()
-                self._interrupts.restart()
 
     def _check_command(self, expected: int, signature: int) -> None:
         """Refuse a wrong signature, and what cannot be done now.

@@ -31,10 +31,6 @@ class ValueInterrupts:
         self._upper = optional(object_dictionary, 0x6135, 1, REAL32)
         for variable in (self._delta, self._lower, self._upper):
             variable.add_check(check_real32)
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin anew: the next value is the first one."""
         self._last: float | None = None
         self._is_outside = False
 

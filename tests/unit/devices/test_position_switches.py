@@ -98,6 +98,15 @@ def test_a_node_reset_forgets_cams(rig):
     assert cams(rig, 50) == 0
 
 
+def test_a_node_reset_forgets_that_a_cam_was_active(rig):
+    for index, value in ((0x6301, 1), (0x6320, 100), (0x6330, 10)):
+        variable = rig.object_dictionary.variable(index, 1)
+        variable.default = variable.value = value
+    assert [cams(rig, steps) for steps in (50, 105)] == [1, 1]
+    rig.nmt(rig.RESET_NODE)
+    assert cams(rig, 105) == 0
+
+
 def test_limits_the_wrong_way_round_are_never_reached(rig):
     set_cam(rig, 1, 100, 0)
     assert rig.write(0x6301, 1, 1, 1) is None

@@ -105,6 +105,14 @@ def test_a_value_that_no_format_holds_shows_as_none(rig):
     assert measure(rig, 100.0) == pytest.approx(100.0)
 
 
+def test_a_net_value_that_real32_cannot_hold_shows_as_none(rig):
+    set_real(rig, x6126=3e36, x6138=-3e38)
+    assert measure(rig, 100.0) == pytest.approx(3e38)
+    assert math.isnan(rig.value(0x6140, 1))  # 6e38
+    assert measure(rig, -1.0) == pytest.approx(-3e36)
+    assert rig.value(0x6140, 1) == pytest.approx(2.97e38)
+
+
 def test_a_line_of_infinite_slope_is_no_value(rig):
     set_real(rig, x6120=0.0, x6121=-LARGEST, x6122=1e-45, x6123=LARGEST)
     assert math.isnan(measure(rig, 100.0))
@@ -151,6 +159,30 @@ def test_an_overload_empties_the_filter(rig):
     apply(rig, 0.0)
     assert math.isnan(measure(rig, 300.0))
     assert measure(rig, 100.0) == pytest.approx(100.0)
+
+
+def test_an_overload_ends_a_block_of_the_repeating_average(rig):
+    assert rig.write(0x61A1, 1, 2, 1) is None
+    assert rig.write(0x61A0, 1, 2, 1) is None
+    apply(rig, 10.0)
+    apply(rig, 300.0)
+    # Begun anew: 20 and 40 are one block, and 10 is in none.
+    assert [measure(rig, bar) for bar in (20.0, 40.0)] == pytest.approx([20.0, 30.0])
+
+
+def test_a_stored_filter_constant_of_0_is_1(make_rig):
+    rig = make_rig(PRESSURE_404)
+    for index, value in ((0x61A0, 1), (0x61A1, 0)):
+        rig.object_dictionary.variable(index, 1).value = value  # as read from a file
+    rig.device = PressureDevice(rig.node, (0.0, 250 * BAR))
+    assert [measure(rig, bar) for bar in (10.0, 20.0)] == pytest.approx([10.0, 20.0])
+
+
+def test_a_new_unit_in_an_overload_brings_no_value(rig):
+    apply(rig, 100.0)
+    apply(rig, 300.0)
+    assert rig.write(0x6131, 1, UNIT_KPA, 4) is None
+    assert math.isnan(rig.value(0x6130, 1))
 
 
 def test_a_new_unit_does_not_confuse_the_filter(rig):

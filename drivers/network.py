@@ -74,6 +74,7 @@ class Network:
         counters: what came in.
         nodes: node-ID to node.
         heartbeat_node_id: node-ID under which we send heartbeats, None while we do not.
+        observe: told each frame, received (its `is_rx` says so) or sent; None for nobody.
     """
 
     def __init__(self, bus: can.BusABC, *, clock: Callable[[], float] = time.monotonic) -> None:
@@ -81,6 +82,7 @@ class Network:
         self.counters = ReceiveCounters()
         self.nodes: dict[int, Node] = {}
         self.heartbeat_node_id: int | None = None
+        self.observe: Callable[[can.Message], None] | None = None
         self._clock = clock
         self._handlers: dict[int, tuple[Handler, ...]] = {}
         self._canopen = _SendingNetwork(self.send)
@@ -103,13 +105,20 @@ class Network:
         """Returns the time on the network's clock [s]."""
         return self._clock()
 
-    def add_node(self, node_id: int, eds: Path | str, *, sdo_timeout: float = 0.5) -> Node:
+    def add_node(
+        self, node_id: int, eds: Path | str | None = None, *, sdo_timeout: float = 0.5
+    ) -> Node:
         """Returns the node with this node-ID; drivers of one device share one node.
+
+        Args:
+            node_id: 1 to 127.
+            eds: path of its EDS or DCF; None for a device of which nothing else is known.
+            sdo_timeout: longest wait for each SDO answer [s].
 
         Raises:
             ValueError: the node-ID is out of range, or is there already with another EDS.
         """
-        eds = Path(eds)
+        eds = None if eds is None else Path(eds)
         known = self.nodes.get(node_id)
         if known is not None:
             if known.eds != eds:
@@ -131,6 +140,14 @@ class Network:
     def send(self, cob_id: int, data: bytes) -> None:
         """Sends one frame."""
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def request(self, cob_id: int, length: int) -> None:
+        """Sends one remote frame, which asks for a frame of that length."""
+        self._send(
+            can.Message(
+                arbitration_id=cob_id, is_remote_frame=True, dlc=length, is_extended_id=False
+            )
+        )
 
     def sync(self) -> None:
         """Sends one SYNC."""
@@ -246,6 +263,9 @@ class Network:
             self.bus.send(message)
         except (can.CanError, OSError) as error:
             raise self._lost("send", error) from error
+        if self.observe is not None:
+            message.is_rx = False
+            self.observe(message)
 
     def _lost(self, verb: str, error: Exception) -> BusLostError:
         # Some interfaces put a traceback into their message: its first line says what happened.
@@ -274,6 +294,8 @@ class Network:
     def _dispatch(self, message: can.Message) -> None:
         counters = self.counters
         counters.received += 1
+        if self.observe is not None:
+            self.observe(message)
         if (
             message.is_extended_id
             or message.is_remote_frame

@@ -100,7 +100,7 @@ class Node(canopen.RemoteNode):
 
     Args:
         node_id: 1 to 127.
-        eds: path of its EDS or DCF.
+        eds: path of its EDS or DCF; None for a device of which nothing else is known.
         wait_for: how to wait while frames are being received.
         sdo_timeout: longest wait for each SDO answer [s].
 
@@ -119,13 +119,13 @@ class Node(canopen.RemoteNode):
     """
 
     def __init__(
-        self, node_id: int, eds: Path, wait_for: WaitFor, *, sdo_timeout: float = 0.5
+        self, node_id: int, eds: Path | None, wait_for: WaitFor, *, sdo_timeout: float = 0.5
     ) -> None:
         if not 1 <= node_id <= 127:
             raise ValueError(f"node-ID {node_id}: 1 to 127 is right (CiA 301)")
         self._wait_for = wait_for
         try:
-            super().__init__(node_id, load_eds(eds, node_id))
+            super().__init__(node_id, load_eds(eds, node_id) if eds else _nothing_known())
         except KeyError as error:
             raise EdsError(f"{eds}: a PDO lacks its mapping, {error.args[0]}") from error
         self.node_id = node_id
@@ -231,8 +231,7 @@ class Node(canopen.RemoteNode):
             DeviceMismatchError: the EDS lacks the object, or its type does not fit the answer.
         """
         variable = self.variable(index, subindex)
-        with self._sdo_errors("read", variable):
-            raw = self.sdo.upload(index, subindex)
+        raw = self.upload(index, subindex)
         try:
             value = variable.decode_raw(raw)
         except ObjectDictionaryError:
@@ -271,11 +270,21 @@ class Node(canopen.RemoteNode):
             raise ValueError(
                 f"{self}: {value} does not fit {object_name(index, subindex)} ({variable.qualname})"
             ) from error
-        with self._sdo_errors("write", variable):
+        self.download(index, subindex, raw)
+
+    def upload(self, index: int, subindex: int = 0) -> bytes:
+        """Returns what the device holds in an object, whether or not the EDS knows it."""
+        with self._sdo_errors("read", index, subindex):
+            raw: bytes = self.sdo.upload(index, subindex)
+        return raw
+
+    def download(self, index: int, subindex: int, raw: bytes) -> None:
+        """Writes to an object of the device, whether or not the EDS knows it."""
+        with self._sdo_errors("write", index, subindex):
             self.sdo.download(index, subindex, raw)
 
     @contextmanager
-    def _sdo_errors(self, verb: str, variable: ODVariable) -> Iterator[None]:
+    def _sdo_errors(self, verb: str, index: int, subindex: int) -> Iterator[None]:
         """Turns the errors of canopen's SDO client into our own.
 
         Raises:
@@ -283,8 +292,9 @@ class Node(canopen.RemoteNode):
             DriverTimeoutError: it did not answer.
             RemoteProtocolError: its answer is none.
         """
-        what = f"{self}: cannot {verb} {object_name(variable.index, variable.subindex)}"
-        what = f"{what} ({variable.qualname})"
+        what = f"{self}: cannot {verb} {object_name(index, subindex)}"
+        if self.has(index, subindex):
+            what = f"{what} ({self.variable(index, subindex).qualname})"
         try:
             yield
         except SdoAbortedError as error:
@@ -303,6 +313,11 @@ class Node(canopen.RemoteNode):
 def object_name(index: int, subindex: int = 0) -> str:
     """Returns an object as the standards write it: 0x6041, 0x1018.01."""
     return f"0x{index:04X}.{subindex:02X}" if subindex else f"0x{index:04X}"
+
+
+def _nothing_known() -> ObjectDictionary:
+    """Returns the object dictionary of a device without EDS."""
+    return ObjectDictionary()  # type: ignore[no-untyped-call]  # canopen has no types
 
 
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:

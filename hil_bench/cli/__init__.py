@@ -22,6 +22,7 @@ VERBS = {
     "run": "run the bench in real time on a CAN bus",
     "check": "check a bench, and print each value with its origin",
     "check-eds": "find what is wrong in EDS files, with line numbers",
+    "scan": "find the nodes of a bus, and what each says of itself",
     "devices": "print the device table: node-IDs, profiles, PDOs",
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""

@@ -1,10 +1,11 @@
-"""`hil-bench check`: the resolved configuration, without opening a bus."""
+"""`hil-bench check`: the resolved configuration, and with --bus whether the devices are so."""
 
 import argparse
 import json
 from itertools import groupby
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import BenchConfig, Setting
@@ -16,6 +17,8 @@ examples:
   hil-bench check bench.toml -i socketcan -c can0
   hil-bench check > bench.toml          a file with every key, to begin with
   hil-bench check bench.toml --json
+  hil-bench check bench.toml --bus -i socketcan -c can0           compare the devices with it
+  hil-bench check bench.toml --bus -i socketcan -c can0 --apply   and write what differs
 """
 
 _COMMENT_COLUMN = 56
@@ -26,19 +29,23 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "check",
         description="Check a bench and its EDS files, and print each value with its origin\n"
-        "(default, file, environment, command line) as a bench.toml. No bus is opened.",
+        "(default, file, environment, command line) as a bench.toml. No bus is opened but with\n"
+        "--bus, which compares the devices on it with the bench and prints a line a difference.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_bus_check_arguments(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check everything that can be checked without a bus, then print it."""
+    """Check everything that can be checked without a bus, then print it or compare the bus."""
     config = load_bench_config(args)
     read_devices(config)
+    if wants_bus(args):
+        return check_bus(args, config)
     print(_json_text(config) if args.json else _toml_text(config))
     return ExitCode.DONE
 

@@ -37,10 +37,7 @@ def open_transport(
     Raises:
         BusError: the bus cannot be opened; one line says what, where and what would be right.
     """
-    given = {"interface": interface, "channel": channel, "bitrate": bitrate, **options}
-    settings = _resolve({key: value for key, value in given.items() if value is not None})
-    what = f"{settings['interface']} {settings['channel']}"
-    _check(settings, what)
+    settings, what = _settle(interface, channel, bitrate, options)
     bus = _open(settings, what)
     if settings["interface"] != "socketcan":
         return PythonCanTransport(bus, what)
@@ -49,6 +46,35 @@ def open_transport(
     except BusError:
         bus.shutdown()
         raise
+
+
+def open_can_bus(
+    interface: str | None,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+) -> tuple[can.BusABC, str]:
+    """Open a bus as python-can has it, for a controller; arguments as for `open_transport`.
+
+    Returns:
+        The bus, and its name for people: "socketcan can0".
+    """
+    settings, what = _settle(interface, channel, bitrate, options)
+    return _open(settings, what), what
+
+
+def _settle(
+    interface: str | None,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+) -> tuple[dict[str, Any], str]:
+    """Return all settings, checked as far as that can be done before opening, and the bus' name."""
+    given = {"interface": interface, "channel": channel, "bitrate": bitrate, **options}
+    settings = _resolve({key: value for key, value in given.items() if value is not None})
+    what = f"{settings['interface']} {settings['channel']}"
+    _check(settings, what)
+    return settings, what
 
 
 def _resolve(given: dict[str, object]) -> dict[str, Any]:

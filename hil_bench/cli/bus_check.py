@@ -1,0 +1,184 @@
+"""`hil-bench check --bus`: the devices on a bus against the bench's configuration."""
+
+import argparse
+import json
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from drivers import DriverError, Network
+from hil_bench.cli.controller_side import add_virtual_argument, open_network
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.commissioning.comparison import Difference, Mend, compare
+from hil_bench.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
+from hil_bench.config import BenchConfig
+from hil_bench.errors import ConfigError
+
+
+def add_bus_check_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the check of a bus."""
+    group = parser.add_argument_group("devices on a bus")
+    group.add_argument(
+        "--bus",
+        action="store_true",
+        help="compare the devices on the bus with the bench: presence, identity, PDO parameters "
+        "and mapping, heartbeat, units, scaling; reads only",
+    )
+    add_virtual_argument(group)
+    group.add_argument(
+        "--apply",
+        action="store_true",
+        help="show what would be written to mend the differences, ask, then write it; the nodes "
+        "are left in PRE-OPERATIONAL",
+    )
+    group.add_argument("--node", type=int, metavar="N", help="--apply to this node only")
+    group.add_argument("--yes", action="store_true", help="--apply without asking")
+    group.add_argument(
+        "--store", action="store_true", help="--apply, and have the nodes keep it (0x1010.01)"
+    )
+    group.add_argument(
+        "--dcf",
+        type=Path,
+        metavar="DIR",
+        help="write what would be applied as concise DCF (CiA 302-3), a file a node, into DIR",
+    )
+
+
+def wants_bus(args: argparse.Namespace) -> bool:
+    """Return whether a bus is to be checked.
+
+    Raises:
+        ConfigError: an option asks for what --bus does, without it.
+    """
+    for option in ("apply", "node", "yes", "store", "dcf", "virtual"):
+        if getattr(args, option) and not args.bus:
+            raise ConfigError(f"--{option}: belongs to --bus; give both")
+    for option in ("node", "yes", "store"):
+        if getattr(args, option) and not args.apply:
+            raise ConfigError(f"--{option}: belongs to --apply; give both")
+    return bool(args.bus)
+
+
+def check_bus(args: argparse.Namespace, config: BenchConfig) -> int:
+    """Compare, and mend where that is asked for; exit code 0 if nothing differs any more."""
+    with open_network(args, config) as opened:
+        differences = compare(opened.network, config)
+        _print_differences(differences, args)
+        plans = plan_writes(opened.network, config, differences)
+        if args.node is not None:
+            plans = [plan for plan in plans if plan.config.node_id == args.node]
+        if args.dcf is not None:
+            _write_dcf(args.dcf, plans)
+        if args.apply and plans and _is_wanted(plans, args):
+            _apply_all(opened.network, plans, store=args.store)
+            differences = compare(opened.network, config)
+            print(_verdict(differences), file=sys.stderr)
+    return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
+
+
+def _print_differences(differences: Sequence[Difference], args: argparse.Namespace) -> None:
+    if args.json:
+        print(json.dumps([_as_json(difference) for difference in differences], indent=2))
+        return
+    for difference in differences:
+        print(f"{difference.what}; {_mending(difference, args)}")
+    print(_verdict(differences), file=sys.stderr)
+
+
+def _as_json(difference: Difference) -> dict[str, object]:
+    key = difference.key
+    return {
+        "node_id": difference.node_id,
+        "object": None if key is None else f"0x{key[0]:04X}.{key[1]:02X}",
+        "right": difference.right,
+        "what": difference.what,
+        "mend": difference.mend.value,
+    }
+
+
+def _mending(difference: Difference, args: argparse.Namespace) -> str:
+    """Return the command that mends a difference, or shows more of it."""
+    words = ["hil-bench", "check" if difference.mend is Mend.WRITE else "scan"]
+    if args.config:
+        words.append(args.config)
+    if difference.mend is Mend.WRITE:
+        words.append("--bus")
+    words += ["--virtual"] if args.virtual else _bus_words(args)
+    if difference.mend is Mend.WRITE:
+        return f"mend: {shlex.join([*words, '--apply', '--node', str(difference.node_id)])}"
+    return f"look: {shlex.join([*words, '--nodes', str(difference.node_id)])}"
+
+
+def _bus_words(args: argparse.Namespace) -> list[str]:
+    words = []
+    for flag, name in (("-i", "interface"), ("-c", "channel"), ("-b", "bitrate")):
+        if name in args:
+            words += [flag, str(getattr(args, name))]
+    options = getattr(args, "bus_kwargs", None) or {}
+    if options:
+        words += ["--bus-kwargs", *(f"{name}={value}" for name, value in options.items())]
+    return words
+
+
+def _verdict(differences: Sequence[Difference]) -> str:
+    count = len(differences)
+    if not count:
+        return "the bus is as the configuration says"
+    return f"{count} difference{'' if count == 1 else 's'}"
+
+
+def _write_dcf(directory: Path, plans: Sequence[Plan]) -> None:
+    """Write the plans as files.
+
+    Raises:
+        ConfigError: one cannot be written.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for plan in plans:
+            path = directory / f"node{plan.config.node_id}.cdcf"
+            path.write_bytes(concise_dcf(plan.writes))
+            print(f"{path}: {len(plan.writes)} writes", file=sys.stderr)
+    except OSError as error:
+        raise ConfigError(f"--dcf {directory}: cannot be written: {error.strerror}") from None
+
+
+def _is_wanted(plans: Sequence[Plan], args: argparse.Namespace) -> bool:
+    """Show the plans and ask.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    for plan in plans:
+        print(f"node {plan.config.node_id} ({plan.config.name}): to PRE-OPERATIONAL, then")
+        for write in plan.writes:
+            print(f"  {_assignment(write)}  {write.name}")
+        if args.store:
+            print("  0x1010.01 = save  (the node keeps its parameters)")
+    if args.yes:
+        return True
+    if not sys.stdin.isatty():
+        raise ConfigError("--apply: nobody to ask, for this is no terminal; --yes writes unasked")
+    return input("write this? [y/N] ").strip().lower() in {"y", "yes"}
+
+
+def _assignment(write: Write) -> str:
+    """Return a write as ``0x1800.05 = 20 (0x0014)``."""
+    index, subindex = write.key
+    raw = f"0x{write.raw[::-1].hex().upper()}"
+    value = raw if len(raw) > 8 and isinstance(write.value, int) else f"{write.value:g} ({raw})"
+    return f"0x{index:04X}.{subindex:02X} = {value}"
+
+
+def _apply_all(network: Network, plans: Sequence[Plan], *, store: bool) -> None:
+    """Write every plan.
+
+    Raises:
+        ConfigError: a device refused or fell silent; what was written before stays written.
+    """
+    for plan in plans:
+        try:
+            apply(network, plan, store=store)
+        except DriverError as error:
+            raise ConfigError(f"{error}; this node is half configured: check it again") from error

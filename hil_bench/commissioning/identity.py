@@ -1,0 +1,149 @@
+"""Reads what a node says of itself, without an EDS."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
+from hil_bench.commissioning.discovery import Sighting
+
+PROFILES = {
+    0: "no standard profile",
+    401: "I/O module",
+    402: "drive",
+    404: "measuring device",
+    405: "programmable device",
+    406: "encoder",
+    408: "proportional valve",
+    410: "inclinometer",
+}
+"""What the number of a device profile stands for: the low word of 0x1000 (CiA 301)."""
+
+_HISTORY_LIMIT = 254
+
+
+@dataclass(frozen=True, slots=True)
+class NodeDescription:
+    """What a node says of itself; None for what it does not have or refuses.
+
+    Attributes:
+        node_id: its node-ID.
+        nmt_state: name of its NMT state.
+        clash: whether more than one node answered under this node-ID.
+        device_type: 0x1000.
+        vendor_id: 0x1018.01.
+        product_code: 0x1018.02.
+        revision_number: 0x1018.03.
+        serial_number: 0x1018.04.
+        device_name: 0x1008.
+        hardware_version: 0x1009.
+        software_version: 0x100A.
+        error_register: 0x1001.
+        error_history: 0x1003, newest first.
+        heartbeat_ms: 0x1017, period of its heartbeat; 0 for none [ms].
+        problem: why reading was given up, empty where it was not.
+    """
+
+    node_id: int
+    nmt_state: str | None
+    clash: bool
+    device_type: int | None = None
+    vendor_id: int | None = None
+    product_code: int | None = None
+    revision_number: int | None = None
+    serial_number: int | None = None
+    device_name: str | None = None
+    hardware_version: str | None = None
+    software_version: str | None = None
+    error_register: int | None = None
+    error_history: tuple[int, ...] = ()
+    heartbeat_ms: int | None = None
+    problem: str = ""
+
+    @property
+    def profile(self) -> str | None:
+        """The device profile in words."""
+        if self.device_type is None:
+            return None
+        number = self.device_type & 0xFFFF
+        meaning = PROFILES.get(number)
+        return f"CiA {number}, {meaning}" if number and meaning else meaning or f"CiA {number}"
+
+
+def describe(network: Network, sighting: Sighting, *, timeout: float = 0.2) -> NodeDescription:
+    """Return what a node says of itself.
+
+    Args:
+        network: the network that the node was seen on.
+        sighting: of the node.
+        timeout: longest wait for each answer [s]; the first that is missing ends the reading.
+    """
+    node = network.add_node(sighting.node_id, sdo_timeout=timeout)
+    facts: dict[str, object] = {}
+    try:
+        for name, read in _READERS.items():
+            facts[name] = read(node)
+    except (DriverTimeoutError, RemoteProtocolError) as error:
+        facts["problem"] = str(error)
+    state = node.nmt_state if node.nmt_state is not None else sighting.nmt_state
+    return NodeDescription(
+        node_id=sighting.node_id,
+        nmt_state=None if state is None else state.name,
+        clash=sighting.answers > 1,
+        **facts,  # type: ignore[arg-type]  # each reader returns its field's type
+    )
+
+
+def read_number(node: Node, index: int, subindex: int = 0) -> int | None:
+    """Return an unsigned number; None if the node refuses it."""
+    raw = _read(node, index, subindex)
+    return None if raw is None else int.from_bytes(raw[:8], "little")
+
+
+def read_text(node: Node, index: int) -> str | None:
+    """Return a VISIBLE_STRING with anything unprintable escaped; None if the node refuses it."""
+    raw = _read(node, index, 0)
+    if raw is None:
+        return None
+    text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+
+
+def _read(node: Node, index: int, subindex: int) -> bytes | None:
+    try:
+        return node.upload(index, subindex)
+    except SdoAbortError:
+        return None
+
+
+def _read_history(node: Node) -> tuple[int, ...]:
+    count = min(read_number(node, 0x1003) or 0, _HISTORY_LIMIT)
+    codes = []
+    for subindex in range(1, count + 1):
+        code = read_number(node, 0x1003, subindex)
+        if code is None:
+            break
+        codes.append(code)
+    return tuple(codes)
+
+
+def _number(index: int, subindex: int = 0) -> Callable[[Node], int | None]:
+    return lambda node: read_number(node, index, subindex)
+
+
+def _text(index: int) -> Callable[[Node], str | None]:
+    return lambda node: read_text(node, index)
+
+
+_READERS: dict[str, Callable[[Node], object]] = {
+    "device_type": _number(0x1000),
+    "vendor_id": _number(0x1018, 1),
+    "product_code": _number(0x1018, 2),
+    "revision_number": _number(0x1018, 3),
+    "serial_number": _number(0x1018, 4),
+    "device_name": _text(0x1008),
+    "hardware_version": _text(0x1009),
+    "software_version": _text(0x100A),
+    "error_register": _number(0x1001),
+    "error_history": _read_history,
+    "heartbeat_ms": _number(0x1017),
+}

@@ -1,0 +1,129 @@
+import argparse
+import json
+
+import pytest
+
+from hil_bench.cli import bus_check, main
+from hil_bench.cli.bus_check import _assignment
+from hil_bench.commissioning.comparison import Difference, Mend
+from hil_bench.commissioning.settlement import Write
+
+
+def test_the_virtual_bench_is_as_its_configuration_says(capsys) -> None:
+    assert main(["check", "--bus", "--virtual"]) == 0
+    assert "as the configuration says" in capsys.readouterr().err
+
+
+@pytest.fixture
+def one_difference(monkeypatch: pytest.MonkeyPatch) -> list[Difference]:
+    """The heartbeat of node 1 is wrong until it was written."""
+    differences = [
+        [Difference(1, "node 1: 0x1017.00 is 0; 50 is right", Mend.WRITE, (0x1017, 0), 50)],
+        [],
+    ]
+
+    def compare(network, config):
+        for node in config.nodes:
+            network.add_node(node.node_id, node.eds)
+        network.pump(0.01)
+        return differences.pop(0)
+
+    monkeypatch.setattr(bus_check, "compare", compare)
+    return differences
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_a_difference_comes_with_the_command_that_mends_it(capsys) -> None:
+    assert main(["check", "--bus", "--virtual"]) == 1
+    assert capsys.readouterr().out == (
+        "node 1: 0x1017.00 is 0; 50 is right; "
+        "mend: hil-bench check --bus --virtual --apply --node 1\n"
+    )
+
+
+def test_the_command_names_the_bus_and_the_file() -> None:
+    args = argparse.Namespace(
+        config="my bench.toml",
+        virtual=False,
+        interface="socketcand",
+        channel="can0",
+        bus_kwargs={"host": "127.0.0.1", "port": 29536},
+    )
+    assert bus_check._mending(Difference(3, "", Mend.WRITE), args) == (
+        "mend: hil-bench check 'my bench.toml' --bus -i socketcand -c can0 "
+        "--bus-kwargs host=127.0.0.1 port=29536 --apply --node 3"
+    )
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_json_is_for_programs(capsys) -> None:
+    assert main(["check", "--bus", "--virtual", "--json"]) == 1
+    (difference,) = json.loads(capsys.readouterr().out)
+    assert (difference["object"], difference["right"]) == ("0x1017.00", 50)
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_what_is_applied_is_shown_first(capsys) -> None:
+    assert main(["check", "--bus", "--virtual", "--apply", "--yes"]) == 0
+    assert "  0x1017.00 = 50 (0x0032)  Producer heartbeat time" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_nothing_is_written_to_other_nodes(capsys) -> None:
+    assert main(["check", "--bus", "--virtual", "--apply", "--yes", "--node", "2"]) == 1
+    assert "0x0032" not in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_without_anybody_to_ask_nothing_is_written(capsys, monkeypatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False)
+    assert main(["check", "--bus", "--virtual", "--apply"]) == 2
+    assert "--yes writes unasked" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("answer", ["", "n", "no", "yess"])
+def test_anything_but_yes_writes_nothing(answer, one_difference, monkeypatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("builtins.input", lambda _: answer)
+    assert main(["check", "--bus", "--virtual", "--apply"]) == 1
+    assert len(one_difference) == 1  # nothing was written, so nothing was compared again
+
+
+def test_the_concise_dcf_is_a_file_a_node(one_difference, tmp_path) -> None:
+    assert one_difference
+    assert main(["check", "--bus", "--virtual", "--dcf", str(tmp_path / "dcf")]) == 1
+    # One entry; 0x1017.00, 2 bytes, 50 (CiA 302-3).
+    expected = bytes.fromhex("01000000 1710 00 02000000 3200")
+    assert (tmp_path / "dcf" / "node1.cdcf").read_bytes() == expected
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_a_folder_that_cannot_be_written_is_exit_code_2(tmp_path, capsys) -> None:
+    (tmp_path / "file").touch()
+    assert main(["check", "--bus", "--virtual", "--dcf", str(tmp_path / "file")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--apply"], "--apply: belongs to --bus"),
+        (["--virtual"], "--virtual: belongs to --bus"),
+        (["--bus", "--virtual", "--yes"], "--yes: belongs to --apply"),
+    ],
+)
+def test_options_that_need_others_say_so(arguments, message, capsys) -> None:
+    assert main(["check", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("write", "text"),
+    [
+        (Write((0x1800, 5), "", 20, b"\x14\x00"), "0x1800.05 = 20 (0x0014)"),
+        (Write((0x1800, 1), "", 0x40000182, b"\x82\x01\x00\x40"), "0x1800.01 = 0x40000182"),
+        (Write((0x6148, 1), "", 1.5, b"\x00\x00\xc0\x3f"), "0x6148.01 = 1.5 (0x3FC00000)"),
+    ],
+)
+def test_a_write_is_shown_as_an_engineer_reads_it(write: Write, text: str) -> None:
+    assert _assignment(write) == text

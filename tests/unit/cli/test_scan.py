@@ -1,0 +1,72 @@
+import json
+
+import pytest
+
+from hil_bench.cli import main
+
+UNCONFIGURED = """
+[plant.axis1]
+[nodes.valve]
+profile = "valve_408"
+node_id = 255
+serial_number = 77
+"""
+
+
+def test_the_virtual_bench_is_scanned(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scan", "--virtual"]) == 0
+    out = capsys.readouterr().out
+    assert "CiA 408, proportional valve" in out
+    assert out.rstrip().endswith("4 nodes found")
+
+
+def test_json_has_a_record_a_node(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scan", "--virtual", "--json", "--nodes", "2-3"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [node["node_id"] for node in found["nodes"]] == [2, 3]
+    assert found["nodes"][0]["profile"] == "CiA 404, measuring device"
+    assert found["unconfigured"] is None
+
+
+def test_a_device_without_node_id_is_found_on_request(tmp_path, capsys) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(UNCONFIGURED, encoding="utf-8")
+    assert main(["scan", str(path), "--virtual", "--lss"]) == 0
+    assert "no node-ID" in (out := capsys.readouterr().out)
+    assert "serial 0x0000004D" in out
+
+
+def test_an_empty_bus_is_a_failed_check_with_a_hint(tmp_path, capsys) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(UNCONFIGURED, encoding="utf-8")
+    assert main(["scan", str(path), "--virtual"]) == 1
+    assert "0 nodes found: is the bus powered" in capsys.readouterr().out
+
+
+def test_listening_tells_what_was_heard(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scan", "--virtual", "--listen", "0.5", "-b", "500000"]) == 0
+    out = capsys.readouterr().out
+    assert "heard  4 frames" in out  # the boot-up messages of the four nodes
+    assert "boot-up" in out
+    assert "% of 500 kbit/s" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--virtual", "-i", "socketcan", "-c", "vcan0"], "either --virtual or -i and -c"),
+        (["--virtual", "--listen", "0"], "positive number of seconds"),
+        (["--virtual", "--patience", "-1"], "positive time"),
+        (["--virtual", "--nodes", "0-5"], "from 1 to 127"),
+        (["--virtual", "--nodes", "9-5"], "from 1 to 127"),
+        (["--virtual", "--nodes", "x"], "from 1 to 127"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys) -> None:
+    assert main(["scan", *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
+    assert main(["scan", "-i", "socketcan", "-c", "nosuchbus0"]) == 3
+    assert "nosuchbus0" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+"""Networks in virtual time: in front of a whole bench, or of a device that a test plays itself."""
+
+import pytest
+
+from drivers import Network
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import load_config
+from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.virtual_bench import VirtualBench
+
+
+class Device:
+    """What a test puts on the bus: answers by request, and the frames that came."""
+
+    def __init__(self):
+        self.answers = {}
+        self.received = []
+
+    def answer(self, can_id, request, *answers):
+        """Send `answers`, pairs of identifier and hexadecimal data, to one request."""
+        self.answers[can_id, bytes.fromhex(request)] = [
+            Frame(answer_id, bytes.fromhex(data)) for answer_id, data in answers
+        ]
+
+    def tick(self, frames, _now):
+        self.received += frames
+        return [
+            answer
+            for frame in frames
+            for answer in self.answers.get((frame.can_id, frame.data), ())
+        ]
+
+
+@pytest.fixture
+def device():
+    return Device()
+
+
+@pytest.fixture
+def device_network(device):
+    """A network on which the device of the test is alone."""
+    with EmbeddedBus(device.tick) as bus, Network(bus, clock=bus.now) as network:
+        yield network
+
+
+@pytest.fixture
+def open_bench(tmp_path):
+    """Return a virtual bench from the text of a bench.toml, and the network in front of it."""
+    benches = []
+
+    def open_it(text=None):
+        path = None
+        if text is not None:
+            path = tmp_path / f"bench{len(benches)}.toml"
+            path.write_text(text, encoding="utf-8")
+        bench = VirtualBench(load_config(path))
+        benches.append(bench)
+        network = Network(bench.bus, clock=bench.now)
+        bench.pump = network.pump
+        bench.run(0.01)  # all boot-up messages are over
+        return bench, network
+
+    yield open_it
+    for bench in benches:
+        bench.bus.shutdown()

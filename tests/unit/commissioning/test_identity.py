@@ -1,0 +1,74 @@
+"""What a node says of itself. Right values are those of the EDS files, read by canopen."""
+
+import canopen
+import pytest
+
+from device_profiles import PRESSURE_404
+from hil_bench.commissioning.discovery import Sighting
+from hil_bench.commissioning.identity import NodeDescription, describe
+
+ABORT = "8000100000000206"
+
+
+def test_a_node_is_described_as_its_eds_says(open_bench):
+    _, network = open_bench()
+    eds = canopen.import_od(str(PRESSURE_404))
+    found = describe(network, Sighting(2))
+    assert found.device_type == eds[0x1000].default
+    assert found.product_code == eds[0x1018][2].default
+    assert found.revision_number == eds[0x1018][3].default
+    assert found.device_name == eds[0x1008].default
+    assert found.error_register == 0
+    assert found.error_history == ()
+    assert found.heartbeat_ms == 0
+    assert found.problem == ""
+
+
+def test_the_history_of_errors_is_read_newest_first(open_bench):
+    bench, network = open_bench()
+    history = bench.bench.nodes[0].object_dictionary
+    history.variable(0x1003, 0).value = 2
+    history.variable(0x1003, 1).value = 0x8130
+    history.variable(0x1003, 2).value = 0x8250
+    assert describe(network, Sighting(1)).error_history == (0x8130, 0x8250)
+
+
+def test_what_a_device_refuses_is_none_and_the_rest_is_read(device, device_network):
+    for request in ("4000100000000000", "4018100100000000", "4008100000000000"):
+        device.answer(0x605, request, (0x585, ABORT[:2] + request[2:8] + "00000206"))
+    device.answer(0x605, "4018100200000000", (0x585, "4318100234120000"))
+    found = describe(device_network, Sighting(5))
+    assert (found.device_type, found.vendor_id) == (None, None)
+    assert found.product_code == 0x1234
+
+
+def test_a_device_that_falls_silent_is_given_up_after_one_time_out(device_network):
+    begin = device_network.now()
+    found = describe(device_network, Sighting(5), timeout=0.2)
+    assert "0x1000" in found.problem
+    assert device_network.now() - begin == pytest.approx(0.2, abs=0.002)
+
+
+def test_text_from_the_bus_cannot_reach_the_terminal_as_control_characters(device, device_network):
+    # "A", ESC, "[" and a zero: expedited, 4 bytes.
+    for request, answer in (
+        ("4000100000000000", "4300100098010000"),
+        *((f"401810{sub:02X}00000000", f"431810{sub:02X}00000000") for sub in range(1, 5)),
+        ("4008100000000000", "43081000411B5B00"),
+    ):
+        device.answer(0x605, request, (0x585, answer))
+    assert describe(device_network, Sighting(5)).device_name == r"A\x1b["
+
+
+@pytest.mark.parametrize(
+    ("device_type", "words"),
+    [
+        (0x00000198, "CiA 408, proportional valve"),
+        (0x00080196, "CiA 406, encoder"),
+        (0x000001FF, "CiA 511"),
+        (0, "no standard profile"),
+        (None, None),
+    ],
+)
+def test_the_profile_is_told_in_words(device_type, words):
+    assert NodeDescription(1, None, clash=False, device_type=device_type).profile == words

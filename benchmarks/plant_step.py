@@ -13,12 +13,27 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numba
 import numpy as np
 
-from hil_bench.plant import FullOrderPlant, PlantInput, PlantOptions, Solver, balanced_state
+from hil_bench.plant import (
+    ConstantLoad,
+    EntrainedAir,
+    FullOrderPlant,
+    LoadSeries,
+    LuGreFriction,
+    MassOnSlope,
+    PlantInput,
+    PlantOptions,
+    Solver,
+    SpringLoad,
+    SupplyUnit,
+    balanced_state,
+)
 from hil_bench.plant.constants import pack
 from hil_bench.plant.parameters import paper_parameters
 
@@ -33,7 +48,24 @@ FUNCTIONS = {
     Solver.LINEARLY_IMPLICIT_MIDPOINT: "advance_implicit_midpoint",
 }
 
+EXTENSIONS = {
+    "none": {},
+    "asymmetric valve": {"alpha_negative": 8e-4, "beta_negative": 2e-4},
+    "external leakage": {"C_LA": 1e-13, "C_LB": 1e-13},
+    "load: constant, spring, mass on slope": {
+        "loads": (ConstantLoad(500.0), SpringLoad(1e3), MassOnSlope(20.0, 0.3))
+    },
+    "load: time series": {"loads": (LoadSeries((0.0, 1.0, 2.0), (0.0, 500.0, 0.0)),)},
+    "entrained air": {"air": EntrainedAir(air_fraction=0.01)},
+    "LuGre friction": {"bristles": LuGreFriction()},
+    "supply unit": {"supply": SupplyUnit()},
+}
+EXTENSIONS["all of them"] = {
+    name: value for extension in EXTENSIONS.values() for name, value in extension.items()
+}
+
 Advance = Callable[[float, int], object]
+Variant = TypeVar("Variant")
 
 
 def build_c(directory: Path) -> ctypes.CDLL:
@@ -70,9 +102,11 @@ def ns_per_step(advance: Advance, moves: int, steps: int) -> float:
     return (time.perf_counter_ns() - start) / (moves * steps)
 
 
-def interleaved_medians(variants: dict[str, Advance], moves: int, steps: int) -> dict[str, float]:
+def interleaved_medians(
+    variants: dict[Variant, Advance], moves: int, steps: int
+) -> dict[Variant, float]:
     """Return the median cost of one step [ns] of each variant, all measured in turn."""
-    costs: dict[str, list[float]] = {name: [] for name in variants}
+    costs: dict[Variant, list[float]] = {name: [] for name in variants}
     for _ in range(REPEATS):
         for name, advance in variants.items():
             costs[name].append(ns_per_step(advance, moves, steps))
@@ -121,6 +155,23 @@ def print_report(library: ctypes.CDLL) -> None:
         print(f"| `plant.step(input, {steps})` | {per_call:.0f} |")
 
 
+def print_extensions() -> None:
+    """Print the cost of a step with each extension on, all measured in turn."""
+    print(
+        "\n| extension, beside the bench's options | forward-euler | linearly-implicit-midpoint |"
+    )
+    print("|---|---|---|")
+    variants = {
+        (name, solver): bench_plant(solver, replace(PlantOptions.bench(), **change))
+        for name, change in EXTENSIONS.items()
+        for solver in Solver
+    }
+    cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE)
+    for name in EXTENSIONS:
+        euler, midpoint = (cost[name, solver] for solver in Solver)
+        print(f"| {name} | {euler:.1f} | {midpoint:.1f} |")
+
+
 def machine() -> str:
     """Return what the figures were measured on, in one line."""
     models = [
@@ -142,6 +193,7 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as directory:
         print_report(build_c(Path(directory)))
+    print_extensions()
 
 
 if __name__ == "__main__":

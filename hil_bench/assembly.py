@@ -87,7 +87,9 @@ def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) ->
         options=axis.options,
         solver=axis.solver,
         dt=config.dt,
-        state=balanced_state(axis.parameters, x=axis.position),
+        state=balanced_state(
+            axis.parameters, x=axis.position, F_L=axis.options.load_at(axis.position)
+        ),
     )
     return Axis(
         name=axis.name,

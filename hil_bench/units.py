@@ -4,6 +4,7 @@ Values inside the bench are SI. A `Unit` converts where a person reads or writes
 status line, plots.
 """
 
+import math
 from typing import NamedTuple
 
 
@@ -35,7 +36,9 @@ MICROSECOND = Unit("us", "_us", 1e-6)
 MILLIMETRE = Unit("mm", "_mm", 1e-3)
 SQUARE_CENTIMETRE = Unit("cm²", "_cm2", 1e-4)
 CUBIC_CENTIMETRE = Unit("cm³", "_cm3", 1e-6)
+LITRE = Unit("l", "_l", 1e-3)
 MILLIMETRE_PER_SECOND = Unit("mm/s", "_mm_s", 1e-3)
+DEGREE = Unit("deg", "_deg", math.pi / 180.0)
 RADIAN_PER_SECOND = Unit("rad/s", "_rad_s")
 SECOND_PER_METRE = Unit("s/m", "_s_m")
 KILOGRAM = Unit("kg", "_kg")
@@ -46,4 +49,6 @@ NEWTON_PER_MILLIMETRE = Unit("N/mm", "_n_mm", 1e3)
 PASCAL = Unit("Pa", "_pa")
 BAR = Unit("bar", "_bar", 1e5)
 MEGAPASCAL = Unit("MPa", "_mpa", 1e6)
+LITRE_PER_MINUTE = Unit("l/min", "_l_min", 1e-3 / 60.0)
 LITRE_PER_MINUTE_BAR = Unit("l/(min bar)", "_l_min_bar", 1e-3 / 60.0 / 1e5)
+SECOND_AND_NEWTON = Unit("[s, N]", "_s_n")

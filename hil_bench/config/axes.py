@@ -5,15 +5,25 @@ from collections.abc import Mapping
 
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.keys import (
+    AIR_KEYS,
     AXIS_KEYS,
+    BRISTLE_KEYS,
     CAVITATION_KEYS,
+    CONSTANT_LOAD_KEYS,
     END_STOP_KEYS,
+    LOAD_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
+    SERIES_KEY,
+    SLOPE_KEYS,
+    SPRING_KEYS,
+    SUPPLY_KEYS,
 )
-from hil_bench.config.records import AxisConfig
+from hil_bench.config.records import AxisConfig, Friction, Supply
 from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
+from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
+from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 
@@ -21,7 +31,16 @@ _DEFAULT_AXIS = "axis1"
 
 _PHYSICAL_KEYS = {
     key.field or key.name: key.name
-    for key in (*PARAMETER_KEYS, *OPTION_KEYS, *END_STOP_KEYS, *CAVITATION_KEYS)
+    for key in (
+        *PARAMETER_KEYS,
+        *OPTION_KEYS,
+        *END_STOP_KEYS,
+        *CAVITATION_KEYS,
+        *AIR_KEYS,
+        *BRISTLE_KEYS,
+        *SUPPLY_KEYS,
+        *LOAD_KEYS,
+    )
 }
 # A symbol, but not a unit, which follows a number or a stroke.
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
@@ -49,19 +68,42 @@ def build_axes(axes: Mapping[str, Settings], problems: Problems) -> tuple[AxisCo
 
 
 def _build_axis(name: str, axis: Settings) -> AxisConfig:
-    has_end_stop, has_cavitation = axis["end_stop"].value, axis["cavitation"].value
-    options = convert(axis, OPTION_KEYS)
-    if has_cavitation:
-        options |= convert(axis, CAVITATION_KEYS)
-    if has_end_stop:
-        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
     return AxisConfig(
         name=name,
         parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
-        options=PlantOptions(**options),
+        options=_build_options(axis),
         solver=axis["solver"].value,
         position=convert(axis, (axis["position_mm"].key,))["position"],
     )
+
+
+def _build_options(axis: Settings) -> PlantOptions:
+    options = convert(axis, OPTION_KEYS)
+    if axis["cavitation"].value:
+        options |= convert(axis, CAVITATION_KEYS)
+    if axis["end_stop"].value:
+        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
+    if axis["entrained_air_percent"].value:
+        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
+    if axis["friction"].value is Friction.LUGRE:
+        options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+    if axis["supply"].value is Supply.UNIT:
+        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
+    return PlantOptions(**options, loads=_build_loads(axis))
+
+
+def _build_loads(axis: Settings) -> tuple[Load, ...]:
+    loads: list[Load] = []
+    if axis["load_n"].value:
+        loads.append(ConstantLoad(**convert(axis, CONSTANT_LOAD_KEYS)))
+    if axis["load_spring_n_mm"].value:
+        loads.append(SpringLoad(**convert(axis, SPRING_KEYS)))
+    if axis["load_mass_kg"].value:
+        loads.append(MassOnSlope(**convert(axis, SLOPE_KEYS)))
+    if series := axis[SERIES_KEY.name].value:
+        times, forces = zip(*series, strict=True)
+        loads.append(LoadSeries(times, forces))
+    return tuple(loads)
 
 
 def _check_position(name: str, axis: Settings, problems: Problems) -> None:

@@ -7,7 +7,7 @@ Ruderman 2017.
 from collections.abc import Mapping
 
 from hil_bench.config.objects import objects
-from hil_bench.config.records import PressureSource, Profile
+from hil_bench.config.records import Friction, PressureSource, Profile, Supply
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (
     boolean,
@@ -18,14 +18,18 @@ from hil_bench.config.values import (
     interval,
     node_id,
     number,
+    points,
     text,
 )
 from hil_bench.plant.full_order import Solver
 from hil_bench.units import (
     BAR,
     CUBIC_CENTIMETRE,
+    DEGREE,
     KILOGRAM,
     KILOGRAM_PER_CUBIC_METRE,
+    LITRE,
+    LITRE_PER_MINUTE,
     LITRE_PER_MINUTE_BAR,
     MEGAPASCAL,
     MICROSECOND,
@@ -36,7 +40,9 @@ from hil_bench.units import (
     NEWTON_SECOND_PER_METRE,
     ONE,
     PASCAL,
+    PERCENT,
     RADIAN_PER_SECOND,
+    SECOND_AND_NEWTON,
     SECOND_PER_METRE,
     SQUARE_CENTIMETRE,
     Unit,
@@ -91,6 +97,11 @@ OPTION_KEYS = (
     Key("signed_root", boolean, True),
     _quantity("tanh_gain_s_m", 400.0, SECOND_PER_METRE, "tanh_gain"),
     _quantity("laminar_transition_pa", 300.0, PASCAL, "laminar_transition"),
+    # What is None is as for positive spool positions.
+    Key("orifice_full_opening_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "alpha_negative"),
+    Key("spool_overlap_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "beta_negative"),
+    _quantity("external_leakage_a_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LA"),
+    _quantity("external_leakage_b_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LB"),
 )
 
 END_STOP_KEYS = (
@@ -100,6 +111,42 @@ END_STOP_KEYS = (
 
 CAVITATION_KEYS = (_quantity("cavitation_floor_bar", -1.01325, BAR, "cavitation_floor"),)
 
+AIR_KEYS = (
+    _quantity("entrained_air_percent", 0.0, PERCENT, "air_fraction"),
+    _quantity("entrained_air_exponent", 1.4, ONE, "air_exponent"),
+)
+
+BRISTLE_KEYS = (
+    _quantity("bristle_stiffness_n_mm", 1e4, NEWTON_PER_MILLIMETRE, "sigma_0"),
+    _quantity("bristle_damping_n_s_m", 2e3, NEWTON_SECOND_PER_METRE, "sigma_1"),
+)
+
+SUPPLY_KEYS = (
+    _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
+    _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
+    _quantity("relief_gradient_l_min_bar", 12.0, LITRE_PER_MINUTE_BAR, "relief_gradient"),
+    _quantity("supply_line_volume_cm3", 500.0, CUBIC_CENTIMETRE, "line_volume"),
+    _quantity("accumulator_volume_l", 1.0, LITRE, "accumulator_volume"),
+    _quantity("accumulator_precharge_bar", 60.0, BAR, "precharge_pressure"),
+    _quantity("accumulator_exponent", 1.4, ONE, "gas_exponent"),
+)
+
+CONSTANT_LOAD_KEYS = (_quantity("load_n", 0.0, NEWTON, "load_force"),)
+
+SPRING_KEYS = (
+    _quantity("load_spring_n_mm", 0.0, NEWTON_PER_MILLIMETRE, "spring_stiffness"),
+    _quantity("load_spring_rest_mm", 0.0, MILLIMETRE, "spring_rest"),
+)
+
+SLOPE_KEYS = (
+    _quantity("load_mass_kg", 0.0, KILOGRAM, "load_mass"),
+    _quantity("load_slope_deg", 0.0, DEGREE, "slope"),
+)
+
+SERIES_KEY = Key("load_series_s_n", points(SECOND_AND_NEWTON), (), SECOND_AND_NEWTON, "load_series")
+
+LOAD_KEYS = (*CONSTANT_LOAD_KEYS, *SPRING_KEYS, *SLOPE_KEYS, SERIES_KEY)
+
 AXIS_KEYS = (
     *PARAMETER_KEYS,
     *OPTION_KEYS,
@@ -107,6 +154,12 @@ AXIS_KEYS = (
     *END_STOP_KEYS,
     Key("cavitation", boolean, True),
     *CAVITATION_KEYS,
+    *AIR_KEYS,
+    Key("friction", choice(Friction), Friction.STRIBECK),
+    *BRISTLE_KEYS,
+    Key("supply", choice(Supply), Supply.CONSTANT),
+    *SUPPLY_KEYS,
+    *LOAD_KEYS,
     _quantity("position_mm", 0.0, MILLIMETRE, "position"),
     Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),
 )

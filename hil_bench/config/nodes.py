@@ -124,8 +124,14 @@ def _resolve_storage(place: str, node: Settings, base: Path, problems: Problems)
 def _resolve_full_opening(node: Settings, axis: Settings) -> None:
     opening = node.get("full_opening_mm")
     if opening and opening.value is None:
-        # The orifice is fully open at alpha + beta (Ruderman 2017 eq. (2)).
-        full_opening = axis["orifice_full_opening_mm"].value + axis["spool_overlap_mm"].value
+        # The orifice is fully open at alpha + beta (Ruderman 2017 eq. (2)), of the larger side.
+        alpha, beta = axis["orifice_full_opening_mm"].value, axis["spool_overlap_mm"].value
+        alpha_negative = axis["orifice_full_opening_negative_mm"].value
+        beta_negative = axis["spool_overlap_negative_mm"].value
+        negative = (alpha if alpha_negative is None else alpha_negative) + (
+            beta if beta_negative is None else beta_negative
+        )
+        full_opening = max(alpha + beta, negative)
         node["full_opening_mm"] = opening._replace(value=full_opening)
 
 

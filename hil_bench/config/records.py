@@ -27,6 +27,20 @@ class PressureSource(StrEnum):
     P_B = "P_B"
 
 
+class Friction(StrEnum):
+    """The models of the piston's friction."""
+
+    STRIBECK = "stribeck"
+    LUGRE = "lugre"
+
+
+class Supply(StrEnum):
+    """What stands behind port P."""
+
+    CONSTANT = "constant"
+    UNIT = "unit"
+
+
 @dataclass(frozen=True, slots=True)
 class BusConfig:
     """The CAN bus as python-can opens it; what is None is left to python-can's own configuration.

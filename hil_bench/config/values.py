@@ -76,6 +76,21 @@ def interval(unit: Unit) -> Reader:
     return read
 
 
+def points(unit: Unit) -> Reader:
+    """Return a reader of ``[[time, value], ...]`` in the two parts of `unit`."""
+    right = f"give [[time, value], ...], each {unit.symbol}"
+
+    def read(value: object) -> tuple[tuple[float, float], ...]:
+        if not isinstance(value, list):
+            raise ConfigError(f"{describe(value)} is not a list of points; {right}")
+        for point in value:
+            if not isinstance(point, list) or len(point) != 2:
+                raise ConfigError(f"{describe(point)} is not a point; {right}")
+        return tuple((_finite(time, right), _finite(number, right)) for time, number in value)
+
+    return read
+
+
 def integer(low: int, high: int | None = None) -> Reader:
     """Return a reader of integers from `low` to `high`, both included."""
     right = f"give an integer from {low} {'up' if high is None else f'to {high}'}"

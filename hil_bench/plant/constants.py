@@ -41,7 +41,7 @@ def pack(parameters: PlantParameters, options: PlantOptions, dt: float) -> Seque
     floor = options.cavitation_floor
     alpha_negative, beta_negative = options.alpha_negative, options.beta_negative
     constants: Constants = (
-        (dt, p.m, 1.0 / (p.E * dt), -math.inf if floor is None else floor),
+        (dt, p.m + options.load_mass, 1.0 / (p.E * dt), -math.inf if floor is None else floor),
         (p.omega_0**2, 2.0 * p.xi * p.omega_0),
         (
             p.alpha,

@@ -8,10 +8,23 @@ FrictionConstants = tuple[float, float, float, float, float, float]
 """(F_c, F_s - F_c, sigma, log(chi), delta, tanh gain)."""
 
 # Below this speed the secant is taken as constant: its limit at rest is finite, 0 / 0 is not.
-_CREEP = 1e-12
+CREEP = 1e-12
 
 # exp(-exp(7)) is 0 in double precision: beyond that, nothing is left of the Stribeck effect.
 _WEAKENED = 7.0
+
+
+@kernel
+def weaken(speed: float, friction: FrictionConstants) -> tuple[float, float]:
+    """Return the Stribeck part of eq. (13) and the power in its exponent, for a speed above 0.
+
+    Returns:
+        (F_s - F_c) exp(-power) [N] and power = (speed / chi)^delta [-].
+    """
+    _, weakening, _, log_chi, delta, _ = friction
+    exponent = delta * (math.log(speed) - log_chi)
+    power = math.exp(_WEAKENED if exponent > _WEAKENED else exponent)
+    return weakening * math.exp(-power), power
 
 
 @kernel
@@ -20,12 +33,10 @@ def linearise_friction(v: float, friction: FrictionConstants) -> tuple[float, fl
 
     f(v) = tanh(gain v) (F_c + (F_s - F_c) exp(-|v / chi|^delta)) + sigma v, eq. (13).
     """
-    F_c, weakening, sigma, log_chi, delta, gain = friction
+    F_c, _, sigma, _, delta, gain = friction
     speed = abs(v)
-    speed = _CREEP if speed < _CREEP else speed
-    exponent = delta * (math.log(speed) - log_chi)
-    power = math.exp(_WEAKENED if exponent > _WEAKENED else exponent)
-    stribeck = weakening * math.exp(-power)
+    speed = CREEP if speed < CREEP else speed
+    stribeck, power = weaken(speed, friction)
     level = F_c + stribeck
     sign = math.tanh(gain * speed)
     sign_secant = sign / speed

@@ -9,12 +9,17 @@ import numpy as np
 
 from hil_bench.errors import ParameterError
 from hil_bench.plant.constants import pack
+from hil_bench.plant.extended_constants import ExtensionState, pack_extended, supply_constants
+from hil_bench.plant.extended_euler import advance_extended_euler
+from hil_bench.plant.extended_midpoint import advance_extended_midpoint
 from hil_bench.plant.forward_euler import advance_forward_euler
 from hil_bench.plant.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plant.kernel import IS_COMPILED, Floats
+from hil_bench.plant.loads import SpringLoad
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
+from hil_bench.plant.supply import supply_compliance
 from hil_bench.plant.validation import require_finite, require_positive
 
 SPOOL_SETPOINT_LIMIT = 1.0
@@ -34,8 +39,10 @@ class Solver(StrEnum):
 _STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
 
 _ADVANCE = {
-    Solver.FORWARD_EULER: advance_forward_euler,
-    Solver.LINEARLY_IMPLICIT_MIDPOINT: advance_implicit_midpoint,
+    (Solver.FORWARD_EULER, False): advance_forward_euler,
+    (Solver.FORWARD_EULER, True): advance_extended_euler,
+    (Solver.LINEARLY_IMPLICIT_MIDPOINT, False): advance_implicit_midpoint,
+    (Solver.LINEARLY_IMPLICIT_MIDPOINT, True): advance_extended_midpoint,
 }
 
 
@@ -50,6 +57,8 @@ class FullOrderPlant:
         solver: of the equations.
         dt: step [s].
         state: at the start; None for the balanced state of rest at mid-stroke.
+        extension: states of the options' extensions at the start; None for time 0, straight
+            bristles and the P_S of the parameters.
 
     Raises:
         ParameterError: for a state or a step that makes no sense with these parameters.
@@ -69,17 +78,23 @@ class FullOrderPlant:
         solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
         dt: float = 1e-4,
         state: PlantState | None = None,
+        extension: ExtensionState | None = None,
     ) -> None:
         self.parameters = parameters
         self.options = PlantOptions.bench() if options is None else options
         self.solver = solver
         self.dt = dt
         _check_step(parameters, self.options, solver, dt)
-        start = balanced_state(parameters) if state is None else state
+        t, z_f, P_S = _check_extension(extension, parameters)
+        F_L = self.options.load_at(0.0, t)
+        start = balanced_state(parameters, F_L=F_L) if state is None else state
         _check_state(start, parameters, self.options)
-        self._advance = _ADVANCE[solver]
-        self._constants = _row(pack(parameters, self.options, dt))
-        self._state = _row(start)
+        self._is_extended = is_extended = self.options.is_extended
+        self._advance = _ADVANCE[solver, is_extended]
+        self._constants = _row(
+            (pack_extended if is_extended else pack)(parameters, self.options, dt)
+        )
+        self._state = _row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
@@ -87,6 +102,14 @@ class FullOrderPlant:
         """The present state."""
         row = self._state
         return PlantState(*(float(row[index]) for index in range(6)))
+
+    @property
+    def extension(self) -> ExtensionState:
+        """The present states of the extensions; without any, those of the start."""
+        row = self._state
+        if not self._is_extended:
+            return ExtensionState(0.0, 0.0, self.parameters.P_S)
+        return ExtensionState(float(row[6]) * self.dt, float(row[7]), float(row[8]))
 
     @property
     def output(self) -> PlantOutput:
@@ -129,33 +152,55 @@ class FullOrderPlant:
 def largest_euler_step(parameters: PlantParameters, options: PlantOptions) -> float:
     """Return the step at which forward Euler is sure to be unstable [s].
 
-    The smaller of two limits that hold whatever the oil does: of the spool's position loop, and of
-    the piston at standstill, 2 m / slope, where the friction curve has the slope gain F_s + sigma
-    and a pressed end stop adds its damping. The printed sign has no slope: there the piston
-    chatters at any step, by F_s dt / m.
+    The smallest of limits that hold whatever the oil does: of the spool's position loop, of an open
+    relief valve, and of the piston at standstill, where the friction curve has the slope
+    gain F_s + sigma, bristles and springs their stiffness, and a pressed end stop its damping. The
+    printed sign has no slope: there the piston chatters at any step, by F_s dt / m.
     """
     p = parameters
-    root = math.sqrt(max(p.xi**2 - 1.0, 0.0))
-    spool = 2.0 * min(p.xi, 1.0 / (p.xi + root)) / p.omega_0
-    if options.tanh_gain == math.inf:
-        return spool
-    slope = options.tanh_gain * p.F_s + p.sigma
-    if options.end_stop is not None:
-        slope += options.end_stop.damping
-    return min(spool, 2.0 * p.m / slope if slope > 0.0 else math.inf)
+    limits = [_explicit_limit(2.0 * p.xi * p.omega_0, p.omega_0**2)]
+    if options.bristles is not None or options.tanh_gain != math.inf:
+        slope, stiffness = _standstill(p, options)
+        mass = p.m + options.load_mass
+        limits.append(_explicit_limit(slope / mass, stiffness / mass))
+    if options.supply is not None:
+        relief = options.supply
+        compliance = supply_compliance(relief.relief_pressure, supply_constants(p, options))
+        limits.append(2.0 * compliance / relief.relief_gradient)
+    return min(limits)
+
+
+def _explicit_limit(damping: float, stiffness: float) -> float:
+    """Return the step [s] at which forward Euler of s² + damping s + stiffness turns unstable."""
+    discriminant = damping**2 - 4.0 * stiffness
+    if discriminant < 0.0:
+        return damping / stiffness
+    fastest = 0.5 * (damping + math.sqrt(discriminant))
+    return 2.0 / fastest if fastest > 0.0 else math.inf
+
+
+def _standstill(parameters: PlantParameters, options: PlantOptions) -> tuple[float, float]:
+    """Return slope [N s/m] and stiffness [N/m] of what holds the piston at standstill."""
+    slope = parameters.sigma + (options.end_stop.damping if options.end_stop else 0.0)
+    stiffness = sum(load.spring_stiffness for load in options.loads if isinstance(load, SpringLoad))
+    if options.bristles is None:
+        return slope + options.tanh_gain * parameters.F_s, stiffness
+    return slope + options.bristles.sigma_1, stiffness + options.bristles.sigma_0
 
 
 def _check_step(
     parameters: PlantParameters, options: PlantOptions, solver: Solver, dt: float
 ) -> None:
     require_positive("dt", dt, "s")
+    if options.bristles is not None and parameters.F_c == 0.0:
+        raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
     if solver is Solver.FORWARD_EULER:
         limit = largest_euler_step(parameters, options)
         if dt >= limit:
             raise ParameterError(
                 f"dt = {dt:g} s: {solver.value} needs less than {limit:.4g} s with these parameters"
             )
-    elif options.tanh_gain == math.inf:
+    elif options.tanh_gain == math.inf and options.bristles is None:
         raise ParameterError(
             f"tanh_gain = inf s/m: {solver.value} needs a slope, a finite gain; "
             f"take {Solver.FORWARD_EULER.value} for the printed sign"
@@ -175,6 +220,19 @@ def _check_state(state: PlantState, parameters: PlantParameters, options: PlantO
         raise ParameterError(
             f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
         )
+
+
+def _check_extension(
+    extension: ExtensionState | None, parameters: PlantParameters
+) -> ExtensionState:
+    """Return the extension's start."""
+    if extension is None:
+        return ExtensionState(0.0, 0.0, parameters.P_S)
+    for symbol, value, unit in zip(
+        ExtensionState._fields, extension, ("s", "m", "Pa"), strict=True
+    ):
+        require_finite(symbol, value, unit)
+    return extension
 
 
 def _row(values: Sequence[float]) -> Floats:

@@ -7,13 +7,16 @@ stiff, up to the backward Euler step on the secant: so nothing rings there and t
 (`docs/decisions/0001-plant-and-solver.md`).
 """
 
-from hil_bench.plant.chamber import chamber_volumes, net_flows
+from hil_bench.plant.chamber import ChamberConstants, chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.friction import linearise_friction
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import stop_velocity_change
 from hil_bench.plant.orifice import linearise_flow, port_flow
 from hil_bench.plant.spool import move_spool, orifice_state
+
+Cylinder = tuple[float, float, float, float]
+"""(x, v, P_A, P_B)."""
 
 
 @kernel
@@ -54,50 +57,76 @@ def respond(
     return change, fall
 
 
+Response = tuple[float, float, float, float]
+"""(dP_A, fall_A, dP_B, fall_B): the pressures change by dP - fall dv over the step."""
+
+
 @kernel
-def move_cylinder(
-    x: float, v: float, P_A: float, P_B: float, z: float, F_L: float, constants: Constants
-) -> tuple[float, float, float, float]:
-    """Return x, v, P_A, P_B one step later.
+def eliminate_pressures(
+    net_A: float, net_B: float, a: float, b: float, c: float, chambers: ChamberConstants
+) -> Response:
+    """Return how both pressures respond to the step's velocity change dv.
+
+    [[a, -c], [-c, b]] (dP_A, dP_B) = (net_A - A_A dv / 2, net_B + A_B dv / 2)
 
     Args:
-        x: piston position [m].
-        v: piston velocity [m/s].
-        P_A: pressure in chamber A [Pa].
-        P_B: pressure in chamber B [Pa].
-        z: orifice state in the middle of the step [m].
-        F_L: external load [N].
+        net_A: flow that compresses the oil in A, at the start of the step [m³/s].
+        net_B: flow that compresses the oil in B, at the start of the step [m³/s].
+        a: compliance of A over dt and what damps there [m³/(s Pa)].
+        b: compliance of B over dt and what damps there [m³/(s Pa)].
+        c: share of the leakage between both [m³/(s Pa)].
+        chambers: the constants.
+    """
+    _, _, A_A, A_B, _, _, _ = chambers
+    per_det = 1.0 / (a * b - c * c)
+    return (
+        (b * net_A + c * net_B) * per_det,
+        0.5 * (b * A_A - c * A_B) * per_det,
+        (c * net_A + a * net_B) * per_det,
+        0.5 * (c * A_A - a * A_B) * per_det,
+    )
+
+
+@kernel
+def velocity_change(
+    force: float, inertia: float, response: Response, chambers: ChamberConstants
+) -> tuple[float, float]:
+    """Return the velocity change over the step [m/s] and the force it takes [N s/m].
+
+    Args:
+        force: on the piston at the start of the step [N].
+        inertia: m / dt and what damps the piston [N s/m].
+        response: of the pressures.
+        chambers: the constants.
+    """
+    _, _, A_A, A_B, _, _, _ = chambers
+    dP_A, fall_A, dP_B, fall_B = response
+    resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
+    return (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance, resistance
+
+
+@kernel
+def finish_step(
+    cylinder: Cylinder, force: float, inertia: float, response: Response, constants: Constants
+) -> Cylinder:
+    """Return x, v, P_A, P_B one step later, with the cavitation floor and the end stops in force.
+
+    Args:
+        cylinder: x, v, P_A, P_B at the start of the step.
+        force: on the piston at the start of the step [N].
+        inertia: m / dt and what damps the piston [N s/m].
+        response: of the pressures.
         constants: in their groups.
     """
-    (dt, m, per_E_dt, floor), _, _, _, orifice, chambers, friction, stop = constants
-    _, C_L, A_A, A_B, _, _, _ = chambers
-
-    Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
-    Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
-    net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
-    V_A, V_B = chamber_volumes(x + 0.5 * dt * v, chambers)
-    C_A, C_B = V_A * per_E_dt, V_B * per_E_dt
-
-    # [[a, -c], [-c, b]] (dP_A, dP_B) = (net_A - A_A dv / 2, net_B + A_B dv / 2)
-    c = 0.5 * C_L
-    a = C_A + c + implicit_share(secant_A, tangent_A, C_A)
-    b = C_B + c + implicit_share(secant_B, tangent_B, C_B)
-    per_det = 1.0 / (a * b - c * c)
-    dP_A, fall_A = (b * net_A + c * net_B) * per_det, 0.5 * (b * A_A - c * A_B) * per_det
-    dP_B, fall_B = (c * net_A + a * net_B) * per_det, 0.5 * (c * A_A - a * A_B) * per_det
-
-    secant, tangent = linearise_friction(v, friction)
-    inertia = m / dt + implicit_share(secant, tangent, m / dt)
-    force = P_A * A_A - P_B * A_B - secant * v - F_L
-    resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
-    dv = (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance
-
+    (dt, _, _, floor), _, _, _, _, chambers, _, stop = constants
+    x, v, P_A, P_B = cylinder
+    dP_A, fall_A, dP_B, fall_B = response
+    dv, resistance = velocity_change(force, inertia, response, chambers)
     if P_A + dP_A - fall_A * dv < floor or P_B + dP_B - fall_B * dv < floor:
         dP_A, fall_A = respond(P_A, dP_A, fall_A, floor, dv)
         dP_B, fall_B = respond(P_B, dP_B, fall_B, floor, dv)
-        resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
-        dv = (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance
-
+        held = (dP_A, fall_A, dP_B, fall_B)
+        dv, resistance = velocity_change(force, inertia, held, chambers)
     dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
     P_A += dP_A - fall_A * dv
     P_B += dP_B - fall_B * dv
@@ -107,6 +136,37 @@ def move_cylinder(
         floor if P_A < floor else P_A,
         floor if P_B < floor else P_B,
     )
+
+
+@kernel
+def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants) -> Cylinder:
+    """Return x, v, P_A, P_B one step later.
+
+    Args:
+        cylinder: x, v, P_A, P_B at the start of the step.
+        z: orifice state in the middle of the step [m].
+        F_L: external load [N].
+        constants: in their groups.
+    """
+    (dt, m, per_E_dt, _), _, _, _, orifice, chambers, friction, _ = constants
+    _, C_L, A_A, A_B, _, _, _ = chambers
+    x, v, P_A, P_B = cylinder
+
+    Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
+    Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
+    net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
+    V_A, V_B = chamber_volumes(x + 0.5 * dt * v, chambers)
+    C_A, C_B = V_A * per_E_dt, V_B * per_E_dt
+
+    c = 0.5 * C_L
+    a = C_A + c + implicit_share(secant_A, tangent_A, C_A)
+    b = C_B + c + implicit_share(secant_B, tangent_B, C_B)
+    response = eliminate_pressures(net_A, net_B, a, b, c, chambers)
+
+    secant, tangent = linearise_friction(v, friction)
+    inertia = m / dt + implicit_share(secant, tangent, m / dt)
+    force = P_A * A_A - P_B * A_B - secant * v - F_L
+    return finish_step(cylinder, force, inertia, response, constants)
 
 
 @kernel
@@ -132,7 +192,7 @@ def advance_implicit_midpoint(
         nu_before = nu
         nu, nu_dot = move_spool(nu, nu_dot, u, transition)
         z_middle = orifice_state(0.5 * (nu_before + nu), opening)
-        x, v, P_A, P_B = move_cylinder(x, v, P_A, P_B, z_middle, F_L, groups)
+        x, v, P_A, P_B = move_cylinder((x, v, P_A, P_B), z_middle, F_L, groups)
     state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
     z = orifice_state(nu, opening)
     Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)

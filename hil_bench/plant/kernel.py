@@ -29,6 +29,8 @@ class Floats(Protocol):
 
     def __setitem__(self, index: int, value: float, /) -> None: ...
 
+    def __len__(self) -> int: ...
+
 
 def kernel(function: _Kernel) -> _Kernel:
     """Return the function compiled where Numba is present, and unchanged where it is not."""

@@ -1,13 +1,16 @@
-"""What acts on the piston from outside the oil: the end stops.
+"""What acts on the piston from outside the oil: the end stops, and loads.
 
 A contact is a spring and a damper that push the piston back and never pull it, so it can only take
 energy out of the motion.
 """
 
-from hil_bench.plant.kernel import kernel
+from hil_bench.plant.kernel import Floats, kernel
 
 StopConstants = tuple[float, float, float]
 """(position of the stops [m], stiffness [N/m], damping [N s/m]); position infinite for no stop."""
+
+LoadConstants = tuple[float, float, float]
+"""(constant force [N], stiffness of the spring [N/m], its position of rest [m])."""
 
 
 @kernel
@@ -50,3 +53,35 @@ def stop_velocity_change(
     if push <= 0.0:
         return change
     return change - side * push / (resistance + 0.5 * (stiffness * dt + damping))
+
+
+@kernel
+def find_point(points: Floats, point: int, last: int, t: float) -> int:
+    """Return the index of the load series' point at or before time t [s], searching onwards.
+
+    Args:
+        points: a row that holds time [s] and force [N] of each point in turn.
+        point: index of a point from which to search on.
+        last: index of the last point.
+        t: time [s].
+    """
+    while point < last and points[point + 2] <= t:
+        point += 2
+    return point
+
+
+@kernel
+def series_force(points: Floats, point: int, last: int, t: float) -> float:
+    """Return the load series' force [N]: linear from `point` to the next, constant outside.
+
+    Args:
+        points: as for `find_point`.
+        point: as `find_point` returned it for t.
+        last: index of the last point.
+        t: time [s].
+    """
+    since = t - points[point]
+    if point == last or since <= 0.0:
+        return points[point + 1]
+    slope = (points[point + 3] - points[point + 1]) / (points[point + 2] - points[point])
+    return points[point + 1] + slope * since

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Self
 
 from hil_bench.errors import ParameterError
+from hil_bench.plant.extensions import ATMOSPHERE, EntrainedAir, LuGreFriction, SupplyUnit
+from hil_bench.plant.loads import Load, LoadSeries, MassOnSlope
 from hil_bench.plant.validation import require_finite, require_not_negative, require_positive
 
-VACUUM_PRESSURE = -101_325.0
+VACUUM_PRESSURE = -ATMOSPHERE
 """Absolute vacuum as a gauge pressure, under the standard atmosphere [Pa]."""
 
 
@@ -49,6 +51,12 @@ class PlantOptions:
         laminar_transition: pressure drop below which orifice flow is laminar [Pa]; 0 turns it off.
         alpha_negative: alpha of eq. (2) for negative spool positions [m]; None for the same alpha.
         beta_negative: beta of eq. (2) for negative spool positions [m]; None for the same beta.
+        C_LA: external leakage coefficient, chamber A to the tank [m³/(s Pa)].
+        C_LB: external leakage coefficient, chamber B to the tank [m³/(s Pa)].
+        air: what is entrained in the oil; None for the constant E.
+        bristles: LuGre friction in place of the tanh in eq. (13); None for the static curve.
+        supply: what holds P_S up; None for the constant P_S.
+        loads: what acts on the rod besides the F_L of each step; one series at the most.
 
     Raises:
         ParameterError: for a value that makes no physical sense.
@@ -61,11 +69,21 @@ class PlantOptions:
     laminar_transition: float = 0.0
     alpha_negative: float | None = None
     beta_negative: float | None = None
+    C_LA: float = 0.0
+    C_LB: float = 0.0
+    air: EntrainedAir | None = None
+    bristles: LuGreFriction | None = None
+    supply: SupplyUnit | None = None
+    loads: tuple[Load, ...] = ()
 
     def __post_init__(self) -> None:
         if self.tanh_gain != math.inf:
             require_positive("tanh_gain", self.tanh_gain, "s/m")
         require_not_negative("laminar_transition", self.laminar_transition, "Pa")
+        require_not_negative("C_LA", self.C_LA, "m³/(s Pa)")
+        require_not_negative("C_LB", self.C_LB, "m³/(s Pa)")
+        if sum(isinstance(load, LoadSeries) for load in self.loads) > 1:
+            raise ParameterError("load_series = several: must be one at the most; add them up")
         if self.alpha_negative is not None:
             require_positive("alpha_negative", self.alpha_negative, "m")
         if self.beta_negative is not None:
@@ -77,6 +95,21 @@ class PlantOptions:
                     f"cavitation_floor = {self.cavitation_floor:g} Pa: must be 0 or less, "
                     f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)"
                 )
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether anything is on that the paper's equations do not have."""
+        extensions = (self.air, self.bristles, self.supply)
+        return bool(self.C_LA or self.C_LB or self.loads) or extensions != (None, None, None)
+
+    @property
+    def load_mass(self) -> float:
+        """What the loads add to the moving mass m [kg]."""
+        return sum(load.load_mass for load in self.loads if isinstance(load, MassOnSlope))
+
+    def load_at(self, x: float, t: float = 0.0) -> float:
+        """Return the force of all loads [N] at piston position x [m] and time t [s]."""
+        return math.fsum(load.force_at(x, t) for load in self.loads)
 
     @classmethod
     def paper(cls) -> Self:

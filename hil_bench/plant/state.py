@@ -63,18 +63,25 @@ class PlantOutput(NamedTuple):
 
 
 def balanced_state(
-    parameters: PlantParameters, *, x: float = 0.0, mean_pressure: float | None = None
+    parameters: PlantParameters,
+    *,
+    x: float = 0.0,
+    mean_pressure: float | None = None,
+    F_L: float = 0.0,
 ) -> PlantState:
-    """Return the state of rest in which the pressures hold the piston: P_A A_A = P_B A_B.
+    """Return the state of rest in which the pressures hold the piston: P_A A_A = P_B A_B + F_L.
 
     Args:
         parameters: of the plant.
         x: piston position [m].
         mean_pressure: mean of P_A and P_B [Pa]; None for the middle of supply and tank.
+        F_L: external load [N].
     """
     mean = 0.5 * (parameters.P_S + parameters.P_T) if mean_pressure is None else mean_pressure
     require_finite("mean_pressure", mean, "Pa")
     require_finite("x", x, "m")
-    P_A = mean * parameters.A_B / parameters.mean_area
-    P_B = mean * parameters.A_A / parameters.mean_area
+    require_finite("F_L", F_L, "N")
+    held = 0.5 * F_L / parameters.mean_area
+    P_A = mean * parameters.A_B / parameters.mean_area + held
+    P_B = mean * parameters.A_A / parameters.mean_area - held
     return PlantState(x=x, v=0.0, P_A=P_A, P_B=P_B, nu=0.0, nu_dot=0.0)

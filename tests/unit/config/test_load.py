@@ -1,6 +1,7 @@
 """What a file, the environment and the command line make of a bench."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +18,9 @@ from hil_bench.config import (
     ValveConfig,
     load_config,
 )
+from hil_bench.plant.extensions import EntrainedAir, LuGreFriction
 from hil_bench.plant.full_order import Solver
+from hil_bench.plant.loads import ConstantLoad, LoadSeries, MassOnSlope, SpringLoad
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import paper_parameters
 
@@ -103,6 +106,79 @@ def test_end_stop_and_cavitation_can_be_turned_off(write: Write) -> None:
     """)
 
     assert load_config(path).axes[0].options == PlantOptions.paper()
+
+
+def test_extensions_of_the_plant_are_converted_to_si(write: Write) -> None:
+    path = write("""
+        [plant.axis1]
+        orifice_full_opening_negative_mm = 0.8
+        spool_overlap_negative_mm = 0.6
+        external_leakage_a_l_min_bar = 0.06
+        external_leakage_b_l_min_bar = 0.12
+        entrained_air_percent = 2
+        entrained_air_exponent = 1.2
+        friction = "lugre"
+        bristle_stiffness_n_mm = 5000
+        bristle_damping_n_s_m = 1500
+        supply = "unit"
+        pump_flow_l_min = 30
+        relief_pressure_bar = 120
+        relief_gradient_l_min_bar = 6
+        supply_line_volume_cm3 = 250
+        accumulator_volume_l = 2
+        accumulator_precharge_bar = 80
+        accumulator_exponent = 1.3
+        load_n = -500
+        load_spring_n_mm = 20
+        load_spring_rest_mm = -50
+        load_mass_kg = 100
+        load_slope_deg = 30
+        load_series_s_n = [[0, 0], [2.5, 400]]
+    """)
+    options = load_config(path).axes[0].options
+
+    assert (options.alpha_negative, options.beta_negative) == pytest.approx((8e-4, 6e-4))
+    assert (options.C_LA, options.C_LB) == pytest.approx((1e-11, 2e-11))
+    assert options.air == EntrainedAir(air_fraction=0.02, air_exponent=1.2)
+    assert options.bristles == LuGreFriction(sigma_0=5e6, sigma_1=1500.0)
+    assert options.supply is not None
+    assert dataclasses.astuple(options.supply) == pytest.approx(
+        (5e-4, 1.2e7, 1e-9, 2.5e-4, 2e-3, 8e6, 1.3)
+    )
+    force, spring, mass, series = options.loads
+    assert force == ConstantLoad(-500.0)
+    assert isinstance(spring, SpringLoad)
+    assert dataclasses.astuple(spring) == pytest.approx((2e4, -0.05))
+    assert isinstance(mass, MassOnSlope)
+    assert dataclasses.astuple(mass) == pytest.approx((100.0, math.pi / 6.0))
+    assert series == LoadSeries((0.0, 2.5), (0.0, 400.0))
+
+
+def test_an_extension_that_is_off_is_absent_whatever_its_other_keys_say(write: Write) -> None:
+    path = write("""
+        [plant.axis1]
+        entrained_air_exponent = 9
+        bristle_stiffness_n_mm = -1
+        pump_flow_l_min = -1
+        load_spring_rest_mm = 20
+        load_slope_deg = 30
+    """)
+
+    assert load_config(path).axes[0].options == PlantOptions.bench()
+
+
+def test_the_full_opening_is_that_of_the_larger_side(write: Write) -> None:
+    text = """
+        [plant.a]
+        spool_overlap_negative_mm = 0.7
+        [nodes.v]
+        profile = "valve_408"
+        node_id = 1
+    """
+    (valve,) = load_config(write(text)).nodes
+
+    assert isinstance(valve, ValveConfig)
+    assert valve.full_opening == pytest.approx(1.7e-3)  # 1 mm + 0.7 mm
 
 
 def test_a_file_with_a_bus_alone_keeps_the_default_bench(write: Write) -> None:

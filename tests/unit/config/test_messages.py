@@ -44,7 +44,14 @@ ONE_VALUE = [
     ('[nodes.v]\nprofile = "valve_408"\nnode_id = 128', "nodes.v.node_id: 128 is out of range; give an integer from 1 to 127, or \"unconfigured\""),
     ('[nodes.v]\nprofile = "valve_408"\nnode_id = "x"', 'nodes.v.node_id: "x" is not a node-ID; give an integer from 1 to 127, or "unconfigured"'),
     ('[nodes.v]\nprofile = "valve_408"\nnode_id = true', 'nodes.v.node_id: true is not a node-ID; give an integer from 1 to 127, or "unconfigured"'),
+    # Points
+    ("[plant.axis1]\nload_series_s_n = 3", "plant.axis1.load_series_s_n: 3 is not a list of points; give [[time, value], ...], each [s, N]"),
+    ("[plant.axis1]\nload_series_s_n = [[1, 2], 3]", "plant.axis1.load_series_s_n: 3 is not a point; give [[time, value], ...], each [s, N]"),
+    ("[plant.axis1]\nload_series_s_n = [[1, 2, 3]]", "plant.axis1.load_series_s_n: an array is not a point; give [[time, value], ...], each [s, N]"),
+    ("[plant.axis1]\nload_series_s_n = [[0, nan]]", "plant.axis1.load_series_s_n: nan is not finite; give [[time, value], ...], each [s, N]"),
+    ("[plant.axis1]\nload_series_s_n = [[true, 0]]", "plant.axis1.load_series_s_n: true is not a number; give [[time, value], ...], each [s, N]"),
     # Other kinds
+    ("[plant.axis1]\nfriction = 'dahl'", 'plant.axis1.friction: "dahl" is unknown; give one of "stribeck", "lugre"'),
     ("[plant.axis1]\nend_stop = 1", "plant.axis1.end_stop: 1 is not a truth value; give true or false"),
     ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint"'),
     ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),
@@ -86,6 +93,13 @@ TOGETHER = [
     ("[plant.axis1]\ntank_pressure_bar = 120", "plant.axis1.supply_pressure_bar: P_S = 1e+07 Pa; must be greater than P_T = 1.2e+07 Pa (see also tank_pressure_bar)"),
     ("[plant.axis1]\nend_stop_stiffness_n_mm = -1", "plant.axis1.end_stop_stiffness_n_mm: stiffness of the end stop = -1000 N/m; must be greater than 0"),
     ("[plant.axis1]\ncavitation_floor_bar = 1", "plant.axis1.cavitation_floor_bar: cavitation_floor = 100000 Pa; must be 0 or less, as a gauge pressure (absolute vacuum is -101325 Pa)"),
+    ("[plant.axis1]\nentrained_air_percent = 60", "plant.axis1.entrained_air_percent: air_fraction = 0.6; must be at most 0.5, or it is foam"),
+    ("[plant.axis1]\nspool_overlap_negative_mm = -1", "plant.axis1.spool_overlap_negative_mm: beta_negative = -0.001 m; must be 0 or greater"),
+    ("[plant.axis1]\nfriction = 'lugre'\nbristle_stiffness_n_mm = 0", "plant.axis1.bristle_stiffness_n_mm: sigma_0 = 0 N/m; must be greater than 0"),
+    ("[plant.axis1]\nsupply = 'unit'\naccumulator_precharge_bar = 100", "plant.axis1.accumulator_precharge_bar: precharge_pressure = 1e+07 Pa; must be below relief_pressure = 1e+07 Pa, or the accumulator never fills (see also relief_pressure_bar)"),
+    ("[plant.axis1]\nload_mass_kg = 10\nload_slope_deg = 100", "plant.axis1.load_slope_deg: slope = 1.74533 rad; must lie between -pi/2 and pi/2"),
+    ("[plant.axis1]\nload_spring_n_mm = -2", "plant.axis1.load_spring_n_mm: spring_stiffness = -2000 N/m; must be greater than 0"),
+    ("[plant.axis1]\nload_series_s_n = [[1, 0], [0, 0]]", "plant.axis1.load_series_s_n: load_series = 0 s after 1 s; its times must not decrease"),
     ("[plant.axis1]\nposition_mm = 250", "plant.axis1.position_mm: 250 is beyond the stroke; give -200 to 200, half of stroke_mm to each side"),
 ]  # fmt: skip
 

@@ -10,14 +10,23 @@ RUN_AND_PRINT_BITS = """
 import random
 import sys
 sys.modules.update({name: None for name in sys.argv[1:]})  # None: as if not installed
-from hil_bench.plant import FullOrderPlant, PlantInput, PlantOptions, Solver, paper_parameters
+from hil_bench.plant import *
+extended = PlantOptions(
+    end_stop=EndStop(),
+    cavitation_floor=-101325.0,
+    C_LA=1e-12,
+    air=EntrainedAir(air_fraction=0.01),
+    bristles=LuGreFriction(),
+    supply=SupplyUnit(),
+    loads=(SpringLoad(1e4), LoadSeries((0.1, 0.4, 0.9), (0.0, 9e3, -5e3))),
+)
 for solver in Solver:
-    for options in (PlantOptions.paper(), PlantOptions.bench()):
+    for options in (PlantOptions.paper(), PlantOptions.bench(), extended):
         plant = FullOrderPlant(paper_parameters(), options=options, solver=solver)
         source = random.Random(1)
         for _ in range(400):
             plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
-        print(*(value.hex() for value in (*plant.state, *plant.output)))
+        print(*(value.hex() for value in (*plant.state, *plant.output, *plant.extension)))
 """
 
 
@@ -37,6 +46,6 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
     """
     compiled = run_plants("0")
-    assert compiled.count("\n") == 4
+    assert compiled.count("\n") == 6
     assert compiled == run_plants("1")
     assert compiled == run_plants("0", "numba")

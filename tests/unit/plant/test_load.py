@@ -1,10 +1,11 @@
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.load import stop_force, stop_velocity_change
+from hil_bench.plant.load import find_point, series_force, stop_force, stop_velocity_change
 
 STOP = (0.2, 2e8, 2e4)
 NO_STOP = (math.inf, 0.0, 0.0)
@@ -53,3 +54,31 @@ def test_a_free_mass_never_gains_energy_from_the_stop(
 
     assert energy(x_after, v_after) <= energy(x, v) * (1.0 + 1e-12) + 1e-12
     assert side * dv <= 0.0  # away from the stop, or nothing
+
+
+points = st.lists(
+    st.tuples(st.floats(0.0, 10.0), st.floats(-1e5, 1e5)), min_size=1, max_size=8
+).map(lambda pairs: sorted(pairs, key=lambda pair: pair[0]))
+
+
+@given(points=points, times=st.lists(st.floats(-1.0, 11.0), max_size=10).map(sorted))
+def test_a_series_is_linear_between_its_points(
+    points: list[tuple[float, float]], times: list[float]
+) -> None:
+    row = np.array(points).ravel()
+    point, last = 0, len(row) - 2
+    for t in times:
+        point = find_point(row, point, last, t)
+        expected = float(np.interp(t, row[::2], row[1::2]))
+        if np.all(np.diff(row[::2]) > 1e-6):
+            assert series_force(row, point, last, t) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_two_points_at_one_time_are_a_step() -> None:
+    row = np.array([0.0, 10.0, 1.0, 10.0, 1.0, 50.0, 2.0, 70.0])
+
+    def force(t: float) -> float:
+        return series_force(row, find_point(row, 0, 6, t), 6, t)
+
+    assert [force(t) for t in (-1.0, 0.5, 1.0, 1.5, 9.0)] == [10.0, 10.0, 50.0, 60.0, 70.0]
+    assert force(1.0 - 1e-9) == pytest.approx(10.0)

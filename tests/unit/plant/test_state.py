@@ -22,8 +22,16 @@ def test_balanced_state_at_another_place_and_pressure(paper: PlantParameters) ->
     assert state[2:4] == pytest.approx((2.907216e6, 3.092784e6), rel=1e-6)
 
 
+def test_balanced_state_under_a_load(paper: PlantParameters) -> None:
+    state = balanced_state(paper, F_L=4e3)
+    assert state.P_A * paper.A_A - state.P_B * paper.A_B == pytest.approx(4e3, rel=1e-9)
+    assert state.P_A + state.P_B == pytest.approx(paper.P_S, rel=1e-12)
+
+
 def test_balanced_state_refuses_nan(paper: PlantParameters) -> None:
     with pytest.raises(ParameterError, match=r"^mean_pressure = nan Pa"):
         balanced_state(paper, mean_pressure=math.nan)
     with pytest.raises(ParameterError, match=r"^x = inf m"):
         balanced_state(paper, x=math.inf)
+    with pytest.raises(ParameterError, match=r"^F_L = inf N"):
+        balanced_state(paper, F_L=math.inf)

@@ -1,0 +1,131 @@
+"""The paper's solver with extensions: forward Euler of every state from the old values of all.
+
+The bristles alone move by their exact solution for the old velocity: a step may be longer than the
+time in which they slip.
+"""
+
+from hil_bench.plant.bristles import bend, resist, settle, slip_rate
+from hil_bench.plant.bulk_modulus import bulk_modulus
+from hil_bench.plant.chamber import chamber_volumes, net_flows
+from hil_bench.plant.constants import Constants, unpack
+from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
+from hil_bench.plant.friction import friction_force
+from hil_bench.plant.kernel import Floats, kernel
+from hil_bench.plant.load import find_point, series_force, stop_force
+from hil_bench.plant.orifice import port_flow
+from hil_bench.plant.spool import orifice_state
+from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
+
+
+@kernel
+def compress_oil_explicit(
+    x: float,
+    v: float,
+    pressures: tuple[float, float],
+    flows: tuple[float, float],
+    constants: Constants,
+    extension: ExtendedConstants,
+) -> tuple[float, float]:
+    """Return P_A and P_B one step later [Pa].
+
+    Args:
+        x: piston position [m].
+        v: piston velocity [m/s].
+        pressures: P_A and P_B [Pa].
+        flows: Q_A and Q_B [m³/s].
+        constants: in their groups.
+        extension: those of the extensions.
+    """
+    (dt, _, _, floor), _, _, _, (_, _, P_T, _, _), chambers, _, _ = constants
+    (C_LA, C_LB), air, _, _, _ = extension
+    E, C_L, _, _, _, _, _ = chambers
+    P_A, P_B = pressures
+    V_A, V_B = chamber_volumes(x, chambers)
+    net_A, net_B = net_flows(flows[0], flows[1], v, C_L * (P_A - P_B), chambers)
+    net_A, net_B = net_A - C_LA * (P_A - P_T), net_B - C_LB * (P_B - P_T)
+    P_A += dt * bulk_modulus(P_A, E, air) / V_A * net_A
+    P_B += dt * bulk_modulus(P_B, E, air) / V_B * net_B
+    return floor if P_A < floor else P_A, floor if P_B < floor else P_B
+
+
+@kernel
+def rub(
+    v: float, z_f: float, constants: Constants, extension: ExtendedConstants
+) -> tuple[float, float]:
+    """Return the friction force at the start of a step [N], and z_f one step later [m].
+
+    Args:
+        v: piston velocity [m/s].
+        z_f: bristle deflection [m].
+        constants: in their groups.
+        extension: those of the extensions.
+    """
+    (dt, _, _, _), _, _, _, _, _, friction, _ = constants
+    bristles = extension[2]
+    if bristles[0] == 0.0:
+        return friction_force(v, friction), z_f
+    bending = bend(slip_rate(v, friction, bristles), dt)
+    held, slope = resist(z_f, bending, friction[2], dt, bristles)
+    limit = (friction[0] + friction[1]) / bristles[0]
+    return held + slope * v, settle(z_f, v, bending, limit)
+
+
+@kernel
+def charge_explicit(P_S: float, drawn: float, dt: float, supply: SupplyConstants) -> float:
+    """Return the supply pressure one step later [Pa].
+
+    Args:
+        P_S: supply pressure [Pa].
+        drawn: flow to the cylinder [m³/s].
+        dt: step [s].
+        supply: the constants.
+    """
+    if supply[0] == 0.0:
+        return P_S
+    net = supply[1] - drawn - relief_flow(P_S, supply)
+    return P_S + dt * net / supply_compliance(P_S, supply)
+
+
+@kernel
+def advance_extended_euler(
+    state: Floats, constants: Floats, u: float, F_L: float, steps: int
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Move the state on by some steps of forward Euler, in place.
+
+    Args:
+        state: x, v, P_A, P_B, nu, nu_dot, steps since time 0, z_f, P_S, point of the load series.
+        constants: as `hil_bench.plant.extended_constants.pack_extended` gives them.
+        u: spool set-point [m].
+        F_L: external load besides those of the options [N].
+        steps: how many.
+
+    Returns:
+        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+    """
+    groups, extension = unpack(constants), unpack_extended(constants)
+    (dt, m, _, floor), spool, opening, _, orifice, chambers, _, stop = groups
+    K, _, P_T, width, signed = orifice
+    _, _, _, (constant, spring, rest), supply = extension
+    x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
+    z_f, P_S = state[7], state[8]
+    point, last = SERIES + int(state[9]), len(constants) - 2
+    F_L += constant
+    z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
+    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+    for step in range(steps):
+        t = (state[6] + step) * dt
+        point = find_point(constants, point, last, t)
+        load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
+        f, z_f = rub(v, z_f, groups, extension)
+        force = P_A * chambers[2] - P_B * chambers[3] - f - load + stop_force(x, v, stop)
+        P_S = charge_explicit(P_S, Q_A if z > 0.0 else Q_B, dt, supply)
+        P_S = floor if P_S < floor else P_S
+        P_A, P_B = compress_oil_explicit(x, v, (P_A, P_B), (Q_A, Q_B), groups, extension)
+        x, v = x + dt * v, v + dt * force / m
+        acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
+        nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
+        z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
+        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
+    state[6], state[7], state[8], state[9] = state[6] + steps, z_f, P_S, float(point - SERIES)
+    return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -1,0 +1,55 @@
+import math
+
+import pytest
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant import ConstantLoad, LoadSeries, MassOnSlope, PlantOptions, SpringLoad
+
+
+@pytest.mark.parametrize(
+    ("slope_deg", "weight"),
+    [  # 100 kg * 9.80665 m/s² * sin(slope)
+        (0.0, 0.0),
+        (30.0, 490.3325),
+        (90.0, 980.665),
+        (-90.0, -980.665),
+    ],
+)
+def test_weight_on_a_slope(slope_deg: float, weight: float) -> None:
+    assert MassOnSlope(100.0, math.radians(slope_deg)).weight == pytest.approx(weight, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: ConstantLoad(math.nan), "load_force = nan N: must be finite"),
+        (lambda: SpringLoad(0.0), "spring_stiffness = 0 N/m: must be greater than 0"),
+        (lambda: SpringLoad(1.0, math.inf), "spring_rest = inf m: must be finite"),
+        (lambda: MassOnSlope(-1.0), "load_mass = -1 kg: must be 0 or greater"),
+        (lambda: MassOnSlope(1.0, 1.6), "slope = 1.6 rad: must lie between -pi/2 and pi/2"),
+        (lambda: LoadSeries((), ()), "load_series = 0 times and 0 forces: must be one force"),
+        (lambda: LoadSeries((0.0,), (1.0, 2.0)), "load_series = 1 times and 2 forces: must be"),
+        (
+            lambda: LoadSeries((1.0, 0.5), (0.0, 0.0)),
+            "load_series = 0.5 s after 1 s: its times must not decrease",
+        ),
+        (lambda: LoadSeries((0.0,), (math.nan,)), "force of load_series = nan N: must be finite"),
+        (lambda: LoadSeries((math.inf,), (0.0,)), "time of load_series = inf s: must be finite"),
+    ],
+)
+def test_refuses_a_senseless_load(build, message: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        build()
+    assert str(refusal.value).startswith(message)
+
+
+def test_force_of_each_load_at_a_place_and_a_time() -> None:
+    loads = (
+        ConstantLoad(100.0),
+        SpringLoad(1e3, 0.1),
+        MassOnSlope(10.0, math.radians(90.0)),
+        LoadSeries((1.0, 2.0), (0.0, 50.0)),
+    )
+    forces = [load.force_at(0.3, 1.5) for load in loads]
+    assert forces == pytest.approx([100.0, 200.0, 98.0665, 25.0])
+    assert PlantOptions(loads=loads).load_at(0.3, 1.5) == pytest.approx(423.0665)

@@ -1,8 +1,4 @@
-"""The right-hand side of the full-order model, taken from the plant that steps it.
-
-A step of forward Euler is the right-hand side times dt, so the plant itself says how fast each
-state changes, with every option that it knows.
-"""
+"""The right-hand side of the full-order model, as the plant's solver for references takes it."""
 
 import math
 
@@ -10,18 +6,24 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.plant import (
-    FullOrderPlant,
     PlantInput,
     PlantOptions,
     PlantParameters,
     PlantState,
-    Solver,
-    balanced_state,
+    SpringLoad,
+    runge_kutta,
 )
-from hil_bench.plant.full_order import largest_euler_step
+from hil_bench.plant.constants import Constants, pack, unpack
+from hil_bench.plant.extended_constants import pack_extended, unpack_extended
+from hil_bench.plant.friction import friction_force
+from hil_bench.plant.kernel import make_row
+from hil_bench.plant.spool import orifice_state
 
 Rates = npt.NDArray[np.float64]
 """Time derivatives of x, v, P_A, P_B, nu, nu_dot."""
+
+_ANY_STEP = 1e-4
+"""A right-hand side has no step, but a row of constants a place for one [s]."""
 
 
 def state_rates(
@@ -30,34 +32,30 @@ def state_rates(
     state: PlantState,
     plant_input: PlantInput,
 ) -> Rates:
-    """Return the time derivatives of the six states [m/s, m/s², Pa/s, Pa/s, m/s, m/s²]."""
-    return _rates(_plant(parameters, options, state), plant_input)
+    """Return the time derivatives of the six states [m/s, m/s², Pa/s, Pa/s, m/s, m/s²].
+
+    The loads of the options are those of time 0, bristles are straight, the supply is at P_S.
+    """
+    row = make_row(pack_extended(parameters, options, _ANY_STEP))
+    # The kernel adds the springs, which follow the position.
+    loads = [load for load in options.loads if not isinstance(load, SpringLoad)]
+    load = plant_input.F_L + math.fsum(load.force_at(state.x, 0.0) for load in loads)
+    states = (*state, 0.0, parameters.P_S)
+    rates = runge_kutta.state_rates(states, plant_input.u, load, unpack(row), unpack_extended(row))
+    return np.array(rates[:6], dtype=np.float64)
 
 
 def orifice_state_at(
     parameters: PlantParameters, options: PlantOptions, spool_position: float
 ) -> float:
     """Return the orifice state z [m] at a spool position [m], eq. (2)."""
-    state = balanced_state(parameters)._replace(nu=spool_position)
-    return _plant(parameters, options, state).output.z
+    return float(orifice_state(spool_position, _constants(parameters, options)[2]))
 
 
 def friction_at(parameters: PlantParameters, options: PlantOptions, velocity: float) -> float:
-    """Return the friction force [N] at a piston velocity [m/s], eq. (13)."""
-    # Balanced pressures leave the friction alone to slow the piston down.
-    state = balanced_state(parameters)._replace(v=velocity)
-    return -parameters.m * float(state_rates(parameters, options, state, PlantInput(0.0))[1])
+    """Return the friction force [N] at a constant piston velocity [m/s], eq. (13)."""
+    return float(friction_force(velocity, _constants(parameters, options)[6]))
 
 
-def _plant(parameters: PlantParameters, options: PlantOptions, state: PlantState) -> FullOrderPlant:
-    # A power of two, so that multiplying and dividing by it round nothing.
-    dt = 2.0 ** math.floor(math.log2(min(0.5 * largest_euler_step(parameters, options), 1e-4)))
-    return FullOrderPlant(
-        parameters, options=options, solver=Solver.FORWARD_EULER, dt=dt, state=state
-    )
-
-
-def _rates(plant: FullOrderPlant, plant_input: PlantInput) -> Rates:
-    before = np.array(plant.state)
-    plant.step(plant_input)
-    return np.asarray((np.array(plant.state) - before) / plant.dt, dtype=np.float64)
+def _constants(parameters: PlantParameters, options: PlantOptions) -> Constants:
+    return unpack(make_row(pack(parameters, options, _ANY_STEP)))

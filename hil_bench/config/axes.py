@@ -1,5 +1,6 @@
 """The tables ``[plant.NAME]``: the cylinders and the hydraulic side of their valves."""
 
+import math
 import re
 from collections.abc import Mapping
 
@@ -23,6 +24,7 @@ from hil_bench.config.records import AxisConfig, Friction, Supply
 from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
+from hil_bench.plant.full_order import Solver, largest_step
 from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -55,15 +57,26 @@ def read_axes(document: Document, problems: Problems) -> dict[str, Settings]:
     }
 
 
-def build_axes(axes: Mapping[str, Settings], problems: Problems) -> tuple[AxisConfig, ...]:
-    """Return the records of the axes; what makes no physical sense is noted and left out."""
+def build_axes(
+    axes: Mapping[str, Settings], step_us: int, problems: Problems
+) -> tuple[AxisConfig, ...]:
+    """Return the records of the axes; what makes no physical sense is noted and left out.
+
+    Args:
+        axes: their settings.
+        step_us: step of the plants' solvers [us].
+        problems: where problems are noted.
+    """
     built = []
     for name, axis in axes.items():
         _check_position(name, axis, problems)
         try:
-            built.append(_build_axis(name, axis))
+            record = _build_axis(name, axis)
         except ParameterError as error:
             _explain(f"plant.{name}", str(error), problems)
+        else:
+            _check_solver(record, step_us, problems)
+            built.append(record)
     return tuple(built)
 
 
@@ -104,6 +117,19 @@ def _build_loads(axis: Settings) -> tuple[Load, ...]:
         times, forces = zip(*series, strict=True)
         loads.append(LoadSeries(times, forces))
     return tuple(loads)
+
+
+def _check_solver(axis: AxisConfig, step_us: int, problems: Problems) -> None:
+    limit_us = largest_step(axis.parameters, axis.options, axis.solver) * 1e6
+    if step_us <= limit_us:
+        return
+    right = f'give solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"'
+    if limit_us >= 1.0:
+        right += f" or bench.step_us = {math.floor(limit_us)}"
+    problems.add(
+        problems.place(f"plant.{axis.name}", "solver"),
+        f'"{axis.solver.value}" is unstable with these parameters at step_us = {step_us}; {right}',
+    )
 
 
 def _check_position(name: str, axis: Settings, problems: Problems) -> None:

@@ -57,7 +57,7 @@ def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
 
 BENCH_KEYS = (
     Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
-    Key("step_us", integer(1, 10_000), 100, MICROSECOND),
+    Key("step_us", integer(1, 10_000), 50, MICROSECOND),
     Key("seed", integer(0), 1),
 )
 

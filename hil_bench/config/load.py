@@ -63,7 +63,7 @@ def load_config(
     _check_timing(bench, problems)
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
     check_nodes(nodes, axes, problems)
-    built_axes = build_axes(axes, problems)
+    built_axes = build_axes(axes, bench["step_us"].value, problems)
     problems.raise_any()
 
     tables = (bench, bus, *axes.values(), *nodes.values())

@@ -20,13 +20,14 @@ from hil_bench.plant.bulk_modulus import AirConstants, bulk_modulus
 from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
-from hil_bench.plant.friction import FrictionConstants, linearise_friction
 from hil_bench.plant.implicit_midpoint import (
+    NO_DRAG,
     Cylinder,
     Response,
     eliminate_pressures,
     finish_step,
     implicit_share,
+    linearise_drag,
     velocity_change,
 )
 from hil_bench.plant.kernel import Floats, kernel
@@ -146,22 +147,6 @@ def compress_oil(
 
 
 @kernel
-def resist_static(
-    drive: float, v: float, inertia: float, friction: FrictionConstants
-) -> tuple[float, float]:
-    """Return force on the piston [N] and inertia [N s/m] with the friction of eq. (13).
-
-    Args:
-        drive: force on the piston without friction, at the start of the step [N].
-        v: piston velocity then [m/s].
-        inertia: m / dt [N s/m].
-        friction: the constants.
-    """
-    secant, tangent = linearise_friction(v, friction)
-    return drive - secant * v, inertia + implicit_share(secant, tangent, inertia)
-
-
-@kernel
 def find_bending(
     drive: float,
     v: float,
@@ -217,16 +202,17 @@ def move_extended(
 
     load = F_L + spring * (x + 0.5 * dt * v - rest)
     drive = P_A * chambers[2] - P_B * chambers[3]
-    spring_share = 0.25 * dt * spring
+    inertia = m / dt + 0.25 * dt * spring
     if bristles[0] == 0.0:
-        force, inertia = resist_static(drive, v, m / dt, friction)
-        moved = finish_step(cylinder, force - load, inertia + spring_share, response, constants)
+        drag = linearise_drag(v, m / dt, friction)
+        force = drive - drag[0] * v - load
+        moved = finish_step(cylinder, force, inertia, drag, response, constants)
     else:
-        inertia = m / dt + spring_share
         bending = find_bending(drive - load, v, inertia, z_f, response, constants, bristles)
         held, slope = resist(z_f, bending, friction[2], dt, bristles)
         force = drive - held - slope * v - load
-        moved = finish_step(cylinder, force, inertia + 0.5 * slope, response, constants)
+        inertia += 0.5 * slope
+        moved = finish_step(cylinder, force, inertia, NO_DRAG, response, constants)
         limit = (friction[0] + friction[1]) / bristles[0]
         z_f = settle(z_f, 0.5 * (v + moved[1]), bending, limit)
 

@@ -1,25 +1,21 @@
 """The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
 
 import math
-from collections.abc import Sequence
 from enum import StrEnum
-from typing import cast
-
-import numpy as np
 
 from hil_bench.errors import ParameterError
 from hil_bench.plant.constants import pack
-from hil_bench.plant.extended_constants import ExtensionState, pack_extended, supply_constants
+from hil_bench.plant.extended_constants import ExtensionState, pack_extended
 from hil_bench.plant.extended_euler import advance_extended_euler
 from hil_bench.plant.extended_midpoint import advance_extended_midpoint
 from hil_bench.plant.forward_euler import advance_forward_euler
 from hil_bench.plant.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plant.kernel import IS_COMPILED, Floats
-from hil_bench.plant.loads import SpringLoad
+from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.runge_kutta import advance_runge_kutta
+from hil_bench.plant.stability import largest_euler_step, largest_runge_kutta_step
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
-from hil_bench.plant.supply import supply_compliance
 from hil_bench.plant.validation import require_finite, require_positive
 
 SPOOL_SETPOINT_LIMIT = 1.0
@@ -34,6 +30,7 @@ class Solver(StrEnum):
 
     FORWARD_EULER = "forward-euler"
     LINEARLY_IMPLICIT_MIDPOINT = "linearly-implicit-midpoint"
+    RUNGE_KUTTA = "runge-kutta"
 
 
 _STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
@@ -43,6 +40,12 @@ _ADVANCE = {
     (Solver.FORWARD_EULER, True): advance_extended_euler,
     (Solver.LINEARLY_IMPLICIT_MIDPOINT, False): advance_implicit_midpoint,
     (Solver.LINEARLY_IMPLICIT_MIDPOINT, True): advance_extended_midpoint,
+    (Solver.RUNGE_KUTTA, True): advance_runge_kutta,
+}
+
+_LARGEST_STEP = {
+    Solver.FORWARD_EULER: largest_euler_step,
+    Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
 
 
@@ -89,12 +92,13 @@ class FullOrderPlant:
         F_L = self.options.load_at(0.0, t)
         start = balanced_state(parameters, F_L=F_L) if state is None else state
         _check_state(start, parameters, self.options)
-        self._is_extended = is_extended = self.options.is_extended
+        # The solver for references has one kernel, which knows all extensions.
+        self._is_extended = is_extended = self.options.is_extended or solver is Solver.RUNGE_KUTTA
         self._advance = _ADVANCE[solver, is_extended]
-        self._constants = _row(
+        self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
-        self._state = _row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
+        self._state = make_row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
@@ -149,43 +153,14 @@ class FullOrderPlant:
         return self._output
 
 
-def largest_euler_step(parameters: PlantParameters, options: PlantOptions) -> float:
-    """Return the step at which forward Euler is sure to be unstable [s].
+def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Solver) -> float:
+    """Return the largest step at which a solver is stable over the operating range [s].
 
-    The smallest of limits that hold whatever the oil does: of the spool's position loop, of an open
-    relief valve, and of the piston at standstill, where the friction curve has the slope
-    gain F_s + sigma, bristles and springs their stiffness, and a pressed end stop its damping. The
-    printed sign has no slope: there the piston chatters at any step, by F_s dt / m.
+    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
     """
-    p = parameters
-    limits = [_explicit_limit(2.0 * p.xi * p.omega_0, p.omega_0**2)]
-    if options.bristles is not None or options.tanh_gain != math.inf:
-        slope, stiffness = _standstill(p, options)
-        mass = p.m + options.load_mass
-        limits.append(_explicit_limit(slope / mass, stiffness / mass))
-    if options.supply is not None:
-        relief = options.supply
-        compliance = supply_compliance(relief.relief_pressure, supply_constants(p, options))
-        limits.append(2.0 * compliance / relief.relief_gradient)
-    return min(limits)
-
-
-def _explicit_limit(damping: float, stiffness: float) -> float:
-    """Return the step [s] at which forward Euler of s² + damping s + stiffness turns unstable."""
-    discriminant = damping**2 - 4.0 * stiffness
-    if discriminant < 0.0:
-        return damping / stiffness
-    fastest = 0.5 * (damping + math.sqrt(discriminant))
-    return 2.0 / fastest if fastest > 0.0 else math.inf
-
-
-def _standstill(parameters: PlantParameters, options: PlantOptions) -> tuple[float, float]:
-    """Return slope [N s/m] and stiffness [N/m] of what holds the piston at standstill."""
-    slope = parameters.sigma + (options.end_stop.damping if options.end_stop else 0.0)
-    stiffness = sum(load.spring_stiffness for load in options.loads if isinstance(load, SpringLoad))
-    if options.bristles is None:
-        return slope + options.tanh_gain * parameters.F_s, stiffness
-    return slope + options.bristles.sigma_1, stiffness + options.bristles.sigma_0
+    if solver not in _LARGEST_STEP:
+        return math.inf
+    return _LARGEST_STEP[solver](parameters, options)
 
 
 def _check_step(
@@ -194,17 +169,27 @@ def _check_step(
     require_positive("dt", dt, "s")
     if options.bristles is not None and parameters.F_c == 0.0:
         raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
+    limit = largest_step(parameters, options, solver)
+    if dt > limit:
+        raise ParameterError(
+            f"dt = {dt:g} s: {solver.value} is unstable with these parameters; "
+            f"{_remedy(limit)} is right"
+        )
     if solver is Solver.FORWARD_EULER:
-        limit = largest_euler_step(parameters, options)
-        if dt >= limit:
-            raise ParameterError(
-                f"dt = {dt:g} s: {solver.value} needs less than {limit:.4g} s with these parameters"
-            )
-    elif options.tanh_gain == math.inf and options.bristles is None:
+        return
+    if options.tanh_gain == math.inf and options.bristles is None:
         raise ParameterError(
             f"tanh_gain = inf s/m: {solver.value} needs a slope, a finite gain; "
             f"take {Solver.FORWARD_EULER.value} for the printed sign"
         )
+
+
+def _remedy(limit: float) -> str:
+    """Return what is right in place of a step above `limit` [s]."""
+    if limit == 0.0:
+        return f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}, for no step is short enough,"
+    digit = 10.0 ** (math.floor(math.log10(limit)) - 2)
+    return f"{math.floor(limit / digit) * digit:g} s or less"
 
 
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
@@ -233,9 +218,3 @@ def _check_extension(
     ):
         require_finite(symbol, value, unit)
     return extension
-
-
-def _row(values: Sequence[float]) -> Floats:
-    if IS_COMPILED:
-        return cast("Floats", np.array(values, dtype=np.float64))
-    return list(values)

@@ -4,12 +4,16 @@ One step solves (I - W) dy = dt f(y) for y = (P_A, P_B, v), with f taken at the 
 in spool and piston position. W = dt J / 2 makes that a Rosenbrock step of order 2 (gamma = 1/2). On
 the diagonal, W grows beyond that by terms of order dt² where an orifice or the friction curve is
 stiff, up to the backward Euler step on the secant: so nothing rings there and the order stays
-(`docs/decisions/0001-plant-and-solver.md`).
+(`docs/decisions/0001-plant-and-solver.md`). Where one step resolves the friction curve, its mean
+over the step then takes the place of its tangent: the curve bends so much while the piston breaks
+away or comes to rest that the tangent made most of the error (`docs/solvers.md`).
 """
+
+import math
 
 from hil_bench.plant.chamber import ChamberConstants, chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
-from hil_bench.plant.friction import linearise_friction
+from hil_bench.plant.friction import FrictionConstants, linearise_friction
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import stop_velocity_change
 from hil_bench.plant.orifice import linearise_flow, port_flow
@@ -17,6 +21,12 @@ from hil_bench.plant.spool import move_spool, orifice_state
 
 Cylinder = tuple[float, float, float, float]
 """(x, v, P_A, P_B)."""
+
+Drag = tuple[float, float, float]
+"""What the friction curve is at the start of a step: (secant, tangent, implicit share) [N s/m]."""
+
+NO_DRAG: Drag = (math.inf, 0.0, 0.0)
+"""In place of the friction curve where bristles hold the piston."""
 
 
 @kernel
@@ -106,19 +116,73 @@ def velocity_change(
 
 
 @kernel
+def linearise_drag(v: float, inertia: float, friction: FrictionConstants) -> Drag:
+    """Return secant, tangent and implicit share of the friction curve, eq. (13) [N s/m].
+
+    Args:
+        v: piston velocity at the start of the step [m/s].
+        inertia: m / dt [N s/m].
+        friction: the constants.
+    """
+    secant, tangent = linearise_friction(v, friction)
+    return secant, tangent, implicit_share(secant, tangent, inertia)
+
+
+@kernel
+def follow_friction(
+    dv: float,
+    v: float,
+    resistance: float,
+    drag: Drag,
+    inertia: float,
+    friction: FrictionConstants,
+) -> float:
+    """Return the velocity change over the step with the friction curve's mean along it [m/s].
+
+    The mean from v to v + dv is that of the cubic through both ends with their tangents; one Newton
+    step brings dv there. Where the secant exceeds the inertia, a step is too long to follow the
+    curve, and dv stays: so no piston turns round further than without this.
+
+    Args:
+        dv: velocity change with the friction as linearised at the start of the step [m/s].
+        v: piston velocity at the start of the step [m/s].
+        resistance: force per velocity change of everything [N s/m].
+        drag: the friction curve at the start of the step.
+        inertia: m / dt [N s/m].
+        friction: the constants.
+    """
+    secant, tangent, share = drag
+    if secant > inertia:
+        return dv
+    end = v + dv
+    secant_end, tangent_end = linearise_friction(end, friction)
+    mean = 0.5 * (secant * v + secant_end * end) - (tangent_end - tangent) * dv / 12.0
+    excess = mean - secant * v - share * dv
+    slope = 0.5 * tangent_end if tangent_end > 0.0 else 0.0
+    return dv - excess / (resistance - share + slope)
+
+
+@kernel
 def finish_step(
-    cylinder: Cylinder, force: float, inertia: float, response: Response, constants: Constants
+    cylinder: Cylinder,
+    force: float,
+    inertia: float,
+    drag: Drag,
+    response: Response,
+    constants: Constants,
 ) -> Cylinder:
     """Return x, v, P_A, P_B one step later, with the cavitation floor and the end stops in force.
 
     Args:
         cylinder: x, v, P_A, P_B at the start of the step.
         force: on the piston at the start of the step [N].
-        inertia: m / dt and what damps the piston [N s/m].
+        inertia: m / dt and what damps the piston besides the friction curve [N s/m].
+        drag: the friction curve at the start of the step; `NO_DRAG` for none.
         response: of the pressures.
         constants: in their groups.
     """
-    (dt, _, _, floor), _, _, _, _, chambers, _, stop = constants
+    (dt, m, _, floor), _, _, _, _, chambers, friction, stop = constants
+    inertia += drag[2]
     x, v, P_A, P_B = cylinder
     dP_A, fall_A, dP_B, fall_B = response
     dv, resistance = velocity_change(force, inertia, response, chambers)
@@ -127,6 +191,7 @@ def finish_step(
         dP_B, fall_B = respond(P_B, dP_B, fall_B, floor, dv)
         held = (dP_A, fall_A, dP_B, fall_B)
         dv, resistance = velocity_change(force, inertia, held, chambers)
+    dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
     dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
     P_A += dP_A - fall_A * dv
     P_B += dP_B - fall_B * dv
@@ -163,10 +228,9 @@ def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants
     b = C_B + c + implicit_share(secant_B, tangent_B, C_B)
     response = eliminate_pressures(net_A, net_B, a, b, c, chambers)
 
-    secant, tangent = linearise_friction(v, friction)
-    inertia = m / dt + implicit_share(secant, tangent, m / dt)
-    force = P_A * A_A - P_B * A_B - secant * v - F_L
-    return finish_step(cylinder, force, inertia, response, constants)
+    drag = linearise_drag(v, m / dt, friction)
+    force = P_A * A_A - P_B * A_B - drag[0] * v - F_L
+    return finish_step(cylinder, force, m / dt, drag, response, constants)
 
 
 @kernel

@@ -9,8 +9,10 @@ The machine code is cached on disk. Numba sees a change of the file that holds a
 a file that this kernel calls into: after editing the plant, delete `hil_bench/plant/__pycache__`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar, cast
+
+import numpy as np
 
 _Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
 
@@ -42,3 +44,10 @@ def kernel(function: _Kernel) -> _Kernel:
     except RuntimeError:  # no directory to cache in: a read-only or zipped installation
         compiled = numba.njit(error_model="numpy", forceinline=True)(function)
     return cast("_Kernel", compiled)
+
+
+def make_row(values: Sequence[float]) -> Floats:
+    """Return a row of floats as the kernels take it."""
+    if IS_COMPILED:
+        return cast("Floats", np.array(values, dtype=np.float64))
+    return list(values)

@@ -22,7 +22,7 @@ def test_each_value_is_shown_with_its_origin(
         "",
         "[bench]",
         "tick_us = 1000 # default",
-        "step_us = 100 # default",
+        "step_us = 50 # default",
         "seed = 7 # environment",
         "",
         "[bus]",

@@ -19,7 +19,7 @@ def test_it_introduces_itself_runs_and_sums_up(capsys):
     assert main(["run", *BUS, "--duration", "0.25"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith(
-        "bench  built-in bench, 1000 Hz, 10 plant steps a tick\nbus    virtual test_run\n\nnode 1"
+        "bench  built-in bench, 1000 Hz, 20 plant steps a tick\nbus    virtual test_run\n\nnode 1"
     )
     assert "ticks     250 of 1000 us, 0 overran, 0 skipped\n" in out
     assert "frames    0 received (0 for nobody here), 4 sent\n" in out  # four boot-up messages

@@ -35,8 +35,8 @@ def test_without_a_file_there_is_one_axis_with_table_1_and_four_nodes() -> None:
     config = load_config()
 
     assert config.path is None
-    assert (config.tick_ns, config.step_ns, config.steps_per_tick) == (1_000_000, 100_000, 10)
-    assert config.dt == pytest.approx(1e-4, rel=1e-15)
+    assert (config.tick_ns, config.step_ns, config.steps_per_tick) == (1_000_000, 50_000, 20)
+    assert config.dt == pytest.approx(5e-5, rel=1e-15)
     assert config.seed == 1
     assert config.bus == BusConfig(None, None, None, {})
     (axis,) = config.axes
@@ -74,6 +74,7 @@ def test_the_default_nodes_are_one_of_each_device() -> None:
 
 def test_values_are_converted_to_si(write: Write) -> None:
     path = write("""
+        bench.step_us = 20
         [plant.lift]
         stroke_mm = 300
         supply_pressure_bar = 210

@@ -53,7 +53,8 @@ ONE_VALUE = [
     # Other kinds
     ("[plant.axis1]\nfriction = 'dahl'", 'plant.axis1.friction: "dahl" is unknown; give one of "stribeck", "lugre"'),
     ("[plant.axis1]\nend_stop = 1", "plant.axis1.end_stop: 1 is not a truth value; give true or false"),
-    ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint"'),
+    ('[bench]\nstep_us = 100\n[plant.axis1]\nsolver = "forward-euler"\nbulk_modulus_mpa = 1000', 'plant.axis1.solver: "forward-euler" is unstable with these parameters at step_us = 100; give solver = "linearly-implicit-midpoint" or bench.step_us = 14'),
+    ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint", "runge-kutta"'),
     ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),
     ('[bus]\ninterface = ""', 'bus.interface: "" is not a name; give text in quotes'),
     ("[bus]\nchannel = 1.5", 'bus.channel: 1.5 is not a channel; give text or a number, as in "can0"'),
@@ -73,7 +74,7 @@ ONE_VALUE = [
 ]  # fmt: skip
 
 TOGETHER = [
-    ("[bench]\ntick_us = 1050", "bench.tick_us: 1050 is not a multiple of step_us = 100; give 1000 or 1100"),
+    ("[bench]\ntick_us = 1020", "bench.tick_us: 1020 is not a multiple of step_us = 50; give 1000 or 1050"),
     ("[bench]\ntick_us = 100\nstep_us = 300", "bench.tick_us: 100 is not a multiple of step_us = 300; give 300"),
     (f'{VALVE}[nodes.e]\nprofile = "encoder_406"\nnode_id = 1', "nodes.e.node_id: 1 is taken by nodes.valve; 2 is free"),
     (f'{VALVE}axis = "lift"', 'nodes.valve.axis: there is no axis "lift"; give one of axis1'),

@@ -97,13 +97,13 @@ def test_forward_euler_is_the_printed_rates_times_dt(
 
 @pytest.mark.parametrize(
     ("E", "limit"),
-    [  # Of the same size as the errors known for this class of solver: 0.2 % at Table I, 0.3 to
-        # 1.9 % for stiffer oil, of the peak velocity.
-        (1e8, 0.003),
-        (3e8, 0.01),
-        (7e8, 0.01),
-        (1e9, 0.015),
-        (1.5e9, 0.02),
+    [  # A quarter, by the order of two, of the errors known for this class of solver at 1e-4 s:
+        # 0.2 % at Table I, 0.3 to 1.9 % for stiffer oil, of the peak velocity.
+        (1e8, 0.0008),
+        (3e8, 0.0025),
+        (7e8, 0.0025),
+        (1e9, 0.004),
+        (1.5e9, 0.005),
     ],
 )
 def test_midpoint_error_at_the_bench_step(
@@ -111,11 +111,12 @@ def test_midpoint_error_at_the_bench_step(
 ) -> None:
     oil = dataclasses.replace(paper, E=E)
     exact = reference(oil, MANOEUVRE)[1:]
-    outputs = run(FullOrderPlant(oil, options=PAPER), MANOEUVRE)
+    plant = FullOrderPlant(oil, options=PAPER, dt=5e-5)
+    outputs = run(plant, MANOEUVRE)
     peak = max(abs(state.v) for state in exact)
     pairs = list(zip(outputs, exact, strict=True))
     assert max(abs(a.v - b.v) for a, b in pairs) < limit * peak
-    assert max(abs(a.x - b.x) for a, b in pairs) < 3e-6
+    assert max(abs(a.x - b.x) for a, b in pairs) < 1e-6  # what a good position sensor resolves
     assert max(abs(a.P_A - b.P_A) for a, b in pairs) < 2e-3 * paper.P_S
 
 
@@ -444,20 +445,14 @@ def test_forward_euler_refuses_a_step_beyond_the_standstill_limit(
 ) -> None:
     # 2 m / (400 F_s + sigma) = 40 / 3.62e5 = 1.105e-4 s
     FullOrderPlant(paper, options=PAPER, solver=EULER, dt=1.104e-4)
-    with pytest.raises(ParameterError, match=r"^dt = 0\.0001106 s: .*less than 0\.0001105 s"):
+    with pytest.raises(ParameterError, match=r"^dt = 0\.0001106 s: .*; 0\.00011 s or less"):
         FullOrderPlant(paper, options=PAPER, solver=EULER, dt=1.106e-4)
-
-
-def test_a_pressed_end_stop_lowers_that_limit(paper: PlantParameters) -> None:
-    # 2 m / (400 F_s + sigma + damping) = 40 / 3.82e5 = 1.047e-4 s
-    with pytest.raises(ParameterError, match=r"less than 0\.0001047 s"):
-        FullOrderPlant(paper, options=BENCH, solver=EULER, dt=1.05e-4)
 
 
 def test_forward_euler_chatters_beyond_that_limit_and_not_below(
     paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.plant.full_order.largest_euler_step", lambda *_: math.inf)
+    monkeypatch.setattr("hil_bench.plant.full_order._LARGEST_STEP", {})
 
     def last_velocity(dt: float) -> float:
         state = balanced_state(paper)._replace(v=1e-6)
@@ -468,7 +463,10 @@ def test_forward_euler_chatters_beyond_that_limit_and_not_below(
     assert last_velocity(1.2e-4) > 1e-4
 
 
-def test_forward_euler_says_when_it_has_diverged(paper: PlantParameters) -> None:
+def test_forward_euler_says_when_it_has_diverged(
+    paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil_bench.plant.full_order._LARGEST_STEP", {})
     # A fluid a thousand times stiffer than Table I's: zeta - omega_c dt / 2 = 0.004 - 0.71 < 0.
     steel = dataclasses.replace(paper, E=1e11)
     plant = FullOrderPlant(steel, options=PAPER, solver=EULER)
@@ -477,9 +475,9 @@ def test_forward_euler_says_when_it_has_diverged(paper: PlantParameters) -> None
 
 
 def test_forward_euler_refuses_a_step_beyond_the_spools_limit(paper: PlantParameters) -> None:
-    # 2 xi / omega_0 = 1.1667e-3 s, once the piston is heavy enough not to matter.
-    heavy = dataclasses.replace(paper, m=2000.0)
-    with pytest.raises(ParameterError, match=r"less than 0\.001167 s"):
+    # 2 xi / omega_0 = 1.1667e-3 s, once the oil is soft and the piston heavy and well damped.
+    heavy = dataclasses.replace(paper, m=2000.0, E=1e6)
+    with pytest.raises(ParameterError, match=r"0\.00116 s or less"):
         FullOrderPlant(heavy, options=PAPER, solver=EULER, dt=1.2e-3)
 
 

@@ -126,7 +126,8 @@ void advance_implicit_midpoint(double *state, const Plant *plant, double u, doub
         double fall_A = 0.5 * (b * p->A_A - c * p->A_B) * per_det;
         double fall_B = 0.5 * (c * p->A_A - a * p->A_B) * per_det;
 
-        double inertia = p->m / p->dt + share(f.secant, f.tangent, p->m / p->dt);
+        double f_share = share(f.secant, f.tangent, p->m / p->dt);
+        double inertia = p->m / p->dt + f_share;
         double force = P_A * p->A_A - P_B * p->A_B - f.force_or_flow - F_L;
         double resistance = inertia + 0.5 * (p->A_A * fall_A - p->A_B * fall_B);
         double dv = (force + 0.5 * (p->A_A * dP_A - p->A_B * dP_B)) / resistance;
@@ -137,6 +138,13 @@ void advance_implicit_midpoint(double *state, const Plant *plant, double u, doub
             if (low_B) dP_B = p->floor - P_B, fall_B = 0.0;
             resistance = inertia + 0.5 * (p->A_A * fall_A - p->A_B * fall_B);
             dv = (force + 0.5 * (p->A_A * dP_A - p->A_B * dP_B)) / resistance;
+        }
+        if (f.secant <= p->m / p->dt) {
+            Slopes end = friction(v + dv, p);
+            double mean = 0.5 * (f.force_or_flow + end.force_or_flow)
+                        - (end.tangent - f.tangent) * dv / 12.0;
+            double excess = mean - f.force_or_flow - f_share * dv;
+            dv -= excess / (resistance - f_share + most(0.5 * end.tangent, 0.0));
         }
         dv = stopped(dv, resistance, x, v, p);
         x += p->dt * (v + 0.5 * dv);

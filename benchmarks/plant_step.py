@@ -132,7 +132,7 @@ def print_report(library: ctypes.CDLL) -> None:
     print(f"{machine()}\n")
     print("| solver | options | Numba ns/step | C ns/step | Numba / C | plain Python ns/step |")
     print("|---|---|---|---|---|---|")
-    for solver in Solver:
+    for solver in FUNCTIONS:
         for name in ("paper", "bench"):
             options = getattr(PlantOptions, name)()
             variants = {
@@ -158,9 +158,10 @@ def print_report(library: ctypes.CDLL) -> None:
 def print_extensions() -> None:
     """Print the cost of a step with each extension on, all measured in turn."""
     print(
-        "\n| extension, beside the bench's options | forward-euler | linearly-implicit-midpoint |"
+        "\n| extension, beside the bench's options | forward-euler | linearly-implicit-midpoint "
+        "| runge-kutta |"
     )
-    print("|---|---|---|")
+    print("|---|---|---|---|")
     variants = {
         (name, solver): bench_plant(solver, replace(PlantOptions.bench(), **change))
         for name, change in EXTENSIONS.items()
@@ -168,8 +169,7 @@ def print_extensions() -> None:
     }
     cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE)
     for name in EXTENSIONS:
-        euler, midpoint = (cost[name, solver] for solver in Solver)
-        print(f"| {name} | {euler:.1f} | {midpoint:.1f} |")
+        print(f"| {name} | {' | '.join(f'{cost[name, solver]:.1f}' for solver in Solver)} |")
 
 
 def machine() -> str:

@@ -1,4 +1,6 @@
-"""The oil's balance: what entered a chamber is displaced, compressed or leaked away.
+"""The balances of oil and of energy.
+
+What entered a chamber is displaced, compressed or leaked away.
 
 Eqs. (8), (9), integrated: the volume through a port is A dx + integral of V / E dP + leakage. Each
 solver satisfies its own discrete form of that to rounding, whatever the manoeuvre, as long as no
@@ -7,6 +9,7 @@ linearly implicit midpoint it is dt (Q - s dP), with Q at the start of the step 
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import pytest
@@ -18,6 +21,7 @@ from hil_bench.plant import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
+    PlantOutput,
     PlantParameters,
     PlantState,
     Solver,
@@ -153,3 +157,55 @@ def test_the_reported_flows_balance_to_second_order(air: EntrainedAir | None) ->
     coarse, fine = lost(2e-4), lost(1e-4)
     assert fine < 1e-5
     assert 3.0 < coarse / fine < 5.0
+
+
+@settings(max_examples=20)
+@given(
+    setpoints=st.lists(st.floats(-1.5e-3, 1.5e-3), min_size=2, max_size=4),
+    F_L=st.floats(-1e4, 1e4),
+    E=st.floats(1e8, 1.7e9),
+    C_L=st.floats(0.0, 1e-11),
+)
+def test_energy_is_neither_made_nor_lost(
+    setpoints: list[float], F_L: float, E: float, C_L: float
+) -> None:
+    # What the oil brings through the ports is motion, compression, friction, load and leakage:
+    # P_A Q_A + P_B Q_B = d/dt(m v² / 2) + P dP V / E + f v + F_L v + C_L (P_A - P_B)²,
+    # summed up by the trapezoidal rule, so to second order in the step.
+    oil = dataclasses.replace(paper_parameters(), E=E, C_L=C_L)
+
+    def imbalance(dt: float) -> tuple[float, float]:
+        plant = FullOrderPlant(oil, options=OPTIONS, dt=dt)
+        missing = turned_over = 0.0
+        before = plant.output
+        for u in setpoints:
+            for _ in range(round(0.02 / dt)):
+                after = plant.step(PlantInput(u, F_L))
+                parts = energy_parts(before, after, dt, F_L, oil)
+                missing += parts[0] - sum(parts[1:])
+                turned_over += sum(map(abs, parts))
+                before = after
+        return abs(missing), turned_over
+
+    missing, turned_over = imbalance(1e-5)
+    assert missing <= 2e-5 * turned_over + 1e-9
+
+
+def energy_parts(
+    a: PlantOutput, b: PlantOutput, dt: float, F_L: float, p: PlantParameters
+) -> tuple[float, ...]:
+    """Energy of one step [J]: through the ports, then where it went."""
+
+    def rate(y: PlantOutput) -> tuple[float, float]:
+        friction = math.tanh(400.0 * y.v) * (
+            p.F_c + (p.F_s - p.F_c) * math.exp(-((abs(y.v) / p.chi) ** p.delta))
+        )
+        drag = (friction + p.sigma * y.v + F_L) * y.v
+        return y.P_A * y.Q_A + y.P_B * y.Q_B, drag + p.C_L * (y.P_A - y.P_B) ** 2
+
+    (port_a, loss_a), (port_b, loss_b) = rate(a), rate(b)
+    x = 0.5 * (a.x + b.x)
+    oil = (p.V_A0 + p.A_A * x) * 0.5 * (b.P_A**2 - a.P_A**2)
+    oil += (p.V_B0 - p.A_B * x) * 0.5 * (b.P_B**2 - a.P_B**2)
+    motion = 0.5 * p.m * (b.v**2 - a.v**2)
+    return 0.5 * dt * (port_a + port_b), motion, oil / p.E, 0.5 * dt * (loss_a + loss_b)

@@ -4,15 +4,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.bench import Bench
+from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.errors import BusError
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed_by_garbage_collection
 from hil_bench.realtime.statistics import TickSummary
 from hil_bench.transports.transport import Transport, TransportCounters
 
-FRAMES_PER_TICK = 32
-"""Most frames taken from the bus in one tick: at 1 kHz twice what a 1 Mbit/s bus can carry. What is
-more waits in the bus's own buffer, so that a flood costs answers' latency and never a tick."""
+FRAMES_PER_MILLISECOND = 32
+"""Most frames taken from the bus in one tick, for each millisecond of its period: twice what a
+1 Mbit/s bus can carry. What is more waits in the bus's own buffer."""
+
+FRAMES_WHEN_LATE = 4
+"""Most frames taken in a tick that starts later than its period is long. Such ticks follow back to
+back until the loop is on time again, so a flood that this machine cannot keep up with costs
+answers' latency and never a tick."""
+
+_MILLISECOND = 1_000_000
 
 Observer = Callable[[Bench, int], None]
 """Told the bench and the scheduled time [ns] at the end of each tick; must be short."""
@@ -61,6 +69,18 @@ def run_paced(
     return RunReport(pacer.statistics.summary(), transport.counters(), lost)
 
 
+def frames_per_tick(period: int) -> int:
+    """Return how many frames a tick takes from the bus at most.
+
+    It is never more than an SDO server can queue, so that a flood of requests is answered in full.
+
+    Args:
+        period: time between ticks [ns].
+    """
+    share = FRAMES_PER_MILLISECOND * period // _MILLISECOND
+    return min(max(share, FRAMES_WHEN_LATE), SDO_QUEUE_LENGTH)
+
+
 def _loop(
     bench: Bench,
     transport: Transport,
@@ -72,8 +92,10 @@ def _loop(
     bench.start(now)
     routes = bench.routes
     transport.listen_to(routes)
+    share = frames_per_tick(pacer.period)
     while not stopped():
-        transport.send(bench.tick(transport.receive(FRAMES_PER_TICK), now))
+        limit = share if pacer.lateness <= pacer.period else FRAMES_WHEN_LATE
+        transport.send(bench.tick(transport.receive(limit), now))
         if bench.routes is not routes:
             routes = bench.routes
             transport.listen_to(routes)

@@ -28,6 +28,7 @@ class Pacer:
 
     Attributes:
         period: time between ticks [ns].
+        lateness: how much after its scheduled time the present tick started [ns].
         statistics: lateness, work, overruns and skipped periods so far.
 
     Raises:
@@ -40,11 +41,11 @@ class Pacer:
         if backlog < 0:
             raise ValueError(f"backlog {backlog} ns: 0 or more is right")
         self.period = period
+        self.lateness = 0
         self.statistics = TickStatistics()
         self._clock = clock
         self._backlog = backlog
         self._next: int | None = None
-        self._lateness = 0
         self._started = 0
 
     def wait(self) -> int:
@@ -57,7 +58,7 @@ class Pacer:
         if now - scheduled > self._backlog:
             scheduled += self._skip(now - scheduled)
         self._next = scheduled + self.period
-        self._lateness = now - scheduled
+        self.lateness = now - scheduled
         self._started = now
         return scheduled
 
@@ -65,7 +66,7 @@ class Pacer:
         """Record the tick that `wait` started: its work is over."""
         now = self._clock.now()
         statistics = self.statistics
-        statistics.lateness.record(self._lateness)
+        statistics.lateness.record(self.lateness)
         statistics.work.record(now - self._started)
         if self._next is not None and now > self._next:
             statistics.overruns += 1

@@ -9,7 +9,6 @@ import pytest
 FRAMES = 20_000  # as many as the bench's receive buffer holds, were none of them read meanwhile
 NMT_START_ALL = "000#0100"
 VALVE_EMCY, VALVE_STATUS, VALVE_ANSWER, POSITION = 0x081, 0x181, 0x581, 0x184
-EVENT_TIMER = 0.010  # [s], 0x1800.05 of node 4
 READ_DEVICE_TYPE = "4000100000000000"
 DEVICE_TYPE_408 = bytes.fromhex("43001000") + struct.pack("<I", 408)
 SHORT_RPDO = "0700"  # the control word alone; mapped are four bytes
@@ -18,14 +17,9 @@ INIT, ACTIVE = 0x08, 0x0F  # low byte of the CiA 408 status word
 
 
 @pytest.fixture
-def started_bench(start_bench, cansend, watch, tmp_path):
-    """A bench with its nodes OPERATIONAL; from here on the watcher hears the devices alone.
-
-    Its tick is 10 ms, since one processor may have to do, for the flood, the bench and the watcher.
-    """
-    config = tmp_path / "bench.toml"
-    config.write_text("[bench]\ntick_us = 10000\n")
-    bench = start_bench(config)
+def started_bench(start_bench, cansend, watch):
+    """A bench with its nodes OPERATIONAL; from here on the watcher hears the devices alone."""
+    bench = start_bench()
     watch.listen_to(VALVE_EMCY, VALVE_STATUS, VALVE_ANSWER, POSITION)
     cansend(NMT_START_ALL)
     watch.wait_for(POSITION)
@@ -44,15 +38,14 @@ def figure(pattern, ended):
     return int(found[1])
 
 
-def check_that_no_tick_was_lost(ended, watch):
-    """Each period had its tick: by the bench's own count, and by the position frames on the bus."""
+def check_that_nothing_was_lost(ended):
+    """No frame was dropped on the way in or out.
+
+    That a flood costs no tick either is shown on a clock that jumps, in tests/unit/test_runner.py:
+    here one slow processor may have to do the flood, the bench and the watcher.
+    """
     assert ended.exit_code == 130, ended
-    assert figure(r"(\d+) skipped", ended) == 0
     assert "dropped" not in ended.stdout
-    stamps = [frame.timestamp for frame in watch.frames if frame.arbitration_id == POSITION]
-    # A loaded machine may send a frame late but owes none; the ends may be late by some periods.
-    periods = (stamps[-1] - stamps[0]) / EVENT_TIMER
-    assert len(stamps) - 1 == pytest.approx(periods, abs=10)
 
 
 @pytest.mark.parametrize("identifier", [["-I", "123"], ["-e", "-I", "r"]], ids=["11bit", "29bit"])
@@ -60,9 +53,10 @@ def test_foreign_frames_change_nothing(started_bench, cansend, channel, watch, i
     flood(channel, *identifier, "-L", "8", "-n", str(FRAMES))
     cansend("601#" + READ_DEVICE_TYPE)  # behind the flood, so the answer says it is over
     assert bytes(watch.wait_for(VALVE_ANSWER).data) == DEVICE_TYPE_408
+    watch.wait_for(POSITION)  # the cyclic reports go on
     ended = started_bench.stop()
 
-    check_that_no_tick_was_lost(ended, watch)
+    check_that_nothing_was_lost(ended)
     # The kernel's filter kept the flood away: what came in is our two frames.
     assert figure(r"(\d+) received", ended) == 2
 
@@ -70,11 +64,12 @@ def test_foreign_frames_change_nothing(started_bench, cansend, channel, watch, i
 def test_every_sdo_request_of_a_flood_is_answered(started_bench, channel, watch):
     flood(channel, "-I", "601", "-L", "8", "-D", READ_DEVICE_TYPE, "-n", str(FRAMES))
     answers = {bytes(watch.wait_for(VALVE_ANSWER).data) for _ in range(FRAMES)}
+    watch.wait_for(POSITION)  # the cyclic reports go on
     ended = started_bench.stop()
 
     assert answers == {DEVICE_TYPE_408}
     assert figure(r"(\d+) received", ended) == FRAMES + 1
-    check_that_no_tick_was_lost(ended, watch)
+    check_that_nothing_was_lost(ended)
 
 
 def test_a_flood_of_short_rpdos_is_reported_and_not_obeyed(started_bench, cansend, channel, watch):
@@ -88,4 +83,4 @@ def test_a_flood_of_short_rpdos_is_reported_and_not_obeyed(started_bench, cansen
     assert emergencies == [RPDO_TOO_SHORT]  # an error is told when it appears, not each time
     states = {f.data[0] for f in watch.frames if f.arbitration_id == VALVE_STATUS}
     assert states == {INIT, ACTIVE}
-    check_that_no_tick_was_lost(ended, watch)
+    check_that_nothing_was_lost(ended)

@@ -114,13 +114,36 @@ class Bench:
         Returns:
             The frames that the nodes send, in the order they would reach the bus.
         """
-        self._receive(frames, now)
-        nodes = self.nodes
-        for node in nodes:
-            if now >= node.deadline:
-                node.expire(now)
+        self._take(frames, now)
         for number, axis in enumerate(self.axes):
             self.commands[number] = axis.advance(now, self._steps)
+        return self._send(now)
+
+    def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+        """Do what a tick does, but leave plant and devices where they are: no time passes.
+
+        Set-points that come so act in the next tick.
+
+        Args:
+            frames: what arrived, oldest first.
+            now: the time, that of the last tick or later, before the next [ns].
+
+        Returns:
+            The frames that the nodes send, in the order they would reach the bus.
+        """
+        self._take(frames, now)
+        return self._send(now)
+
+    def _take(self, frames: Sequence[Frame], now: int) -> None:
+        """Receive frames, and act on deadlines that have passed."""
+        self._receive(frames, now)
+        for node in self.nodes:
+            if now >= node.deadline:
+                node.expire(now)
+
+    def _send(self, now: int) -> list[Frame]:
+        """Return what the nodes send: PDOs, then what has time."""
+        nodes = self.nodes
         sent: list[Frame] = []
         for node in nodes:
             node.transmit_pdos(now, sent.append)

@@ -34,6 +34,7 @@ def load_bench_config(args: argparse.Namespace) -> BenchConfig:
     return load_config(
         args.config,
         seed=args.seed,
+        sync_period_us=getattr(args, "sync_period_us", None),
         interface=getattr(args, "interface", None),
         channel=getattr(args, "channel", None),
         bitrate=getattr(args, "bitrate", None),

@@ -1,13 +1,15 @@
-"""`hil-bench run`: the bench alone, in real time, on a bus that a controller joins."""
+"""`hil-bench run`: the bench alone, on a bus that a controller joins."""
 
 import argparse
 import contextlib
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
 
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
+from hil_bench.cli import lockstep_run
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
@@ -40,6 +42,7 @@ examples:
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
+  hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
 """
 
 
@@ -47,12 +50,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "run",
-        description="Run the bench in real time on a CAN bus, until Ctrl-C or --duration.",
+        description="Run the bench on a CAN bus, until Ctrl-C or --duration: in real time, or in\n"
+        "lock-step with a controller, each SYNC of which moves the bench on by one period.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
-    parser.add_argument("--duration", type=float, metavar="S", help="end after S seconds")
+    parser.add_argument(
+        "--duration", type=float, metavar="S", help="end after S seconds of bench time"
+    )
     parser.add_argument(
         "--hub",
         nargs="?",
@@ -66,7 +72,29 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help=f"end with exit code {ExitCode.TIMING} if a tick overran",
     )
+    add_lockstep_arguments(parser)
     parser.set_defaults(run=run)
+
+
+def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns a bench that the controller's SYNC moves."""
+    group = parser.add_argument_group("lock-step")
+    group.add_argument(
+        "--lockstep",
+        action="store_true",
+        help="time passes with the controller's SYNC (0x080) only, as fast as both can",
+    )
+    group.add_argument(
+        "--sync-period-us",
+        type=int,
+        metavar="US",
+        help="how far each SYNC moves the bench (default: bench.sync_period_us, else one tick)",
+    )
+    group.add_argument(
+        "--record",
+        metavar="FILE",
+        help="keep all frames, in bench time; the suffix is the format: .asc .blf .csv .log .trc",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -78,6 +106,8 @@ def run(args: argparse.Namespace) -> int:
         wish = stack.enter_context(interruption())
         bus = stack.enter_context(open_bus(args, config))
         print(introduction(config, bus), flush=True)
+        if args.lockstep:
+            return lock_step(args, config, bench, bus, wish)
         report = run_until_told(args, config, bench, bus, wish)
     print("\n".join(summary_lines(report, config, bench)), flush=True)
     if report.lost is not None:
@@ -97,6 +127,12 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
     if args.hub is not None and not 0 <= args.hub <= 65535:
         raise ConfigError(f"--hub {args.hub}: a port from 1 to 65535 is right, or 0 for a free one")
+    if args.lockstep and args.strict_timing:
+        raise ConfigError(
+            "--strict-timing: in lock-step there is no real time to miss; leave it out"
+        )
+    if args.record is not None and not args.lockstep:
+        raise ConfigError("--record: in real time other programs record; give --lockstep too")
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
 
@@ -180,6 +216,27 @@ def run_until_told(
 
     with StatusLine(snapshot, (*fields, *loop_fields), wanted=not args.quiet):
         return run_paced(bench, bus.transport, pacer, stopped=stopped, observers=[publish])
+
+
+def lock_step(
+    args: argparse.Namespace,
+    config: BenchConfig,
+    bench: Bench,
+    bus: OpenBus,
+    wish: Interruption,
+) -> int:
+    """Run in lock-step, print the summary and return the exit code."""
+
+    def stopped() -> bool:
+        bus.check()
+        return wish.requested
+
+    started = time.perf_counter()
+    report = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
+    print("\n".join(lockstep_run.summary_lines(report, config, bench, started)), flush=True)
+    if report.lost is not None:
+        raise report.lost
+    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 
 def summary_lines(report: RunReport, config: BenchConfig, bench: Bench) -> list[str]:

@@ -58,6 +58,7 @@ def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
 BENCH_KEYS = (
     Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
     Key("step_us", integer(1, 10_000), 50, MICROSECOND),
+    Key("sync_period_us", integer(100, 60_000_000), None, MICROSECOND),
     Key("seed", integer(0), 1),
 )
 

@@ -28,6 +28,7 @@ def load_config(
     path: str | os.PathLike[str] | None = None,
     *,
     seed: int | None = None,
+    sync_period_us: int | None = None,
     interface: str | None = None,
     channel: str | int | None = None,
     bitrate: int | None = None,
@@ -43,6 +44,7 @@ def load_config(
     Args:
         path: `bench.toml`; without it and ``HIL_BENCH_CONFIG``, the built-in bench of one axis.
         seed: seed of every random generator of the bench.
+        sync_period_us: how far each SYNC moves a bench in lock-step [us].
         interface: python-can's name of the interface; further keys of ``[bus]``, which are for the
             file's interface, then lapse.
         channel: the channel of that interface.
@@ -53,7 +55,9 @@ def load_config(
     document = read_document(file) if file else {}
     problems = Problems(str(file) if file else "built-in bench")
     check_tables(document, TABLES, problems)
-    bench = read_table("bench", _give_bench(document, seed, problems), BENCH_KEYS, problems)
+    bench = read_table(
+        "bench", _give_bench(document, seed, sync_period_us, problems), BENCH_KEYS, problems
+    )
     overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
     axes = read_axes(document, problems)
@@ -71,6 +75,7 @@ def load_config(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
         step_ns=bench["step_us"].value * 1000,
+        sync_period_ns=bench["sync_period_us"].value * 1000,
         seed=bench["seed"].value,
         bus=_build_bus(bus),
         axes=built_axes,
@@ -84,8 +89,12 @@ def _choose_file(path: str | os.PathLike[str] | None) -> Path | None:
     return Path(chosen) if chosen else None
 
 
-def _give_bench(document: Document, seed: int | None, problems: Problems) -> dict[str, Given]:
+def _give_bench(
+    document: Document, seed: int | None, sync_period_us: int | None, problems: Problems
+) -> dict[str, Given]:
     given = read_section(document, "bench", problems)
+    if sync_period_us is not None:
+        given["sync_period_us"] = Given(sync_period_us, Origin.COMMAND_LINE, "--sync-period-us")
     if seed is not None:
         given["seed"] = Given(seed, Origin.COMMAND_LINE, "--seed")
     elif text := os.environ.get(SEED_VARIABLE):
@@ -122,9 +131,19 @@ def _build_bus(bus: Settings) -> BusConfig:
 
 
 def _check_timing(bench: Settings, problems: Problems) -> None:
-    tick, step = bench["tick_us"].value, bench["step_us"].value
-    if tick % step:
-        below, above = tick // step * step, (tick // step + 1) * step
-        right = f"give {below} or {above}" if below else f"give {above}"
-        wrong = f"{tick} is not a multiple of step_us = {step}"
-        problems.add(problems.place("bench", "tick_us"), f"{wrong}; {right}")
+    if bench["sync_period_us"].value is None:
+        bench["sync_period_us"] = bench["sync_period_us"]._replace(value=bench["tick_us"].value)
+    for key, divisor in (("tick_us", "step_us"), ("sync_period_us", "tick_us")):
+        if wrong := _no_multiple(bench[key].value, divisor, bench[divisor].value):
+            is_option = bench[key].origin is Origin.COMMAND_LINE
+            place = f"--{key.replace('_', '-')}" if is_option else problems.place("bench", key)
+            problems.add(place, wrong)
+
+
+def _no_multiple(value: int, divisor: str, step: int) -> str:
+    """Return what is wrong and what would be right; nothing where the value is a multiple."""
+    if not value % step:
+        return ""
+    below, above = value // step * step, (value // step + 1) * step
+    right = f"give {below} or {above}" if below else f"give {above}"
+    return f"{value} is not a multiple of {divisor} = {step}; {right}"

@@ -139,6 +139,8 @@ class BenchConfig:
         path: the file that it came from; None for the built-in bench.
         tick_ns: period of the loop [ns], an integer multiple of `step_ns`.
         step_ns: step of the plant's solver [ns].
+        sync_period_ns: how far each SYNC moves a bench in lock-step [ns], an integer multiple of
+            `tick_ns`.
         seed: seed of every random generator of the bench.
         bus: the CAN bus.
         axes: the axes, in the order of the file.
@@ -149,6 +151,7 @@ class BenchConfig:
     path: Path | None
     tick_ns: int
     step_ns: int
+    sync_period_ns: int
     seed: int
     bus: BusConfig
     axes: tuple[AxisConfig, ...]
@@ -159,6 +162,11 @@ class BenchConfig:
     def steps_per_tick(self) -> int:
         """Plant steps in one tick."""
         return self.tick_ns // self.step_ns
+
+    @property
+    def ticks_per_sync(self) -> int:
+        """Ticks from SYNC to SYNC in lock-step."""
+        return self.sync_period_ns // self.tick_ns
 
     @property
     def dt(self) -> float:

@@ -1,6 +1,7 @@
 """Bus traffic as a file, in the formats that CAN tools read."""
 
 from collections import deque
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -75,6 +76,22 @@ class FrameFile:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def log_frames(
+    exchange: Callable[[Sequence[Frame], int], Sequence[Frame]], file: FrameFile
+) -> Callable[[Sequence[Frame], int], Sequence[Frame]]:
+    """Return a bench's `tick` or `serve` that also keeps its frames, received ones first."""
+
+    def exchange_and_log(frames: Sequence[Frame], now: int) -> Sequence[Frame]:
+        sent = exchange(frames, now)
+        for frame in frames:
+            file.append(frame, now, is_received=True)
+        for frame in sent:
+            file.append(frame, now, is_received=False)
+        return sent
+
+    return exchange_and_log
 
 
 def _open_writer(path: Path) -> MessageWriter:

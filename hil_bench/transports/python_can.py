@@ -48,32 +48,42 @@ class PythonCanTransport:
     def __init__(self, bus: can.BusABC, description: str) -> None:
         self.description = description
         self._bus = bus
+        self._waiting: can.Message | None = None
         self._received = 0
         self._sent = 0
         self._ignored = 0
         self._send_failures = 0
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, reading at most `limit` messages, without waiting.
+        """Return what has arrived, reading at most `limit` messages, without waiting."""
+        frames: list[Frame] = []
+        for _ in range(limit):
+            message, self._waiting = self._waiting or self._read(0), None
+            if message is None:
+                break
+            frame = frame_of(message)
+            if frame is None:
+                self._ignored += 1
+            else:
+                frames.append(frame)
+        self._received += len(frames)
+        return frames
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a message has arrived, at most `timeout` [s]; return whether one has."""
+        self._waiting = self._waiting or self._read(timeout)
+        return self._waiting is not None
+
+    def _read(self, timeout: float) -> can.Message | None:
+        """Return the next message, None where none comes in time [s].
 
         Raises:
             BusError: the bus is lost.
         """
-        frames: list[Frame] = []
         try:
-            for _ in range(limit):
-                message = self._bus.recv(0)
-                if message is None:
-                    break
-                frame = frame_of(message)
-                if frame is None:
-                    self._ignored += 1
-                else:
-                    frames.append(frame)
+            return self._bus.recv(timeout)
         except (can.CanError, OSError, ValueError) as error:
             raise BusError(f"{self.description}: bus lost: {error}") from error
-        self._received += len(frames)
-        return frames
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order; one that python-can refuses is counted as failed.

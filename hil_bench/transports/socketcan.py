@@ -9,6 +9,7 @@ of the Linux kernel, and `linux/can.h`, `linux/can/raw.h`.
 import errno
 import logging
 import os
+import select
 import socket
 import struct
 from collections import deque
@@ -167,6 +168,15 @@ class SocketCanTransport:
             raise BusError(self._lost(error)) from error
         self._received += len(frames)
         return frames
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a frame has arrived, at most `timeout` [s]; return whether one has.
+
+        An error of the interface ends the wait too; `receive` raises it.
+        """
+        poll = select.poll()
+        poll.register(self._socket, select.POLLIN)
+        return bool(poll.poll(timeout * 1e3))
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order, those that are still waiting first.

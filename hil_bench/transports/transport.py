@@ -27,7 +27,7 @@ class TransportCounters:
 
 
 class Transport(Protocol):
-    """One CAN bus, read and written by one thread, never blocking."""
+    """One CAN bus, read and written by one thread, which blocks in `wait` alone."""
 
     @property
     def description(self) -> str:
@@ -35,6 +35,15 @@ class Transport(Protocol):
 
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, in order, at most `limit` frames; the rest waits.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a frame has arrived, at most `timeout` [s]; return whether one has.
+
+        A signal that the process handles may end the wait early.
 
         Raises:
             BusError: the bus is lost.

@@ -17,12 +17,13 @@ def test_each_value_is_shown_with_its_origin(
     assert main(["check", "bench.toml", "-c", "vcan0", "--bus-kwargs", "port=5"]) == 0
 
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert lines[:13] == [
+    assert lines[:14] == [
         "# bench.toml",
         "",
         "[bench]",
         "tick_us = 1000 # default",
         "step_us = 50 # default",
+        "sync_period_us = 1000 # default",
         "seed = 7 # environment",
         "",
         "[bus]",

@@ -75,6 +75,7 @@ ONE_VALUE = [
 
 TOGETHER = [
     ("[bench]\ntick_us = 1020", "bench.tick_us: 1020 is not a multiple of step_us = 50; give 1000 or 1050"),
+    ("[bench]\nsync_period_us = 2500", "bench.sync_period_us: 2500 is not a multiple of tick_us = 1000; give 2000 or 3000"),
     ("[bench]\ntick_us = 100\nstep_us = 300", "bench.tick_us: 100 is not a multiple of step_us = 300; give 300"),
     (f'{VALVE}[nodes.e]\nprofile = "encoder_406"\nnode_id = 1', "nodes.e.node_id: 1 is taken by nodes.valve; 2 is free"),
     (f'{VALVE}axis = "lift"', 'nodes.valve.axis: there is no axis "lift"; give one of axis1'),

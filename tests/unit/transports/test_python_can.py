@@ -15,9 +15,10 @@ class ScriptedBus(can.BusABC):
         self.received = list(received)
         self.send_errors = list(send_errors)
         self.sent = []
+        self.waits = []
 
     def _recv_internal(self, timeout):
-        assert timeout == 0
+        self.waits.append(timeout)
         if not self.received:
             return None, True
         answer = self.received.pop(0)
@@ -146,3 +147,30 @@ def test_two_transports_meet_on_python_cans_virtual_bus():
     left.close()
     left.close()
     right.close()
+
+
+def test_receiving_never_waits(make_transport):
+    transport, bus = make_transport(received=[message(0x123)])
+    transport.receive(8)
+    assert bus.waits == [0, 0]
+
+
+def test_a_message_that_ended_a_wait_is_received_first(make_transport):
+    transport, bus = make_transport(received=[message(0x123), message(0x124)])
+    assert transport.wait(0.5)
+    assert transport.wait(0.5)  # it is still there: no second one is taken
+    assert [frame.can_id for frame in transport.receive(8)] == [0x123, 0x124]
+    assert transport.counters().received == 2
+    assert bus.waits[0] == pytest.approx(0.5)
+
+
+def test_a_wait_ends_without_a_message(make_transport):
+    transport, _ = make_transport()
+    assert not transport.wait(0.0)
+    assert transport.receive(1) == []
+
+
+def test_a_bus_lost_while_waiting_is_told(make_transport):
+    transport, _ = make_transport(received=[can.CanOperationError("unplugged")])
+    with pytest.raises(BusError, match=r"^virtual test: bus lost: unplugged$"):
+        transport.wait(0.5)

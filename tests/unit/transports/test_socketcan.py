@@ -318,3 +318,12 @@ def test_a_small_receive_buffer_is_told(monkeypatch, caplog, granted, warnings):
     far.close()
     assert len(caplog.messages) == warnings
     assert all("receive buffer of 416 KiB" in message for message in caplog.messages)
+
+
+def test_a_wait_ends_with_a_frame_or_without(wire):
+    transport, far = wire
+    assert not transport.wait(0.0)
+    far.send(can_frame(0x123, 0))
+    assert transport.wait(10.0)
+    assert transport.receive(2) == [Frame(0x123)]
+    assert not transport.wait(0.0)

@@ -1,0 +1,65 @@
+"""`hil-bench run --lockstep`: bench time is the controller's count of SYNCs."""
+
+import argparse
+import contextlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from hil_bench.bench import Bench
+from hil_bench.cli.loop_summary import frame_lines, node_lines
+from hil_bench.config import BenchConfig
+from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
+from hil_bench.recording.frames import FrameFile, log_frames
+from hil_bench.transports.transport import Transport
+
+
+def run_in_lockstep(
+    args: argparse.Namespace,
+    config: BenchConfig,
+    bench: Bench,
+    transport: Transport,
+    stopped: Callable[[], bool],
+) -> LockStepReport:
+    """Power the bench on and let SYNC move it until `stopped` or `--duration` of bench time.
+
+    The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
+    """
+    with contextlib.ExitStack() as stack:
+        tick: Round = bench.tick
+        serve: Round = bench.serve
+        if args.record is not None:
+            file = stack.enter_context(FrameFile(Path(args.record)))
+            tick, serve = log_frames(tick, file), log_frames(serve, file)
+        bench.start(0)
+        transport.send(tick((), 0))
+        lockstep = LockStep(
+            tick, serve, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync
+        )
+        end = None if args.duration is None else round(args.duration * 1e9)
+        return run_lockstep(
+            lockstep,
+            transport,
+            stopped=lambda: stopped() or (end is not None and lockstep.now >= end),
+        )
+
+
+def timed(report: LockStepReport, config: BenchConfig, started: float) -> str:
+    """Return how far the bench went, and how fast; `started` by `time.perf_counter` [s]."""
+    bench_time, wall_time = report.now * 1e-9, time.perf_counter() - started
+    return (
+        f"lockstep  {report.syncs} SYNCs of {config.sync_period_ns / 1000:g} us: "
+        f"{bench_time:.3f} s in {wall_time:.1f} s, {bench_time / wall_time:.1f} times real time"
+    )
+
+
+def summary_lines(
+    report: LockStepReport, config: BenchConfig, bench: Bench, started: float
+) -> list[str]:
+    """Return the summary at the end of a run in lock-step."""
+    return [
+        "summary",
+        timed(report, config, started),
+        *frame_lines(report.frames, bench.unrouted),
+        *node_lines(config, bench),
+    ]

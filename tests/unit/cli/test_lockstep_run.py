@@ -1,0 +1,102 @@
+"""`hil-bench run --lockstep` with a controller whose frames are all there already."""
+
+import re
+
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli import main
+from hil_bench.errors import BusError
+from hil_bench.transports.transport import TransportCounters
+
+SYNC = Frame(0x080)
+START_ALL = Frame(0x000, b"\x01\x00")
+
+
+class Controller:
+    """A bus with a controller that never waits, and that is gone once it has said all."""
+
+    description = "scripted"
+
+    def __init__(self, *frames):
+        self.frames = list(frames)
+        self.sent = []
+        self.is_open = True
+
+    def wait(self, _timeout):
+        if not self.frames:
+            raise BusError("scripted: the controller is gone")
+        return True
+
+    def receive(self, limit):
+        taken, self.frames = self.frames[:limit], self.frames[limit:]
+        return taken
+
+    def send(self, frames):
+        self.sent += frames
+
+    def counters(self):
+        return TransportCounters(sent=len(self.sent))
+
+    def close(self):
+        self.is_open = False
+
+
+@pytest.fixture
+def run(monkeypatch):
+    def run_with(controller, *arguments):
+        monkeypatch.setattr("hil_bench.cli.run.open_transport", lambda *_: controller)
+        return main(["run", "-i", "virtual", "-c", "x", "--lockstep", *arguments])
+
+    return run_with
+
+
+def test_it_ends_at_its_duration_of_bench_time(run, capsys):
+    controller = Controller(*[SYNC] * 100)
+    assert run(controller, "--duration", "0.02", "--sync-period-us", "2000") == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^lockstep  10 SYNCs of 2000 us: 0\.020 s in ", out, re.MULTILINE)
+    assert not controller.is_open
+    assert [frame.can_id for frame in controller.sent] == [0x701, 0x702, 0x703, 0x704]
+
+
+def test_a_lost_bus_ends_it_with_3_and_a_summary(run, capsys):
+    assert run(Controller(SYNC)) == 3
+    out, err = capsys.readouterr()
+    assert "lockstep  1 SYNCs of 1000 us: 0.001 s" in out
+    assert err == "hil-bench: error: scripted: the controller is gone\n"
+
+
+def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
+    traces = []
+    for name in ("first.log", "second.log"):
+        frames = (START_ALL, SYNC, Frame(0x601, bytes.fromhex("4000100000000000")), SYNC)
+        run(Controller(*frames), "--record", str(tmp_path / name), "--duration", "0.002")
+        traces.append((tmp_path / name).read_bytes())
+    assert traces[0] == traces[1]
+    lines = [line.split() for line in traces[0].decode().splitlines()]
+    assert lines[:4] == [["(0.000000)", "can0", f"70{n}#00", "T"] for n in (1, 2, 3, 4)]
+    assert ["(0.001000)", "can0", "601#4000100000000000", "R"] in lines
+    assert lines[-1][0] == "(0.002000)"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--lockstep", "--strict-timing"],
+            "--strict-timing: in lock-step there is no real time to miss; leave it out",
+        ),
+        (
+            ["--record", "x.log"],
+            "--record: in real time other programs record; give --lockstep too",
+        ),
+        (
+            ["--lockstep", "--sync-period-us", "1500"],
+            "--sync-period-us: 1500 is not a multiple of tick_us = 1000; give 1000 or 2000",
+        ),
+    ],
+)
+def test_arguments_that_cannot_be_meant(arguments, message, capsys):
+    assert main(["run", "-i", "virtual", "-c", "x", *arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.runner import FRAMES_PER_TICK
 from hil_bench.transports.transport import Transport, TransportCounters
 
 SYNC_COB_ID = 0x080
@@ -19,6 +18,9 @@ SYNC_COB_ID = 0x080
 
 PATIENCE = 0.1
 """Longest wait for a frame before `stopped` is asked again [s]."""
+
+FRAMES_AT_ONCE = 64
+"""Most frames taken from the bus before the bus is asked again."""
 
 Round = Callable[[Sequence[Frame], int], Sequence[Frame]]
 """A bench's `tick` or `serve`: received frames and the time [ns] in, frames to send out."""
@@ -110,7 +112,7 @@ def exchange(lockstep: LockStep, transport: Transport, stopped: Callable[[], boo
     """
     if not transport.wait(PATIENCE):
         return
-    for frame in transport.receive(FRAMES_PER_TICK):
+    for frame in transport.receive(FRAMES_AT_ONCE):
         transport.send(lockstep.receive(frame))
         if stopped():
             return

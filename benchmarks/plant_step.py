@@ -29,6 +29,7 @@ from hil_bench.plant import (
     MassOnSlope,
     PlantInput,
     PlantOptions,
+    ReducedOrderPlant,
     Solver,
     SpringLoad,
     SupplyUnit,
@@ -91,6 +92,12 @@ def c_plant(library: ctypes.CDLL, solver: Solver, options: PlantOptions) -> Adva
 def bench_plant(solver: Solver, options: PlantOptions) -> Advance:
     """Return what advances a bench plant by (u, steps)."""
     plant = FullOrderPlant(paper_parameters(), options=options, solver=solver, dt=DT)
+    return lambda u, steps: plant.step(PlantInput(u, 0.0), steps)
+
+
+def reduced_plant(solver: Solver) -> Advance:
+    """Return what advances a reduced plant by (u, steps)."""
+    plant = ReducedOrderPlant(paper_parameters(), solver=solver, dt=DT)
     return lambda u, steps: plant.step(PlantInput(u, 0.0), steps)
 
 
@@ -166,9 +173,9 @@ def print_extensions() -> None:
         (name, solver): bench_plant(solver, replace(PlantOptions.bench(), **change))
         for name, change in EXTENSIONS.items()
         for solver in Solver
-    }
+    } | {("reduced model", solver): reduced_plant(solver) for solver in Solver}
     cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE)
-    for name in EXTENSIONS:
+    for name in (*EXTENSIONS, "reduced model"):
         print(f"| {name} | {' | '.join(f'{cost[name, solver]:.1f}' for solver in Solver)} |")
 
 

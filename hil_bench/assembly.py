@@ -23,7 +23,7 @@ from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import ConfigError, EdsError
-from hil_bench.plant import FullOrderPlant, balanced_state
+from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
 
 
@@ -82,14 +82,14 @@ def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -
 def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) -> Axis:
     """Return one cylinder with its valve and its sensors."""
     members = [node for node in config.nodes if node.axis == axis.name]
-    plant = FullOrderPlant(
+    plant = plant_at_rest(
+        axis.model,
         axis.parameters,
         options=axis.options,
         solver=axis.solver,
         dt=config.dt,
-        state=balanced_state(
-            axis.parameters, x=axis.position, F_L=axis.options.load_at(axis.position)
-        ),
+        x=axis.position,
+        delay=axis.spool_delay,
     )
     return Axis(
         name=axis.name,

@@ -20,8 +20,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.plant.full_order import FullOrderPlant
 from hil_bench.plant.state import PlantInput, PlantOutput
+from hil_bench.plant.stepping import Plant
 
 Publish = Callable[[PlantOutput, int], None]
 
@@ -58,7 +58,7 @@ class Axis:
     """
 
     name: str
-    plant: FullOrderPlant
+    plant: Plant
     valve: ValveDevice
     sensors: tuple[Publish, ...]
     load: float = 0.0

@@ -33,6 +33,7 @@ class Unit(NamedTuple):
 ONE = Unit("-", "")
 PERCENT = Unit("%", "_percent", 1e-2)
 MICROSECOND = Unit("us", "_us", 1e-6)
+MILLISECOND = Unit("ms", "_ms", 1e-3)
 MILLIMETRE = Unit("mm", "_mm", 1e-3)
 SQUARE_CENTIMETRE = Unit("cm²", "_cm2", 1e-4)
 CUBIC_CENTIMETRE = Unit("cm³", "_cm3", 1e-6)

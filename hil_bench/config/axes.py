@@ -11,6 +11,7 @@ from hil_bench.config.keys import (
     BRISTLE_KEYS,
     CAVITATION_KEYS,
     CONSTANT_LOAD_KEYS,
+    DELAY_KEY,
     END_STOP_KEYS,
     LOAD_KEYS,
     OPTION_KEYS,
@@ -24,10 +25,12 @@ from hil_bench.config.records import AxisConfig, Friction, Supply
 from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
-from hil_bench.plant.full_order import Solver, largest_step
 from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
+from hil_bench.plant.models import Model, largest_stable_step
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.reduced_order import check_delay, check_reduced_model
+from hil_bench.plant.stepping import Solver
 
 _DEFAULT_AXIS = "axis1"
 
@@ -42,8 +45,9 @@ _PHYSICAL_KEYS = {
         *BRISTLE_KEYS,
         *SUPPLY_KEYS,
         *LOAD_KEYS,
+        DELAY_KEY,
     )
-}
+} | {"bristles": "friction", "supply_unit": "supply"}
 # A symbol, but not a unit, which follows a number or a stroke.
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
@@ -81,13 +85,21 @@ def build_axes(
 
 
 def _build_axis(name: str, axis: Settings) -> AxisConfig:
-    return AxisConfig(
+    record = AxisConfig(
         name=name,
+        model=axis["model"].value,
         parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
         options=_build_options(axis),
         solver=axis["solver"].value,
         position=convert(axis, (axis["position_mm"].key,))["position"],
+        spool_delay=convert(axis, (DELAY_KEY,))["delay"],
     )
+    if record.model is Model.REDUCED:
+        check_reduced_model(record.parameters, record.options)
+        check_delay(record.spool_delay)
+    elif record.spool_delay:
+        raise ParameterError(f'delay = {record.spool_delay:g} s: only for model = "reduced"')
+    return record
 
 
 def _build_options(axis: Settings) -> PlantOptions:
@@ -120,7 +132,7 @@ def _build_loads(axis: Settings) -> tuple[Load, ...]:
 
 
 def _check_solver(axis: AxisConfig, step_us: int, problems: Problems) -> None:
-    limit_us = largest_step(axis.parameters, axis.options, axis.solver) * 1e6
+    limit_us = largest_stable_step(axis.model, axis.parameters, axis.options, axis.solver) * 1e6
     if step_us <= limit_us:
         return
     right = f'give solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"'

@@ -21,7 +21,8 @@ from hil_bench.config.values import (
     points,
     text,
 )
-from hil_bench.plant.full_order import Solver
+from hil_bench.plant.models import Model
+from hil_bench.plant.stepping import Solver
 from hil_bench.units import (
     BAR,
     CUBIC_CENTIMETRE,
@@ -35,6 +36,7 @@ from hil_bench.units import (
     MICROSECOND,
     MILLIMETRE,
     MILLIMETRE_PER_SECOND,
+    MILLISECOND,
     NEWTON,
     NEWTON_PER_MILLIMETRE,
     NEWTON_SECOND_PER_METRE,
@@ -148,7 +150,11 @@ SERIES_KEY = Key("load_series_s_n", points(SECOND_AND_NEWTON), (), SECOND_AND_NE
 
 LOAD_KEYS = (*CONSTANT_LOAD_KEYS, *SPRING_KEYS, *SLOPE_KEYS, SERIES_KEY)
 
+DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
+
 AXIS_KEYS = (
+    Key("model", choice(Model), Model.FULL_ORDER),
+    DELAY_KEY,
     *PARAMETER_KEYS,
     *OPTION_KEYS,
     Key("end_stop", boolean, True),

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from hil_bench.config.objects import ObjectValue
 from hil_bench.config.settings import Setting
-from hil_bench.plant.full_order import Solver
+from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.stepping import Solver
 
 
 class Profile(StrEnum):
@@ -64,17 +65,21 @@ class AxisConfig:
 
     Attributes:
         name: the axis, as in ``[plant.NAME]``.
+        model: which of the paper's.
         parameters: the model's parameters.
         options: what the paper leaves open.
         solver: the integration method.
         position: piston position at the start, from mid-stroke, positive when extending [m].
+        spool_delay: what stands for the spool's lag in the reduced model [s].
     """
 
     name: str
+    model: Model
     parameters: PlantParameters
     options: PlantOptions
     solver: Solver
     position: float
+    spool_delay: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,6 @@
 """The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
 
 import math
-from enum import StrEnum
 
 from hil_bench.errors import ParameterError
 from hil_bench.plant.constants import pack
@@ -16,22 +15,8 @@ from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.runge_kutta import advance_runge_kutta
 from hil_bench.plant.stability import largest_euler_step, largest_runge_kutta_step
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
-from hil_bench.plant.validation import require_finite, require_positive
-
-SPOOL_SETPOINT_LIMIT = 1.0
-"""Largest spool set-point that the plant follows, a thousand times a real valve's [m]."""
-
-LOAD_LIMIT = 1e9
-"""Largest external load that the plant feels, a hundred thousand tonnes [N]."""
-
-
-class Solver(StrEnum):
-    """How the plant's equations are integrated over one step."""
-
-    FORWARD_EULER = "forward-euler"
-    LINEARLY_IMPLICIT_MIDPOINT = "linearly-implicit-midpoint"
-    RUNGE_KUTTA = "runge-kutta"
-
+from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
+from hil_bench.plant.validation import require_finite
 
 _STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
 
@@ -87,7 +72,9 @@ class FullOrderPlant:
         self.options = PlantOptions.bench() if options is None else options
         self.solver = solver
         self.dt = dt
-        _check_step(parameters, self.options, solver, dt)
+        if self.options.bristles is not None and parameters.F_c == 0.0:
+            raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
+        check_step(dt, largest_step(parameters, self.options, solver), self.options, solver)
         t, z_f, P_S = _check_extension(extension, parameters)
         F_L = self.options.load_at(0.0, t)
         start = balanced_state(parameters, F_L=F_L) if state is None else state
@@ -123,32 +110,19 @@ class FullOrderPlant:
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.
 
-        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` they act
-        as the limit does.
+        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` of
+        `hil_bench.plant.stepping` they act as the limit does.
 
-        Raises:
-            ParameterError: for an input that is not finite, for a negative number of steps, or when
-                forward Euler has diverged.
+        An input that is not finite, a negative number of steps and a solver that has diverged are
+        refused.
         """
-        u, F_L = plant_input
-        if not (math.isfinite(u) and math.isfinite(F_L)):
-            raise ParameterError(f"u = {u} m, F_L = {F_L} N: both must be finite")
-        if steps < 0:
-            raise ParameterError(f"steps = {steps}: must be 0 or greater")
-        if not (
-            -SPOOL_SETPOINT_LIMIT <= u <= SPOOL_SETPOINT_LIMIT and -LOAD_LIMIT <= F_L <= LOAD_LIMIT
-        ):
-            u = math.copysign(min(abs(u), SPOOL_SETPOINT_LIMIT), u)
-            F_L = math.copysign(min(abs(F_L), LOAD_LIMIT), F_L)
-        return self._advance_by(float(u), float(F_L), steps)
+        u, F_L = bound_input(plant_input, steps)
+        return self._advance_by(u, F_L, steps)
 
     def _advance_by(self, u: float, F_L: float, steps: int) -> PlantOutput:
         seen = self._advance(self._state, self._constants, u, F_L, steps)
         if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
-            raise ParameterError(
-                f"dt = {self.dt:g} s: {self.solver.value} has diverged with these parameters; "
-                "it needs a shorter step"
-            )
+            raise divergence(self.dt, self.solver)
         self._output = PlantOutput._make(seen)
         return self._output
 
@@ -161,35 +135,6 @@ def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Sol
     if solver not in _LARGEST_STEP:
         return math.inf
     return _LARGEST_STEP[solver](parameters, options)
-
-
-def _check_step(
-    parameters: PlantParameters, options: PlantOptions, solver: Solver, dt: float
-) -> None:
-    require_positive("dt", dt, "s")
-    if options.bristles is not None and parameters.F_c == 0.0:
-        raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
-    limit = largest_step(parameters, options, solver)
-    if dt > limit:
-        raise ParameterError(
-            f"dt = {dt:g} s: {solver.value} is unstable with these parameters; "
-            f"{_remedy(limit)} is right"
-        )
-    if solver is Solver.FORWARD_EULER:
-        return
-    if options.tanh_gain == math.inf and options.bristles is None:
-        raise ParameterError(
-            f"tanh_gain = inf s/m: {solver.value} needs a slope, a finite gain; "
-            f"take {Solver.FORWARD_EULER.value} for the printed sign"
-        )
-
-
-def _remedy(limit: float) -> str:
-    """Return what is right in place of a step above `limit` [s]."""
-    if limit == 0.0:
-        return f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}, for no step is short enough,"
-    digit = 10.0 ** (math.floor(math.log10(limit)) - 2)
-    return f"{math.floor(limit / digit) * digit:g} s or less"
 
 
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:

@@ -51,24 +51,33 @@ class _Motion(NamedTuple):
 
 
 def largest_euler_step(parameters: PlantParameters, options: PlantOptions) -> float:
-    """Return the largest step at which forward Euler is stable [s]; 0 where none is.
-
-    R(z) = 1 + z, so each mode allows -2 Re(lambda) / |lambda|²: of an oscillation 2 zeta / omega.
-    """
-    modes = find_modes(parameters, options)
-    damping = np.where(-modes.real > _UNDAMPED * np.abs(modes), -modes.real, 0.0)
-    return float(np.min(2.0 * damping / np.abs(modes) ** 2))
+    """Return the largest step at which forward Euler takes the full model [s]; 0 where none is."""
+    return euler_limit(find_modes(parameters, options))
 
 
 def largest_runge_kutta_step(parameters: PlantParameters, options: PlantOptions) -> float:
-    """Return the largest step at which the classical Runge-Kutta method is stable [s].
-
-    R(z) = 1 + z + z²/2 + z³/6 + z⁴/24, followed outwards on the ray of each mode.
-    """
+    """Return the largest step at which classical Runge-Kutta takes the full model [s]."""
     modes = find_modes(parameters, options)
     if options.bristles is not None:
         fastest = _largest_velocity(parameters, options)
         modes = np.append(modes, -options.bristles.sigma_0 * fastest / parameters.F_c)
+    return runge_kutta_limit(modes)
+
+
+def euler_limit(modes: Modes) -> float:
+    """Return the largest step at which forward Euler is stable [s]; 0 where none is.
+
+    R(z) = 1 + z, so each mode allows -2 Re(lambda) / |lambda|²: of an oscillation 2 zeta / omega.
+    """
+    damping = np.where(-modes.real > _UNDAMPED * np.abs(modes), -modes.real, 0.0)
+    return float(np.min(2.0 * damping / np.abs(modes) ** 2))
+
+
+def runge_kutta_limit(modes: Modes) -> float:
+    """Return the largest step at which the classical Runge-Kutta method is stable [s].
+
+    R(z) = 1 + z + z²/2 + z³/6 + z⁴/24, followed outwards on the ray of each mode.
+    """
     size = np.abs(modes)
     z = np.outer(modes / size, _REACH)
     growth = np.abs(1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0))))
@@ -78,7 +87,7 @@ def largest_runge_kutta_step(parameters: PlantParameters, options: PlantOptions)
 
 
 def find_modes(parameters: PlantParameters, options: PlantOptions) -> Modes:
-    """Return the modes of the linearised model over its operating range [1/s]."""
+    """Return the modes of the linearised full model over its operating range [1/s]."""
     matrices = np.array(list(_cylinder_matrices(parameters, options)))
     modes = np.concatenate([np.linalg.eigvals(matrices).ravel(), _spool_modes(parameters)])
     if options.supply is not None:
@@ -86,6 +95,33 @@ def find_modes(parameters: PlantParameters, options: PlantOptions) -> Modes:
         relief = options.supply
         rate = relief.relief_gradient / supply_compliance(relief.relief_pressure, supply)
         modes = np.append(modes, -rate)
+    return _fast(modes)
+
+
+def find_reduced_modes(parameters: PlantParameters, options: PlantOptions) -> Modes:
+    """Return the modes of the linearised reduced model over its operating range [1/s].
+
+    Its only volume is constant, so the stroke's ends differ by their stops alone.
+    """
+    p = parameters
+    m = p.m + options.load_mass
+    per_C = 4.0 * p.E / p.total_volume
+    # The drop of eq. (14) is half of P_S - sign(z) P_L, and so is its slope over P_L.
+    losses = [0.5 * slope + p.C_L for slope in _orifice_slopes(parameters, options)]
+    matrices = [
+        [
+            [0.0, 1.0, 0.0],
+            [-motion.stiffness / m, -motion.slope / m, p.mean_area / m],
+            [0.0, -p.mean_area * per_C, -loss * per_C],
+        ]
+        for loss in losses
+        for motion in _motions(parameters, options, is_end=True)
+    ]
+    return _fast(np.linalg.eigvals(np.array(matrices)).ravel())
+
+
+def _fast(modes: Modes) -> Modes:
+    """Return the modes without those whose growth or decay is rounding."""
     is_fast = np.abs(modes) > _SLOW * np.abs(modes).max()
     return np.asarray(modes[is_fast], dtype=np.complex128)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import device_profiles
+from hil_bench.assembly import build_bench
 from hil_bench.config import (
     BenchConfig,
     BusConfig,
@@ -18,11 +19,12 @@ from hil_bench.config import (
     ValveConfig,
     load_config,
 )
+from hil_bench.plant import Model, ReducedOrderPlant
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction
-from hil_bench.plant.full_order import Solver
 from hil_bench.plant.loads import ConstantLoad, LoadSeries, MassOnSlope, SpringLoad
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import paper_parameters
+from hil_bench.plant.stepping import Solver
 
 Write = Callable[[str], Path]
 
@@ -96,6 +98,24 @@ def test_values_are_converted_to_si(write: Write) -> None:
     assert axis.options.end_stop == EndStop(stiffness=1e8, damping=2e4)
     assert axis.options.cavitation_floor == -50_000.0
     assert axis.solver is Solver.FORWARD_EULER
+
+
+def test_a_bench_can_run_on_the_reduced_model(write: Write) -> None:
+    config = load_config(
+        write("""
+        [plant.axis1]
+        model = "reduced"
+        spool_delay_ms = 1.2
+        position_mm = 20
+        load_n = 970
+    """)
+    )
+    assert config.axes[0].model is Model.REDUCED
+    plant = build_bench(config).axes[0].plant
+    assert isinstance(plant, ReducedOrderPlant)
+    assert plant.delay == pytest.approx(1.2e-3)
+    assert plant.state.x == pytest.approx(0.02)
+    assert plant.state.P_A - plant.state.P_B == pytest.approx(970.0 / 4.85e-3)
 
 
 def test_end_stop_and_cavitation_can_be_turned_off(write: Write) -> None:

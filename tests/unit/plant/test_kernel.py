@@ -7,6 +7,7 @@ import pytest
 from hil_bench.plant.kernel import IS_COMPILED
 
 RUN_AND_PRINT_BITS = """
+import dataclasses
 import random
 import sys
 sys.modules.update({name: None for name in sys.argv[1:]})  # None: as if not installed
@@ -27,6 +28,15 @@ for solver in Solver:
         for _ in range(400):
             plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
         print(*(value.hex() for value in (*plant.state, *plant.output, *plant.extension)))
+    loads = (SpringLoad(1e4), LoadSeries((0.1, 0.4, 0.9), (0.0, 9e3, -5e3)))
+    options = dataclasses.replace(PlantOptions.bench(), loads=loads)
+    reduced = ReducedOrderPlant(
+        paper_parameters(), options=options, solver=solver, dt=2e-5, delay=5e-4
+    )
+    source = random.Random(1)
+    for _ in range(400):
+        reduced.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
+    print(*(value.hex() for value in reduced.output))
 """
 
 
@@ -46,6 +56,6 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
     """
     compiled = run_plants("0")
-    assert compiled.count("\n") == 9
+    assert compiled.count("\n") == 12
     assert compiled == run_plants("1")
     assert compiled == run_plants("0", "numba")

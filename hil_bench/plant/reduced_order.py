@@ -1,0 +1,232 @@
+"""The reduced model of the valve-controlled cylinder, Ruderman 2017 eqs. (13)-(17)."""
+
+import math
+from collections import deque
+
+from hil_bench.errors import ParameterError
+from hil_bench.plant.kernel import make_row
+from hil_bench.plant.options import PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.reduced_steps import (
+    advance_reduced_euler,
+    advance_reduced_midpoint,
+    advance_reduced_runge_kutta,
+    pack_reduced,
+)
+from hil_bench.plant.stability import euler_limit, find_reduced_modes, runge_kutta_limit
+from hil_bench.plant.state import PlantInput, PlantOutput, PlantState
+from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
+from hil_bench.plant.validation import require_finite, require_not_negative
+
+LONGEST_DELAY = 1.0
+"""Longest delay in place of the spool's lag, hundreds of times a real one [s]."""
+
+_ADVANCE = {
+    Solver.FORWARD_EULER: advance_reduced_euler,
+    Solver.LINEARLY_IMPLICIT_MIDPOINT: advance_reduced_midpoint,
+    Solver.RUNGE_KUTTA: advance_reduced_runge_kutta,
+}
+
+_LIMIT = {Solver.FORWARD_EULER: euler_limit, Solver.RUNGE_KUTTA: runge_kutta_limit}
+
+_STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
+
+
+class ReducedOrderPlant:
+    """Valve and cylinder without spool dynamics, with one load pressure P_L = P_A - P_B.
+
+    Eq. (15) ties both pressures to it: P_A + P_B = P_S, and the tank is at 0. The spool is where
+    its set-point is, or was `delay` ago. The constructor runs the stepping kernel once, so that
+    nothing is compiled later.
+
+    Args:
+        parameters: of valve and cylinder; V_A0 and V_B0 count by their sum, A_A and A_B by their
+            mean, omega_0 and xi not at all.
+        options: what the paper leaves open; None for `PlantOptions.bench()`.
+        solver: of the equations.
+        dt: step [s].
+        state: at the start, with P_A + P_B = P_S and the spool at rest; None for the balanced state
+            at mid-stroke.
+        delay: constant time in place of the spool's lag, section III [s]; `spool_delay` gives the
+            equivalent one.
+
+    Raises:
+        ParameterError: for a state, a step, a delay or an option that this model cannot have.
+
+    Attributes:
+        parameters: of valve and cylinder.
+        options: what the paper leaves open.
+        solver: of the equations.
+        dt: step [s].
+        delay: of the spool [s].
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        *,
+        options: PlantOptions | None = None,
+        solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
+        dt: float = 1e-4,
+        state: PlantState | None = None,
+        delay: float = 0.0,
+    ) -> None:
+        self.parameters = parameters
+        self.options = PlantOptions.bench() if options is None else options
+        self.solver = solver
+        self.dt = dt
+        self.delay = delay
+        check_reduced_model(parameters, self.options)
+        check_step(dt, largest_reduced_step(parameters, self.options, solver), self.options, solver)
+        check_delay(delay)
+        F_L = self.options.load_at(0.0, 0.0)
+        start = balanced_reduced_state(parameters, F_L=F_L) if state is None else state
+        _check_state(start, parameters, self.options)
+        self._advance = _ADVANCE[solver]
+        self._constants = make_row(pack_reduced(parameters, self.options, dt))
+        self._state = make_row((start.x, start.v, start.P_A - start.P_B, 0.0, 0.0))
+        self._nu = start.nu
+        self._delay_steps = round(delay / dt)
+        self._made = 0
+        self._arriving: deque[tuple[int, float]] = deque()
+        self._output = self._advance_by(self._nu, 0.0, 0)
+
+    @property
+    def state(self) -> PlantState:
+        """The present state."""
+        x, v, P_A, P_B = self._output[:4]
+        return PlantState(x=x, v=v, P_A=P_A, P_B=P_B, nu=self._nu, nu_dot=0.0)
+
+    @property
+    def output(self) -> PlantOutput:
+        """The quantities of the present state."""
+        return self._output
+
+    def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
+        """Move the plant on by `steps` steps under a constant input; return what is seen then.
+
+        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` of
+        `hil_bench.plant.stepping` they act as the limit does.
+
+        An input that is not finite, a negative number of steps and a solver that has diverged are
+        refused.
+        """
+        u, F_L = bound_input(plant_input, steps)
+        if self._delay_steps == 0:
+            self._nu = u
+            return self._advance_by(u, F_L, steps)
+        self._schedule(u)
+        end = self._made + steps
+        while self._arriving and self._arriving[0][0] < end:
+            when, arrived = self._arriving.popleft()
+            self._advance_by(self._nu, F_L, when - self._made)
+            self._nu = arrived
+        return self._advance_by(self._nu, F_L, end - self._made)
+
+    def _schedule(self, u: float) -> None:
+        """Note a set-point that differs from the last one, to act after the delay."""
+        last = self._arriving[-1][1] if self._arriving else self._nu
+        if u != last:
+            self._arriving.append((self._made + self._delay_steps, u))
+
+    def _advance_by(self, nu: float, F_L: float, steps: int) -> PlantOutput:
+        seen = self._advance(self._state, self._constants, nu, F_L, steps)
+        if not math.isfinite(seen[0] + seen[1] + seen[2]):
+            raise divergence(self.dt, self.solver)
+        self._made += steps
+        self._output = PlantOutput._make(seen)
+        return self._output
+
+
+def spool_delay(parameters: PlantParameters) -> float:
+    """Return the constant time [s] that stands for the spool's lag at low frequencies.
+
+    The phase of eq. (1) falls by 2 xi / omega_0 per rad/s there, as that of a delay does.
+    """
+    return 2.0 * parameters.xi / parameters.omega_0
+
+
+def balanced_reduced_state(
+    parameters: PlantParameters, *, x: float = 0.0, F_L: float = 0.0
+) -> PlantState:
+    """Return the state of rest in which the load pressure holds the piston: P_L = F_L / mean area.
+
+    Args:
+        parameters: of the plant.
+        x: piston position [m].
+        F_L: external load [N].
+    """
+    require_finite("x", x, "m")
+    require_finite("F_L", F_L, "N")
+    P_L = F_L / parameters.mean_area
+    P_S = parameters.P_S
+    return PlantState(x=x, v=0.0, P_A=0.5 * (P_S + P_L), P_B=0.5 * (P_S - P_L), nu=0.0, nu_dot=0.0)
+
+
+def largest_reduced_step(
+    parameters: PlantParameters, options: PlantOptions, solver: Solver
+) -> float:
+    """Return the largest step at which a solver takes the reduced model [s].
+
+    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
+    """
+    if solver not in _LIMIT:
+        return math.inf
+    return _LIMIT[solver](find_reduced_modes(parameters, options))
+
+
+def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse what needs two chambers, a tank pressure or a further state.
+
+    Raises:
+        ParameterError: for the first of them; the message names the symbol.
+    """
+    if parameters.P_T != 0.0:
+        raise ParameterError(
+            f"P_T = {parameters.P_T:g} Pa: must be 0, for eqs. (14), (15) have no tank pressure"
+        )
+    given = {
+        "C_LA": bool(options.C_LA),
+        "C_LB": bool(options.C_LB),
+        "air_fraction": options.air is not None,
+        "bristles": options.bristles is not None,
+        "supply_unit": options.supply is not None,
+    }
+    for symbol, is_given in given.items():
+        if is_given:
+            raise ParameterError(
+                f"the reduced model has no place for {symbol}: the full-order model is right"
+            )
+
+
+def check_delay(delay: float) -> None:
+    """Refuse what is no delay of a spool.
+
+    Raises:
+        ParameterError: for a delay that is negative or above `LONGEST_DELAY`.
+    """
+    require_not_negative("delay", delay, "s")
+    if delay > LONGEST_DELAY:
+        raise ParameterError(f"delay = {delay:g} s: must be {LONGEST_DELAY:g} s or less")
+
+
+def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
+    for symbol, value, unit in zip(PlantState._fields, state, _STATE_UNITS, strict=True):
+        require_finite(symbol, value, unit)
+    P_S = parameters.P_S
+    if abs(state.P_A + state.P_B - P_S) > 1e-6 * P_S:
+        raise ParameterError(
+            f"P_A + P_B = {state.P_A + state.P_B:g} Pa: must be P_S = {P_S:g} Pa, eq. (15)"
+        )
+    if state.nu_dot != 0.0:
+        raise ParameterError(f"nu_dot = {state.nu_dot:g} m/s: must be 0, for the spool has no lag")
+    floor = options.cavitation_floor
+    if floor is not None and min(state.P_A, state.P_B) < floor:
+        raise ParameterError(
+            f"P_A = {state.P_A:g} Pa, P_B = {state.P_B:g} Pa: "
+            f"must be at least the cavitation floor, {floor:g} Pa"
+        )
+    if options.end_stop is not None and abs(state.x) > parameters.h:
+        raise ParameterError(
+            f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
+        )

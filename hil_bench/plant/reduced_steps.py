@@ -1,0 +1,230 @@
+"""The reduced model's kernels, Ruderman 2017 eqs. (14)-(17): one pressure, the load pressure P_L.
+
+To the step of `implicit_midpoint` it is a cylinder with one chamber of the mean area, the bulk
+modulus 4 E and the volume V_t, whose orifice sees P_L / 2 between P_S / 2 and -P_S / 2. So the
+solvers, the friction, the loads and the end stops are those of the full model.
+"""
+
+from collections.abc import Sequence
+
+from hil_bench.plant.constants import Constants, unpack
+from hil_bench.plant.extended_constants import SERIES, pack_extended, unpack_extended
+from hil_bench.plant.friction import friction_force
+from hil_bench.plant.implicit_midpoint import (
+    follow_friction,
+    implicit_share,
+    linearise_drag,
+    velocity_change,
+)
+from hil_bench.plant.kernel import Floats, kernel, make_row
+from hil_bench.plant.load import find_point, series_force, stop_force, stop_velocity_change
+from hil_bench.plant.options import PlantOptions
+from hil_bench.plant.orifice import OrificeConstants, linearise_flow
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.spool import orifice_state
+
+Motion = tuple[float, float, float]
+"""(x, v, P_L), or their rates of change."""
+
+Spring = tuple[float, float]
+"""(stiffness [N/m], position of rest [m]) of the loads' springs."""
+
+Seen = tuple[float, float, float, float, float, float, float, float]
+"""The fields of `hil_bench.plant.state.PlantOutput`."""
+
+
+def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
+    """Return the constants in the order of `pack_extended`, with the one chamber in place of two.
+
+    In the place of the chambers' floor stands the largest |P_L|: with eq. (15) no chamber falls
+    below the floor as long as |P_L| <= P_S - 2 floor.
+    """
+    p = parameters
+    row = make_row(pack_extended(parameters, options, dt))
+    (_, m, _, floor), spool, opening, transition, orifice, _, friction, stop = unpack(row)
+    groups: Constants = (
+        (dt, m, 1.0 / (4.0 * p.E * dt), p.P_S - 2.0 * floor),
+        spool,
+        opening,
+        transition,
+        (p.K, 0.5 * p.P_S, -0.5 * p.P_S, orifice[3], orifice[4]),
+        (4.0 * p.E, p.C_L, p.mean_area, 0.0, p.total_volume, 0.0, p.h),
+        friction,
+        stop,
+    )
+    paper = [float(value) for group in groups for value in group]
+    return paper + [row[index] for index in range(len(paper), len(row))]
+
+
+@kernel
+def load_flow(z: float, P_L: float, orifice: OrificeConstants) -> tuple[float, float, float]:
+    """Return Q_L [m³/s] of eq. (14), its secant and its tangent over P_L [m³/(s Pa)].
+
+    Args:
+        z: orifice state [m].
+        P_L: load pressure [Pa].
+        orifice: the constants of the reduced model.
+    """
+    Q_L, secant, tangent = linearise_flow(z, 0.5 * P_L, orifice)
+    return Q_L, 0.5 * secant, 0.5 * tangent
+
+
+@kernel
+def hold_load_pressure(P_L: float, limit: float) -> float:
+    """Return P_L [Pa] where no chamber is below the cavitation floor."""
+    if P_L > limit:
+        return limit
+    return -limit if P_L < -limit else P_L
+
+
+@kernel
+def motion_rates(
+    motion: Motion, z: float, F_L: float, spring: Spring, constants: Constants
+) -> Motion:
+    """Return the right-hand side of eqs. (16), (17).
+
+    Args:
+        motion: x [m], v [m/s] and P_L [Pa].
+        z: orifice state [m].
+        F_L: external load but for that of the springs [N].
+        spring: of the loads.
+        constants: of the reduced model, in their groups.
+    """
+    (_, m, _, limit), _, _, _, orifice, (E, C_L, A, _, V_t, _, _), friction, stop = constants
+    x, v, P_L = motion
+    P_L = hold_load_pressure(P_L, limit)
+    net = load_flow(z, P_L, orifice)[0] - A * v - C_L * P_L
+    if (P_L <= -limit and net < 0.0) or (P_L >= limit and net > 0.0):
+        net = 0.0
+    force = P_L * A - friction_force(v, friction) - F_L - spring[0] * (x - spring[1])
+    return v, (force + stop_force(x, v, stop)) / m, E / V_t * net
+
+
+@kernel
+def shift_motion(motion: Motion, rates: Motion, dt: float) -> Motion:
+    """Return the motion after `dt` [s] at constant rates."""
+    return motion[0] + dt * rates[0], motion[1] + dt * rates[1], motion[2] + dt * rates[2]
+
+
+@kernel
+def move_reduced(
+    motion: Motion, z: float, F_L: float, spring: Spring, constants: Constants
+) -> Motion:
+    """Return the motion one step of the linearly implicit midpoint rule later.
+
+    Args:
+        motion: at the start of the step.
+        z: orifice state [m].
+        F_L: external load in the middle of the step but for that of the springs [N].
+        spring: of the loads.
+        constants: of the reduced model, in their groups.
+    """
+    (dt, m, per_E_dt, limit), _, _, _, orifice, chambers, friction, stop = constants
+    _, C_L, A, _, V_t, _, _ = chambers
+    x, v, P_L = motion
+    Q_L, secant, tangent = load_flow(z, P_L, orifice)
+    C = V_t * per_E_dt
+    loss = C + 0.5 * C_L + implicit_share(secant, tangent, C)
+    response = ((Q_L - A * v - C_L * P_L) / loss, 0.5 * A / loss, 0.0, 0.0)
+    drag = linearise_drag(v, m / dt, friction)
+    force = P_L * A - drag[0] * v - F_L - spring[0] * (x + 0.5 * dt * v - spring[1])
+    inertia = m / dt + 0.25 * dt * spring[0] + drag[2]
+    dv, resistance = velocity_change(force, inertia, response, chambers)
+    end = P_L + response[0] - response[1] * dv
+    if end > limit or end < -limit:
+        response = (hold_load_pressure(end, limit) - P_L, 0.0, 0.0, 0.0)
+        dv, resistance = velocity_change(force, inertia, response, chambers)
+    dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
+    dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
+    P_L = hold_load_pressure(P_L + response[0] - response[1] * dv, limit)
+    return x + dt * (v + 0.5 * dv), v + dv, P_L
+
+
+@kernel
+def show(state: Floats, nu: float, constants: Constants, P_S: float) -> Seen:
+    """Return what is seen of a state, (15), at spool position nu [m], supply pressure P_S [Pa]."""
+    z = orifice_state(nu, constants[2])
+    x, v, P_L = state[0], state[1], state[2]
+    Q_L = load_flow(z, P_L, constants[4])[0]
+    return x, v, 0.5 * (P_S + P_L), 0.5 * (P_S - P_L), nu, z, Q_L, -Q_L
+
+
+@kernel
+def advance_reduced_euler(state: Floats, row: Floats, u: float, F_L: float, steps: int) -> Seen:
+    """Move the state on by some steps of forward Euler, in place; as `advance_reduced_midpoint`."""
+    constants, extension = unpack(row), unpack_extended(row)
+    dt, limit = constants[0][0], constants[0][3]
+    force, stiffness, rest = extension[3]
+    z, last = orifice_state(u, constants[2]), len(row) - 2
+    motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    for step in range(steps):
+        t = (state[3] + step) * dt
+        point = find_point(row, point, last, t)
+        load = F_L + force + series_force(row, point, last, t)
+        rates = motion_rates(motion, z, load, (stiffness, rest), constants)
+        motion = shift_motion(motion, rates, dt)
+        motion = (motion[0], motion[1], hold_load_pressure(motion[2], limit))
+    state[0], state[1], state[2] = motion
+    state[3], state[4] = state[3] + steps, float(point - SERIES)
+    return show(state, u, constants, 2.0 * constants[4][1])
+
+
+@kernel
+def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, steps: int) -> Seen:
+    """Move the state on by some steps of the linearly implicit midpoint rule, in place.
+
+    Args:
+        state: x, v, P_L, steps since time 0, point of the load series.
+        row: the constants as `pack_reduced` gives them.
+        u: spool position, which is the set-point [m].
+        F_L: external load besides those of the options [N].
+        steps: how many.
+
+    Returns:
+        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+    """
+    constants, extension = unpack(row), unpack_extended(row)
+    dt = constants[0][0]
+    force, stiffness, rest = extension[3]
+    z, last = orifice_state(u, constants[2]), len(row) - 2
+    motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    for step in range(steps):
+        t_middle = (state[3] + step + 0.5) * dt
+        point = find_point(row, point, last, t_middle)
+        load = F_L + force + series_force(row, point, last, t_middle)
+        motion = move_reduced(motion, z, load, (stiffness, rest), constants)
+    state[0], state[1], state[2] = motion
+    state[3], state[4] = state[3] + steps, float(point - SERIES)
+    return show(state, u, constants, 2.0 * constants[4][1])
+
+
+@kernel
+def advance_reduced_runge_kutta(
+    state: Floats, row: Floats, u: float, F_L: float, steps: int
+) -> Seen:
+    """Move the state on by some steps of order four, in place; as `advance_reduced_midpoint`."""
+    constants, extension = unpack(row), unpack_extended(row)
+    dt, limit = constants[0][0], constants[0][3]
+    force, stiffness, rest = extension[3]
+    spring = (stiffness, rest)
+    z, last = orifice_state(u, constants[2]), len(row) - 2
+    y, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    F_L += force
+    for step in range(steps):
+        t = (state[3] + step) * dt
+        point = find_point(row, point, last, t)
+        load_1 = F_L + series_force(row, point, last, t)
+        point = find_point(row, point, last, t + 0.5 * dt)
+        load_2 = F_L + series_force(row, point, last, t + 0.5 * dt)
+        point = find_point(row, point, last, t + dt)
+        load_3 = F_L + series_force(row, point, last, t + dt)
+        k_1 = motion_rates(y, z, load_1, spring, constants)
+        k_2 = motion_rates(shift_motion(y, k_1, 0.5 * dt), z, load_2, spring, constants)
+        k_3 = motion_rates(shift_motion(y, k_2, 0.5 * dt), z, load_2, spring, constants)
+        k_4 = motion_rates(shift_motion(y, k_3, dt), z, load_3, spring, constants)
+        y = shift_motion(shift_motion(y, k_1, dt / 6.0), k_2, dt / 3.0)
+        y = shift_motion(shift_motion(y, k_3, dt / 3.0), k_4, dt / 6.0)
+        y = (y[0], y[1], hold_load_pressure(y[2], limit))
+    state[0], state[1], state[2] = y
+    state[3], state[4] = state[3] + steps, float(point - SERIES)
+    return show(state, u, constants, 2.0 * constants[4][1])

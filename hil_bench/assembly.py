@@ -4,7 +4,15 @@
 >>> bus = embedded_bus(load_config("bench.toml"))
 """
 
-from hil_bench.bench import Axis, Bench, Publish, encoder_publisher, pressure_publisher
+from hil_bench.bench import (
+    Axis,
+    Bench,
+    Publish,
+    SpoolCommand,
+    encoder_publisher,
+    pressure_publisher,
+    quantity_publisher,
+)
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
@@ -13,18 +21,35 @@ from hil_bench.config import (
     AxisConfig,
     BenchConfig,
     EncoderConfig,
+    GenericConfig,
     NodeConfig,
     PressureConfig,
+    Quantity,
+    SinkConfig,
+    SourceConfig,
     ValveConfig,
     load_config,
 )
+from hil_bench.config.bindings import find_bound
 from hil_bench.config.objects import override_defaults
+from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import ConfigError, EdsError
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
+
+_OUTPUTS = {
+    Quantity.POSITION: "x",
+    Quantity.SPEED: "v",
+    Quantity.P_A: "P_A",
+    Quantity.P_B: "P_B",
+    Quantity.Q_A: "Q_A",
+    Quantity.Q_B: "Q_B",
+    Quantity.SPOOL_POSITION: "nu",
+}
+"""What each quantity is among the plant's outputs."""
 
 
 def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
@@ -44,7 +69,8 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
 def build_bench(config: BenchConfig) -> Bench:
     """Return the bench that `config` describes, not yet powered on."""
     nodes = {node.name: build_node(node) for node in config.nodes}
-    axes = [build_axis(axis, config, nodes) for axis in config.axes]
+    commands = build_commands(config, nodes)
+    axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
     return Bench(axes, list(nodes.values()), steps=config.steps_per_tick)
 
 
@@ -60,7 +86,11 @@ def load_objects(config: NodeConfig) -> ObjectDictionary:
     object_dictionary = load_eds(config.eds, config.node_id)
     if config.serial_number is not None:
         set_serial_number(object_dictionary, config.serial_number)
-    override_defaults(object_dictionary, config.objects, node=config.name, node_id=config.node_id)
+    override_defaults(
+        object_dictionary, config.objects, place=f"{config.place}.objects", node_id=config.node_id
+    )
+    for binding in config.bindings:
+        find_bound(object_dictionary, binding)
     return object_dictionary
 
 
@@ -79,9 +109,10 @@ def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -
     variable.default = variable.value = serial_number
 
 
-def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) -> Axis:
-    """Return one cylinder with its valve and its sensors."""
-    members = [node for node in config.nodes if node.axis == axis.name]
+def build_axis(
+    axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node], valve: SpoolCommand
+) -> Axis:
+    """Return one cylinder with its valve, its sensors and the objects bound to it."""
     plant = plant_at_rest(
         axis.model,
         axis.parameters,
@@ -91,28 +122,57 @@ def build_axis(axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node]) ->
         x=axis.position,
         delay=axis.spool_delay,
     )
-    return Axis(
-        name=axis.name,
-        plant=plant,
-        valve=build_valve(axis, members, nodes),
-        sensors=tuple(
-            build_sensor(node, nodes[node.name])
-            for node in members
-            if not isinstance(node, ValveConfig)
-        ),
+    sensors = [
+        build_sensor(node, nodes[node.name])
+        for node in config.nodes
+        if node.axis == axis.name and not isinstance(node, ValveConfig)
+    ]
+    sources = [
+        build_source(source, nodes[node.name], valve.full_opening)
+        for node in config.nodes
+        for source in node.sources
+        if source.axis == axis.name
+    ]
+    return Axis(name=axis.name, plant=plant, valve=valve, sensors=(*sensors, *sources))
+
+
+def build_commands(config: BenchConfig, nodes: dict[str, Node]) -> dict[str, SpoolCommand]:
+    """Return what commands the spool of each axis: its valve, or the sink in its place."""
+    commands: dict[str, SpoolCommand] = {}
+    for member in config.nodes:
+        node = nodes[member.name]
+        match member:
+            case ValveConfig(axis=str(axis)):
+                commands[axis] = ValveDevice(node, member.full_opening)
+            case GenericConfig():
+                watch = CommandWatch(node)
+                commands |= {sink.axis: build_sink(sink, node, watch) for sink in member.sinks}
+    return commands
+
+
+def build_sink(config: SinkConfig, node: Node, watch: CommandWatch) -> SpoolSink:
+    """Return the object of a node that commands a spool."""
+    return SpoolSink(
+        watch,
+        find_bound(node.object_dictionary, config),
+        scale=config.scale,
+        offset=config.offset,
+        safe=config.safe,
+        full_opening=config.full_opening,
     )
 
 
-def build_valve(axis: AxisConfig, members: list[NodeConfig], nodes: dict[str, Node]) -> ValveDevice:
-    """Return the valve among the members of an axis.
-
-    Raises:
-        ConfigError: there is not exactly one.
-    """
-    valves = [node for node in members if isinstance(node, ValveConfig)]
-    if len(valves) != 1:
-        raise ConfigError(f"plant.{axis.name}: {len(valves)} valves; exactly one is right")
-    return ValveDevice(nodes[valves[0].name], valves[0].full_opening)
+def build_source(config: SourceConfig, node: Node, full_opening: float) -> Publish:
+    """Return what hands a quantity of the plant to an object of a node."""
+    is_spool = config.quantity is Quantity.SPOOL_POSITION
+    source = QuantitySource(
+        node,
+        find_bound(node.object_dictionary, config),
+        scale=config.scale / full_opening if is_spool else config.scale,
+        offset=config.offset,
+        delta=config.delta,
+    )
+    return quantity_publisher(source, _OUTPUTS[config.quantity])
 
 
 def build_sensor(config: NodeConfig, node: Node) -> Publish:

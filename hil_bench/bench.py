@@ -14,12 +14,13 @@ as on a wire.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.bound_objects import QuantitySource
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
-from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.plant.state import PlantInput, PlantOutput
 from hil_bench.plant.stepping import Plant
 
@@ -45,6 +46,30 @@ def encoder_publisher(device: EncoderDevice) -> Publish:
     return publish
 
 
+def quantity_publisher(source: QuantitySource, output_name: str) -> Publish:
+    """Return what hands the plant's output of a name, such as "P_A", to an object."""
+    field = PlantOutput._fields.index(output_name)
+
+    def publish(output: PlantOutput, now: int) -> None:  # noqa: ARG001 - it has no delay
+        source.publish(output[field])
+
+    return publish
+
+
+class SpoolCommand(Protocol):
+    """What commands a spool, such as a valve."""
+
+    @property
+    def full_opening(self) -> float:
+        """Spool position of 100 % [m]."""
+
+    def command(self, now: int) -> float:
+        """Return the spool set-point [m] at `now` [ns]."""
+
+    def publish(self, spool_position: float, now: int) -> None:
+        """Take the spool position [m] at `now` [ns]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Axis:
     """One cylinder with its valve and its sensors.
@@ -59,7 +84,7 @@ class Axis:
 
     name: str
     plant: Plant
-    valve: ValveDevice
+    valve: SpoolCommand
     sensors: tuple[Publish, ...]
     load: float = 0.0
 

@@ -13,8 +13,9 @@ from hil_bench.canopen_device.pdo_parameters import (
     SYNCHRONOUS_ACYCLIC,
     PdoParameters,
 )
-from hil_bench.config import BenchConfig, NodeConfig
-from hil_bench.errors import ConfigError, EdsError
+from hil_bench.config import BenchConfig, NodeConfig, SinkConfig, SourceConfig
+from hil_bench.config.bindings import find_bound
+from hil_bench.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,25 @@ class Pdo:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundObject:
+    """One object that is bound to the plant.
+
+    Attributes:
+        object: the object, as in ``0x6401.01``.
+        name: its name in the EDS.
+        data_type: its data type, as in ``INTEGER16``.
+        role: "source" where it shows a quantity, "sink" where it commands one.
+        quantity: that quantity, as in ``axis1.P_A``.
+    """
+
+    object: str
+    name: str
+    data_type: str
+    role: str
+    quantity: str
+
+
+@dataclass(frozen=True, slots=True)
 class Device:
     """One node of the bench.
 
@@ -61,30 +81,32 @@ class Device:
         name: as in ``[nodes.NAME]``.
         node_id: its node-ID; 255 for none.
         profile: its device profile.
-        axis: the axis that it belongs to.
+        axis: the axis that it belongs to; None for one made from its EDS file alone.
         eds: its EDS file.
         pdos: its PDOs; none without a node-ID.
+        bound: its objects that are bound to the plant.
     """
 
     name: str
     node_id: int
     profile: str
-    axis: str
+    axis: str | None
     eds: str
     pdos: tuple[Pdo, ...]
+    bound: tuple[BoundObject, ...] = ()
 
 
 def read_devices(config: BenchConfig) -> list[Device]:
     """Return the devices of a bench, from their EDS files, in the order of their node-IDs.
 
     Raises:
-        ConfigError: EDS files that cannot serve, a line each.
+        ConfigError: EDS files or objects that cannot serve, a line each.
     """
     devices, problems = [], []
     for node in sorted(config.nodes, key=lambda node: node.node_id):
         try:
             devices.append(_read_device(node))
-        except EdsError as error:
+        except ConfigError as error:
             problems.append(str(error))
     if problems:
         # Nodes may share an EDS, and then its problem.
@@ -108,6 +130,20 @@ def _read_device(node: NodeConfig) -> Device:
         axis=node.axis,
         eds=str(node.eds),
         pdos=pdos,
+        bound=tuple(_read_binding(object_dictionary, binding) for binding in node.bindings),
+    )
+
+
+def _read_binding(
+    object_dictionary: ObjectDictionary, binding: SourceConfig | SinkConfig
+) -> BoundObject:
+    variable = find_bound(object_dictionary, binding)
+    return BoundObject(
+        object=binding.name,
+        name=variable.name,
+        data_type=variable.data_type.name,
+        role="sink" if isinstance(binding, SinkConfig) else "source",
+        quantity=f"{binding.axis}.{binding.quantity}",
     )
 
 
@@ -135,7 +171,7 @@ def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> P
 
 def _device_lines(device: Device) -> Iterator[str]:
     node_id = "unconfigured" if device.node_id == UNCONFIGURED else device.node_id
-    yield f"node {node_id}  {device.name}  {device.profile}  {device.axis}"
+    yield "  ".join((f"node {node_id}", device.name, device.profile, device.axis or "")).rstrip()
     yield f"  EDS    {device.eds}"
     for pdo in device.pdos:
         head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"
@@ -145,6 +181,10 @@ def _device_lines(device: Device) -> Iterator[str]:
             head = " " * len(head)
         if not pdo.objects:
             yield head.rstrip()
+    for bound in device.bound:
+        arrow = "<-" if bound.role == "source" else "->"
+        head = f"  {bound.role:6} {bound.object} {arrow} {bound.quantity}"
+        yield f"{head:48}  {bound.name} ({bound.data_type})"
 
 
 def _transmission(pdo: Pdo) -> str:

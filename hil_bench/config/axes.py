@@ -84,6 +84,20 @@ def build_axes(
     return tuple(built)
 
 
+def full_opening_mm(axis: Settings) -> float:
+    """Return the spool position [mm] from which on the orifices of an axis are fully open.
+
+    It is alpha + beta (Ruderman 2017 eq. (2)), of the larger side.
+    """
+    alpha, beta = axis["orifice_full_opening_mm"].value, axis["spool_overlap_mm"].value
+    alpha_negative = axis["orifice_full_opening_negative_mm"].value
+    beta_negative = axis["spool_overlap_negative_mm"].value
+    negative = (alpha if alpha_negative is None else alpha_negative) + (
+        beta if beta_negative is None else beta_negative
+    )
+    return float(max(alpha + beta, negative))
+
+
 def _build_axis(name: str, axis: Settings) -> AxisConfig:
     record = AxisConfig(
         name=name,

@@ -17,6 +17,8 @@ from hil_bench.config.values import (
     interface,
     interval,
     node_id,
+    non_negative,
+    nonzero,
     number,
     points,
     text,
@@ -100,7 +102,7 @@ OPTION_KEYS = (
     Key("signed_root", boolean, True),
     _quantity("tanh_gain_s_m", 400.0, SECOND_PER_METRE, "tanh_gain"),
     _quantity("laminar_transition_pa", 300.0, PASCAL, "laminar_transition"),
-    # What is None is as for positive spool positions.
+    # What is None is as for non_negative spool positions.
     Key("orifice_full_opening_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "alpha_negative"),
     Key("spool_overlap_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "beta_negative"),
     _quantity("external_leakage_a_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LA"),
@@ -171,19 +173,29 @@ AXIS_KEYS = (
     Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),
 )
 
-PROFILE_KEY = Key("profile", choice(Profile), example='"valve_408"')
+PROFILE_KEY = Key(
+    "profile",
+    choice(Profile),
+    example='"valve_408", or eds = "vendor.eds" for a device made from that file alone',
+)
 
-_COMMON_NODE_KEYS = (
-    PROFILE_KEY,
-    Key("node_id", node_id, example="1"),
-    Key("axis", text),
-    Key("eds", text),
+_NODE_ID_KEY = Key("node_id", node_id, example="1")
+
+_KEPT_KEYS = (
     Key("storage", text),
     Key("serial_number", integer(0, 0xFFFFFFFF)),
     Key("objects", objects),
 )
 
+_COMMON_NODE_KEYS = (PROFILE_KEY, _NODE_ID_KEY, Key("axis", text), Key("eds", text), *_KEPT_KEYS)
+
 NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {
+    Profile.GENERIC: (
+        Key("profile", choice(Profile), Profile.GENERIC),
+        _NODE_ID_KEY,
+        Key("eds", text, example='"vendor.eds"'),
+        *_KEPT_KEYS,
+    ),
     Profile.VALVE_408: (
         *_COMMON_NODE_KEYS,
         Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
@@ -195,3 +207,21 @@ NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {
     ),
     Profile.ENCODER_406: _COMMON_NODE_KEYS,
 }
+
+_SCALE_KEYS = (
+    Key("unit", text),
+    Key("scale", nonzero, 1.0),
+    Key("offset", number(), 0.0),
+)
+
+SOURCE_KEYS = (
+    Key("source", text, example='"axis1.P_A"'),
+    *_SCALE_KEYS,
+    Key("delta", non_negative),
+)
+
+SINK_KEYS = (
+    Key("sink", text, example='"axis1.spool_setpoint"'),
+    *_SCALE_KEYS,
+    Key("safe", number(), 0.0),
+)

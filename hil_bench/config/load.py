@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from hil_bench.config.axes import build_axes, read_axes
+from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.document import Document, check_tables, read_document, read_section
 from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, TABLES
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
@@ -62,11 +63,13 @@ def load_config(
     bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
     axes = read_axes(document, problems)
     nodes = read_nodes(document, problems)
+    given = read_bindings(nodes, axes, problems)
     problems.raise_any()
 
     _check_timing(bench, problems)
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
-    check_nodes(nodes, axes, problems)
+    bindings = build_bindings(given, nodes, axes, problems)
+    check_nodes(nodes, axes, bindings, problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
     problems.raise_any()
 
@@ -79,7 +82,9 @@ def load_config(
         seed=bench["seed"].value,
         bus=_build_bus(bus),
         axes=built_axes,
-        nodes=tuple(build_node(name, node) for name, node in nodes.items()),
+        nodes=tuple(
+            build_node(name, node, bindings[name], problems) for name, node in nodes.items()
+        ),
         settings=tuple(setting for table in tables for setting in table.values()),
     )
 

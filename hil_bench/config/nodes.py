@@ -1,18 +1,23 @@
 """The tables ``[nodes.NAME]``: CANopen nodes, checked against each other and against the axes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.nmt import UNCONFIGURED
+from hil_bench.config.axes import full_opening_mm
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import NODE_KEYS, PROFILE_KEY
 from hil_bench.config.objects import parse_object
 from hil_bench.config.records import (
     EncoderConfig,
+    GenericConfig,
     NodeConfig,
     PressureConfig,
     Profile,
+    SinkConfig,
+    SourceConfig,
     ValveConfig,
 )
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
@@ -35,7 +40,11 @@ _RECORDS: Mapping[Profile, type[NodeConfig]] = {
     Profile.VALVE_408: ValveConfig,
     Profile.PRESSURE_404: PressureConfig,
     Profile.ENCODER_406: EncoderConfig,
+    Profile.GENERIC: GenericConfig,
 }
+
+Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
+"""The bindings of each node by its name."""
 
 
 def read_nodes(document: Document, problems: Problems) -> dict[str, Settings]:
@@ -55,38 +64,57 @@ def resolve_nodes(
 ) -> None:
     """Fill in what a node takes from elsewhere: its axis, files and full opening."""
     for name, node in nodes.items():
-        _resolve_axis(problems.place(f"nodes.{name}", "axis"), node, list(axes), problems)
+        if "axis" in node:
+            _resolve_axis(problems.place(f"nodes.{name}", "axis"), node, list(axes), problems)
         _resolve_eds(problems.place(f"nodes.{name}", "eds"), node, base, problems)
         _resolve_storage(problems.place(f"nodes.{name}", "storage"), node, base, problems)
-        if axis := axes.get(node["axis"].value):
+        if "full_opening_mm" in node and (axis := axes.get(node["axis"].value)):
             _resolve_full_opening(node, axis)
 
 
 def check_nodes(
-    nodes: Mapping[str, Settings], axes: Mapping[str, Settings], problems: Problems
+    nodes: Mapping[str, Settings],
+    axes: Mapping[str, Settings],
+    bindings: Bindings,
+    problems: Problems,
 ) -> None:
     """Note node-IDs and serial numbers that clash, and axes that have no valve or several."""
     _check_node_ids(nodes, problems)
     _check_serial_numbers(nodes, problems)
-    if all(node["axis"].value in axes for node in nodes.values()):
+    if all(node["axis"].value in axes for node in nodes.values() if "axis" in node):
         for axis in axes:
-            _check_valves(axis, nodes, problems)
+            _check_valves(axis, nodes, bindings, problems)
 
 
-def build_node(name: str, node: Settings) -> NodeConfig:
-    """Return the record of a checked node."""
+def build_node(
+    name: str, node: Settings, bindings: Sequence[SourceConfig | SinkConfig], problems: Problems
+) -> NodeConfig:
+    """Return the record of a checked node; its places are named as `problems` does."""
     profile = node["profile"].value
     values = convert(node, NODE_KEYS[profile])
     storage = values["storage"]
     paths = {"eds": Path(values["eds"]), "storage": None if storage is None else Path(storage)}
-    objects = {parse_object(name): value for name, value in (values["objects"] or {}).items()}
-    return _RECORDS[profile](name=name, **values | paths | {"objects": objects})
+    objects = {
+        parse_object(name): value
+        for name, value in (values["objects"] or {}).items()
+        if not isinstance(value, dict)
+    }
+    bound: dict[str, Any] = {
+        "sources": tuple(bound for bound in bindings if isinstance(bound, SourceConfig))
+    }
+    if profile is Profile.GENERIC:
+        bound["sinks"] = tuple(bound for bound in bindings if isinstance(bound, SinkConfig))
+        bound["axis"] = None
+    place = problems.place(f"nodes.{name}")
+    rest = paths | bound | {"objects": objects, "place": place}
+    return _RECORDS[profile](name=name, **values | rest)
 
 
 def _read_node(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
     profile = given.get("profile")
+    name = Profile.GENERIC if profile is None and "eds" in given else profile and profile.value
     try:
-        keys = NODE_KEYS[Profile(str(profile.value if profile else None))]
+        keys = NODE_KEYS[Profile(str(name))]
     except ValueError:
         # Which other keys are right depends on the profile, so the message about it must do.
         given = {"profile": profile} if profile else {}
@@ -105,7 +133,7 @@ def _resolve_axis(place: str, node: Settings, axes: list[str], problems: Problem
 
 def _resolve_eds(place: str, node: Settings, base: Path, problems: Problems) -> None:
     eds = node["eds"]
-    path = _EDS_FILES[node["profile"].value] if eds.value is None else base / eds.value
+    path = base / eds.value if eds.value else _EDS_FILES[node["profile"].value]
     if not path.is_file():
         problems.add(place, f"there is no file {path}; give the path of an EDS file")
     node["eds"] = eds._replace(value=str(path))
@@ -122,17 +150,9 @@ def _resolve_storage(place: str, node: Settings, base: Path, problems: Problems)
 
 
 def _resolve_full_opening(node: Settings, axis: Settings) -> None:
-    opening = node.get("full_opening_mm")
-    if opening and opening.value is None:
-        # The orifice is fully open at alpha + beta (Ruderman 2017 eq. (2)), of the larger side.
-        alpha, beta = axis["orifice_full_opening_mm"].value, axis["spool_overlap_mm"].value
-        alpha_negative = axis["orifice_full_opening_negative_mm"].value
-        beta_negative = axis["spool_overlap_negative_mm"].value
-        negative = (alpha if alpha_negative is None else alpha_negative) + (
-            beta if beta_negative is None else beta_negative
-        )
-        full_opening = max(alpha + beta, negative)
-        node["full_opening_mm"] = opening._replace(value=full_opening)
+    opening = node["full_opening_mm"]
+    if opening.value is None:
+        node["full_opening_mm"] = opening._replace(value=full_opening_mm(axis))
 
 
 def _check_node_ids(nodes: Mapping[str, Settings], problems: Problems) -> None:
@@ -167,16 +187,24 @@ def _check_serial_numbers(nodes: Mapping[str, Settings], problems: Problems) -> 
             problems.add(place, f"{serial_number} is that of nodes.{owner} too; {right}")
 
 
-def _check_valves(axis: str, nodes: Mapping[str, Settings], problems: Problems) -> None:
-    valves = [
-        name
+def _check_valves(
+    axis: str, nodes: Mapping[str, Settings], bindings: Bindings, problems: Problems
+) -> None:
+    """Note an axis whose spool nobody commands, or more than one device."""
+    commanders = [
+        (f"the valve nodes.{name}", problems.place(f"nodes.{name}", "axis"))
         for name, node in nodes.items()
         if node["profile"].value is Profile.VALVE_408 and node["axis"].value == axis
+    ] + [
+        (f"the sink {bound.place}", f"{bound.place}.sink")
+        for bounds in bindings.values()
+        for bound in bounds
+        if isinstance(bound, SinkConfig) and bound.axis == axis
     ]
-    if not valves:
+    if not commanders:
         right = f'give it a node with profile = "valve_408" and axis = "{axis}"'
-        problems.add(problems.place(f"plant.{axis}"), f"has no valve; {right}")
-    for name in valves[1:]:
-        right = "give each axis one valve"
-        place = problems.place(f"nodes.{name}", "axis")
-        problems.add(place, f"{axis} has the valve nodes.{valves[0]} already; {right}")
+        other = f'or bind an object with sink = "{axis}.spool_setpoint"'
+        problems.add(problems.place(f"plant.{axis}"), f"has no valve; {right}, {other}")
+    for _, place in commanders[1:]:
+        right = "give each axis one valve or one sink"
+        problems.add(place, f"{axis} has {commanders[0][0]} already; {right}")

@@ -1,4 +1,4 @@
-"""The tables ``[nodes.NAME.objects]``: other defaults than those of the EDS file."""
+"""The tables ``[nodes.NAME.objects]``: other defaults than those of the EDS file, and bindings."""
 
 import re
 from collections.abc import Mapping
@@ -7,18 +7,21 @@ from typing import Any
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_values import parse_value
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.config.values import describe
+from hil_bench.config.values import describe, quote
 from hil_bench.errors import ConfigError, SdoAbort
 
 ObjectValue = str | int | float
 """What may be given for an object; text may be a number of the EDS kind, as ``$NODEID+0x200``."""
 
+ObjectTable = dict[str, ObjectValue | dict[str, object]]
+"""By object: a value, or a table that binds it to the plant (`hil_bench.config.bindings`)."""
+
 _HIGHEST_NODE_ID = 127
 _OBJECT = re.compile(r"0[xX](?P<index>[1-9A-Fa-f][0-9A-Fa-f]{3})(?:\.(?P<sub>[0-9A-Fa-f]{1,2}))?")
 
 
-def objects(value: object) -> dict[str, ObjectValue]:
-    """Return the values of a table of objects, each by its name in the form ``0x1400.05``.
+def objects(value: object) -> ObjectTable:
+    """Return what a table gives for objects, each by its name in the form ``0x1400.05``.
 
     Raises:
         ConfigError: it is no such table.
@@ -26,14 +29,13 @@ def objects(value: object) -> dict[str, ObjectValue]:
     if not isinstance(value, dict):
         right = 'give objects and values, as in { "0x1400.05" = 100 }'
         raise ConfigError(f"{describe(value)} is not a table; {right}")
-    table: dict[str, ObjectValue] = {}
+    table: ObjectTable = {}
     for key, given in value.items():
-        index, subindex = parse_object(key)
-        name = f"0x{index:04X}.{subindex:02X}"
+        name = name_object(*parse_object(key))
         if name in table:
             raise ConfigError(f"{name} is given twice; give it once")
-        if not isinstance(given, ObjectValue):
-            right = "give a number, text or a truth value"
+        if not isinstance(given, ObjectValue | dict):
+            right = "give a number, text, a truth value or a binding"
             raise ConfigError(f"{name}: {describe(given)} is no value of an object; {right}")
         table[name] = given
     return table
@@ -52,11 +54,16 @@ def parse_object(name: str) -> tuple[int, int]:
     return int(match["index"], 16), int(match["sub"] or "0", 16)
 
 
+def name_object(index: int, subindex: int) -> str:
+    """Return the name of an object, as in ``0x1400.05``."""
+    return f"0x{index:04X}.{subindex:02X}"
+
+
 def override_defaults(
     object_dictionary: ObjectDictionary,
     values: Mapping[tuple[int, int], ObjectValue],
     *,
-    node: str,
+    place: str,
     node_id: int,
 ) -> None:
     """Set what objects have at power-on and after a reset.
@@ -64,28 +71,38 @@ def override_defaults(
     Args:
         object_dictionary: that of the device, which is not on a bus yet.
         values: by index and sub-index.
-        node: name of the node, for messages.
+        place: how messages name the table that gives them.
         node_id: what ``$NODEID`` means; without a node-ID (255) as `load_eds` has it.
 
     Raises:
         ConfigError: an object is not there or cannot have its value.
     """
-    place = f"nodes.{node}.objects"
     for (index, subindex), given in values.items():
         try:
-            variable = _find(object_dictionary, index, subindex)
+            variable = find_object(object_dictionary, index, subindex)
             _override(variable, given, min(node_id, _HIGHEST_NODE_ID))
         except ValueError as error:
-            raise ConfigError(f"{place}: 0x{index:04X}.{subindex:02X}: {error}") from None
+            raise ConfigError(f"{place}.{name_object(index, subindex)}: {error}") from None
     for fault in find_faults(object_dictionary) if values else ():
-        name = f"0x{fault.index:04X}.{fault.subindex or 0:02X}"
-        raise ConfigError(f"{place}: {name} {fault.text}")
+        raise ConfigError(f"{place}.{name_object(fault.index, fault.subindex or 0)}: {fault.text}")
 
 
-def _find(object_dictionary: ObjectDictionary, index: int, subindex: int) -> Variable:
+def find_object(object_dictionary: ObjectDictionary, index: int, subindex: int) -> Variable:
+    """Return an object that somebody asks for.
+
+    Raises:
+        ValueError: the device has none there; the message names the nearest.
+    """
     variable = object_dictionary.find(index, subindex)
     if variable is None:
-        raise ValueError(f"is not in {object_dictionary.source}; give one that is")
+        wanted = index << 8 | subindex
+        nearest = min(
+            object_dictionary, key=lambda other: abs((other.index << 8 | other.subindex) - wanted)
+        )
+        raise ValueError(
+            f"is not in {object_dictionary.source}; the nearest is "
+            f"{name_object(nearest.index, nearest.subindex)}, {quote(nearest.name)}"
+        )
     return variable
 
 

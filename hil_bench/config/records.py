@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from hil_bench.config.objects import ObjectValue
+from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
@@ -19,6 +19,8 @@ class Profile(StrEnum):
     VALVE_408 = "valve_408"
     PRESSURE_404 = "pressure_404"
     ENCODER_406 = "encoder_406"
+    GENERIC = "generic"
+    """None: a device made from its EDS file alone."""
 
 
 class PressureSource(StrEnum):
@@ -26,6 +28,19 @@ class PressureSource(StrEnum):
 
     P_A = "P_A"
     P_B = "P_B"
+
+
+class Quantity(StrEnum):
+    """What an object can be bound to, by the names that recordings use."""
+
+    POSITION = "position"
+    SPEED = "speed"
+    P_A = "P_A"
+    P_B = "P_B"
+    Q_A = "Q_A"
+    Q_B = "Q_B"
+    SPOOL_POSITION = "spool_position"
+    SPOOL_SETPOINT = "spool_setpoint"
 
 
 class Friction(StrEnum):
@@ -83,28 +98,89 @@ class AxisConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class BindingConfig:
+    """An object that is bound to a quantity of the plant.
+
+    Attributes:
+        index: of the object.
+        subindex: of the object.
+        axis: the axis whose quantity it is.
+        quantity: what it shows or commands.
+        scale: increments of the object for one SI unit; the spool counts in full openings.
+        offset: value of the object at a quantity of 0.
+        place: how messages name it.
+    """
+
+    index: int
+    subindex: int
+    axis: str
+    quantity: Quantity
+    scale: float
+    offset: float
+    place: str = field(compare=False)
+
+    @property
+    def name(self) -> str:
+        """The object, as in ``0x6401.01``."""
+        return name_object(self.index, self.subindex)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceConfig(BindingConfig):
+    """An object that shows a quantity.
+
+    Attributes:
+        delta: change that is an event for its TPDOs [increments]; None where none is.
+    """
+
+    delta: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class SinkConfig(BindingConfig):
+    """An object that commands the spool of an axis.
+
+    Attributes:
+        safe: set-point while nobody commands it [full openings].
+        full_opening: spool position at 100 % [m].
+    """
+
+    safe: float
+    full_opening: float
+
+
+@dataclass(frozen=True, slots=True)
 class NodeConfig:
     """What every CANopen node has.
 
     Attributes:
         name: the node, as in ``[nodes.NAME]``.
         profile: its device profile.
-        axis: the name of the axis that it belongs to.
+        axis: the name of the axis that it belongs to; None where it belongs to none.
         node_id: CANopen node-ID, 1 to 127; 255 for a node that waits for LSS to give it one.
         eds: its EDS file.
         storage: folder of the file that it stores its parameters in; None for memory.
         serial_number: 0x1018.04; None for that of the EDS file.
         objects: other power-on values than those of the EDS file, by index and sub-index.
+        sources: the objects that show quantities of the plant.
+        place: how messages name its table.
     """
 
     name: str
     profile: Profile
-    axis: str
+    axis: str | None
     node_id: int
     eds: Path
     storage: Path | None
     serial_number: int | None
     objects: Mapping[tuple[int, int], ObjectValue]
+    sources: tuple[SourceConfig, ...]
+    place: str = field(compare=False)
+
+    @property
+    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
+        """All objects that are bound to the plant."""
+        return self.sources
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +210,22 @@ class PressureConfig(NodeConfig):
 @dataclass(frozen=True, slots=True)
 class EncoderConfig(NodeConfig):
     """A linear position sensor (CiA 406)."""
+
+
+@dataclass(frozen=True, slots=True)
+class GenericConfig(NodeConfig):
+    """A device made from its EDS file alone.
+
+    Attributes:
+        sinks: the objects that command the plant.
+    """
+
+    sinks: tuple[SinkConfig, ...]
+
+    @property
+    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
+        """All objects that are bound to the plant."""
+        return (*self.sources, *self.sinks)
 
 
 @dataclass(frozen=True, slots=True)

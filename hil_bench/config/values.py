@@ -47,8 +47,9 @@ def describe(value: object) -> str:
 
 
 def find_nearest(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is most like `name`."""
-    return difflib.get_close_matches(name.lower(), sorted(known), n=1, cutoff=0.0)[0]
+    """Return the known name that is most like `name`, whatever its case."""
+    names = {known_name.lower(): known_name for known_name in known}
+    return names[difflib.get_close_matches(name.lower(), sorted(names), n=1, cutoff=0.0)[0]]
 
 
 def number(unit: Unit = ONE) -> Reader:
@@ -59,6 +60,30 @@ def number(unit: Unit = ONE) -> Reader:
         return _finite(value, f"give a {wanted}")
 
     return read
+
+
+def nonzero(value: object) -> float:
+    """Return a finite number that is not 0.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    right = "give a number other than 0"
+    if number := _finite(value, right):
+        return number
+    raise ConfigError(f"{describe(value)} would lose the quantity; {right}")
+
+
+def non_negative(value: object) -> float:
+    """Return a finite number, 0 or more.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    right = "give a number, 0 or more"
+    if (number := _finite(value, right)) >= 0.0:
+        return number
+    raise ConfigError(f"{describe(value)} is out of range; {right}")
 
 
 def interval(unit: Unit) -> Reader:

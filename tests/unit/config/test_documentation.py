@@ -10,14 +10,24 @@ import pytest
 
 from hil_bench.assembly import build_node
 from hil_bench.config import load_config
-from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS
+from hil_bench.config.keys import (
+    AXIS_KEYS,
+    BENCH_KEYS,
+    BUS_KEYS,
+    NODE_KEYS,
+    SINK_KEYS,
+    SOURCE_KEYS,
+)
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+BINDING_KEYS = (SOURCE_KEYS, SINK_KEYS)
 ALL_KEYS = {
-    key.name: key for keys in (BENCH_KEYS, BUS_KEYS, AXIS_KEYS, *NODE_KEYS.values()) for key in keys
+    key.name: key
+    for keys in (BENCH_KEYS, BUS_KEYS, AXIS_KEYS, *NODE_KEYS.values(), *BINDING_KEYS)
+    for key in keys
 }
 ROWS = {
     name: (unit, default)
@@ -61,7 +71,7 @@ def test_the_messages_in_the_document_are_the_real_ones(
 
 
 def test_the_document_shows_messages() -> None:
-    assert len(WRONG) == 3
+    assert len(WRONG) == 4
 
 
 def test_the_objects_in_the_document_can_be_overridden(write: Callable[[str], Path]) -> None:

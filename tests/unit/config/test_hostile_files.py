@@ -9,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from device_profiles import VALVE_408
 from hil_bench.config import BenchConfig, load, load_config
-from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS
+from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS, SINK_KEYS, SOURCE_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 
@@ -30,7 +31,17 @@ def table(*keys: Key) -> st.SearchStrategy[Any]:
     return st.dictionaries(names, VALUES, max_size=8)
 
 
-NODE = table(*{key.name: key for keys in NODE_KEYS.values() for key in keys}.values())
+BINDING = st.dictionaries(
+    st.sampled_from([key.name for keys in (SOURCE_KEYS, SINK_KEYS) for key in keys]),
+    VALUES | st.sampled_from(["axis1.P_A", "axis1.spool_setpoint", "b.speed", "bar", "%"]),
+    max_size=4,
+)
+OBJECTS = st.dictionaries(st.sampled_from(["0x6401.01", "0x2000", "0x1017"]), BINDING | VALUES)
+GENERIC = st.fixed_dictionaries(
+    {"node_id": st.just(10), "eds": st.sampled_from([str(VALVE_408), "none.eds"])},
+    optional={"objects": OBJECTS, "profile": VALUES},
+)
+NODE = GENERIC | table(*{key.name: key for keys in NODE_KEYS.values() for key in keys}.values())
 DOCUMENTS = st.fixed_dictionaries(
     {},
     optional={

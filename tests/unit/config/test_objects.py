@@ -17,6 +17,7 @@ from hil_bench.errors import ConfigError
 Write = Callable[[str], Path]
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 5\n'
 NO_OBJECT = 'is no object; write index and sub-index in hexadecimal, as in "0x1400.05" or "0x6042"'
+NO_VALUE = "give a number, text, a truth value or a binding"
 SENSOR = '[nodes.p]\nprofile = "pressure_404"\nnode_id = 6\nsource = "P_A"\n'
 
 
@@ -117,7 +118,7 @@ def test_a_mapping_can_be_another_one(write: Write) -> None:
         ('"0x6042" = 1\n"0x6042.00" = 1', "0x6042.00 is given twice; give it once"),
         (
             '"0x6042" = [1]',
-            "0x6042.00: an array is no value of an object; give a number, text or a truth value",
+            f"0x6042.00: an array is no value of an object; {NO_VALUE}",
         ),
     ],
 )
@@ -146,7 +147,7 @@ def test_objects_that_are_no_table(write: Write) -> None:
         ('"0x1400.05" = 1.5', "0x1400.05: '1.5' is no number; write 384, 0x180 or $NODEID+0x180"),
         ('"0x6042" = 3', "0x6042.00: 3 is out of range; give 1 to 2"),
         ('"0x6343.01" = -1', "0x6343.01: -1 is out of range; give 0 to any"),
-        ('"0x1A00.01" = 0x60420010', "0x1A00.01 "),
+        ('"0x1A00.01" = 0x60420010', "0x1A00.01: maps 0x6042.00 "),
     ],
 )
 def test_what_the_eds_does_not_allow_is_told_when_the_device_is_made(
@@ -155,7 +156,7 @@ def test_what_the_eds_does_not_allow_is_told_when_the_device_is_made(
     with pytest.raises(ConfigError) as caught:
         build(write(f"{VALVE}[nodes.valve.objects]\n{objects}"))
 
-    assert str(caught.value).startswith(f"nodes.valve.objects: {message}")
+    assert str(caught.value).startswith(f"bench.toml:nodes.valve.objects.{message}")
     assert "\n" not in str(caught.value)
 
 
@@ -163,8 +164,8 @@ def test_an_object_that_is_not_there(write: Write) -> None:
     with pytest.raises(ConfigError) as caught:
         build(write(f'{VALVE}objects = {{ "0x2000" = 1 }}'))
 
-    assert str(caught.value).startswith("nodes.valve.objects: 0x2000.00: is not in ")
-    assert str(caught.value).endswith("valve_408.eds; give one that is")
+    assert str(caught.value).startswith("bench.toml:nodes.valve.objects.0x2000.00: is not in ")
+    assert str(caught.value).endswith('valve_408.eds; the nearest is 0x1F80.00, "NMT startup"')
 
 
 def test_check_prints_a_table_that_loads_again(
@@ -195,4 +196,4 @@ def test_check_refuses_what_the_eds_does_not_allow(
     write: Write, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["check", str(write(f'{VALVE}objects = {{ "0x6042" = 3 }}'))]) == 2
-    assert "nodes.valve.objects: 0x6042.00: 3 is out of range" in capsys.readouterr().err
+    assert "nodes.valve.objects.0x6042.00: 3 is out of range" in capsys.readouterr().err

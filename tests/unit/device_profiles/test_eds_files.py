@@ -136,9 +136,11 @@ def test_both_loaders_read_the_same(path):
 @pytest.mark.parametrize("node_id", [1, 127])
 def test_identifiers_follow_the_node_id(path, node_id):
     dictionary = load_eds(path, node_id)
-    # Pre-defined connection set of CiA 301: EMCY 0x80, TPDO1 0x180, SDO 0x600 and 0x580.
+    # Pre-defined connection set of CiA 301: EMCY 0x80, TPDOn 0x80 + 0x100 n, SDO 0x600 and 0x580.
     assert dictionary.variable(0x1014).default == 0x80 + node_id
-    assert dictionary.variable(0x1800, 1).default & 0x7FF == 0x180 + node_id
+    first = dictionary.indices(range(0x1800, 0x1A00))[0]
+    cob_id = 0x180 + (first - 0x1800) * 0x100 + node_id
+    assert dictionary.variable(first, 1).default & 0x7FF == cob_id
     assert dictionary.variable(0x1200, 1).default == 0x600 + node_id
     assert dictionary.variable(0x1200, 2).default == 0x580 + node_id
 
@@ -165,7 +167,7 @@ def test_imitations_say_that_they_are_none_of_a_maker():
     for path in IMITATED:
         assert load_eds(path, NODE_ID).number(0x1018, 1) == 0
         assert "Not the file of any maker" in path.read_text(encoding="ascii")
-    assert len(IMITATED) == 4
+    assert len(IMITATED) == 5
 
 
 def pdo(dictionary, communication):
@@ -196,6 +198,14 @@ def pdo(dictionary, communication):
         (
             IMITATIONS / "pressure_int16_status.eds",
             *(0x1800, (0x40000185, 254, 10, [0x71300110, 0x61500108])),
+        ),
+        (
+            IMITATIONS / "analogue_io_401.eds",
+            *(0x1401, (0x305, 255, 0, [0x64110110, 0x64110210])),
+        ),
+        (
+            IMITATIONS / "analogue_io_401.eds",
+            *(0x1801, (0x40000285, 255, 10, [0x64010110, 0x64010210, 0x64010310, 0x64010410])),
         ),
         (IMITATIONS / "valve_pdo4.eds", 0x1400, (0x205, 255, 0, [0x60400010])),
         (IMITATIONS / "valve_pdo4.eds", 0x1403, (0x505, 255, 0, [0x60400010, 0x63000110])),

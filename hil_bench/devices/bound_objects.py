@@ -1,0 +1,148 @@
+"""Objects that stand for quantities of the plant, on a device of any kind.
+
+A `QuantitySource` shows a quantity in an object, a `SpoolSink` lets an object command a spool. In
+both, value of the object = quantity × scale + offset. So an EDS file alone makes a device that a
+controller can work with, such as a module with analogue inputs and outputs.
+
+A sink obeys while a controller is there: from the first write of its object on, by RPDO or SDO, as
+long as the node is OPERATIONAL. Leaving that state, and an RPDO that missed its deadline, end it:
+the set-point is the safe one until the object is written anew. A value that only still stands in
+the object commands nothing.
+"""
+
+import math
+from typing import Final
+
+from hil_bench.canopen_device.datatypes import IntegerType
+from hil_bench.canopen_device.events import NodeEventKind
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.devices.profile_objects import TpdoTrigger
+from hil_bench.devices.saturation import saturate
+
+_FULL: Final = 1.0
+
+
+class QuantitySource:
+    """An object that shows a quantity, as far as its limits and its data type allow."""
+
+    def __init__(
+        self, node: Node, variable: Variable, scale: float, offset: float, delta: float | None
+    ) -> None:
+        """Bind the object.
+
+        Args:
+            node: the node that carries it on the bus.
+            variable: the object, of an integer or a real type.
+            scale: increments of the object for one unit of the quantity.
+            offset: value of the object at a quantity of 0.
+            delta: change that is an event for the TPDOs that carry the object [increments]; None
+                where none is.
+        """
+        self._variable = variable
+        self._scale, self._offset = scale, offset
+        self._is_integer = isinstance(variable.data_type, IntegerType)
+        low, high = variable.data_type.low or 0, variable.data_type.high or 0
+        self._low = low if variable.low is None else variable.low
+        self._high = high if variable.high is None else variable.high
+        self._delta = math.inf if delta is None else delta
+        self._trigger = TpdoTrigger(node, (variable.index, variable.subindex))
+        self._told = math.nan
+
+    def publish(self, quantity: float) -> None:
+        """Put the present quantity into the object; an integer holds the nearest value."""
+        value = quantity * self._scale + self._offset
+        if self._is_integer:
+            value = saturate(value, int(self._low), int(self._high), unknown=self._variable.value)
+        else:
+            value = min(max(value, self._low), self._high)
+        self._variable.value = value
+        if abs(value - self._told) > self._delta:
+            self._trigger.pull()
+            self._told = value
+        elif self._told != self._told:
+            self._told = value
+
+
+class CommandWatch:
+    """What interrupts the commands that a node receives.
+
+    Attributes:
+        interruptions: how many there were.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.interruptions = 0
+        self._node = node
+
+    @property
+    def is_operational(self) -> bool:
+        """Whether the node may be commanded now."""
+        return self._node.state is NmtState.OPERATIONAL
+
+    def hear(self) -> None:
+        """Hear what happened to the node."""
+        events = self._node.events
+        while events:
+            kind, detail = events.popleft()
+            has_left = kind is NodeEventKind.STATE_CHANGED and detail != NmtState.OPERATIONAL
+            if has_left or kind is NodeEventKind.RPDO_TIMEOUT:
+                self.interruptions += 1
+
+
+class SpoolSink:
+    """An object that commands the spool of an axis, in place of a valve of CiA 408.
+
+    Attributes:
+        full_opening: spool position of 100 % [m].
+    """
+
+    def __init__(
+        self,
+        watch: CommandWatch,
+        variable: Variable,
+        *,
+        scale: float,
+        offset: float,
+        safe: float,
+        full_opening: float,
+    ) -> None:
+        """Bind the object.
+
+        Args:
+            watch: that of the node which carries the object on the bus.
+            variable: the object, of an integer or a real type.
+            scale: increments of the object for 100 %.
+            offset: value of the object at 0 %.
+            safe: set-point while nobody commands it, as a part of the full opening.
+            full_opening: spool position of 100 % [m].
+        """
+        self.full_opening = full_opening
+        self._watch = watch
+        self._variable = variable
+        self._scale, self._offset = scale, offset
+        self._safe = safe * full_opening
+        self._obeys_since = -1  # interruptions at the last write
+        variable.add_hook(self._take)
+
+    def command(self, now: int) -> float:  # noqa: ARG002 - it acts at once
+        """Return the spool set-point [m], at most the full opening to each side.
+
+        Args:
+            now: bench time [ns].
+        """
+        self._watch.hear()
+        if self._obeys_since != self._watch.interruptions or not self._watch.is_operational:
+            return self._safe
+        share = (float(self._variable.value) - self._offset) / self._scale
+        if math.isnan(share):
+            return self._safe
+        return min(max(share, -_FULL), _FULL) * self.full_opening
+
+    def publish(self, spool_position: float, now: int) -> None:
+        """Take the spool position, which such a device does not show by itself."""
+
+    def _take(self, _written: float) -> None:
+        self._watch.hear()  # what came before this write counts before it
+        self._obeys_since = self._watch.interruptions

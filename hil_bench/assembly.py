@@ -7,10 +7,10 @@
 from hil_bench.bench import (
     Axis,
     Bench,
+    PositionMeasurement,
+    PressureMeasurement,
     Publish,
     SpoolCommand,
-    encoder_publisher,
-    pressure_publisher,
     quantity_publisher,
 )
 from hil_bench.canopen_device.eds import load_eds
@@ -37,6 +37,8 @@ from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import ConfigError, EdsError
+from hil_bench.measurement.chain import MeasuringChain
+from hil_bench.measurement.noise import random_stream
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
 
@@ -123,7 +125,7 @@ def build_axis(
         delay=axis.spool_delay,
     )
     sensors = [
-        build_sensor(node, nodes[node.name])
+        build_sensor(node, nodes[node.name], build_chain(node, config))
         for node in config.nodes
         if node.axis == axis.name and not isinstance(node, ValveConfig)
     ]
@@ -175,16 +177,26 @@ def build_source(config: SourceConfig, node: Node, full_opening: float) -> Publi
     return quantity_publisher(source, _OUTPUTS[config.quantity])
 
 
-def build_sensor(config: NodeConfig, node: Node) -> Publish:
-    """Return what hands the plant's quantities to one sensor.
+def build_chain(node: NodeConfig, config: BenchConfig) -> MeasuringChain | None:
+    """Return the measuring chain of a node, None where it has none or an ideal one."""
+    if not isinstance(node, PressureConfig | EncoderConfig) or node.chain.is_ideal:
+        return None
+    return MeasuringChain(node.chain, config.tick_ns, random_stream(config.seed, node.name))
+
+
+def build_sensor(config: NodeConfig, node: Node, chain: MeasuringChain | None) -> Publish:
+    """Return what hands the plant's quantities to one sensor, by its chain if it has one.
 
     Raises:
         ConfigError: the node is no sensor.
     """
+    stages = () if chain is None else (chain.measure,)
     match config:
         case PressureConfig():
-            return pressure_publisher(PressureDevice(node, config.span), config.source)
+            device = PressureDevice(node, config.span)
+            return PressureMeasurement(device, config.source, stages)
         case EncoderConfig():
-            return encoder_publisher(EncoderDevice(node))
+            speed_stages = () if chain is None else (chain.speed,)
+            return PositionMeasurement(EncoderDevice(node), stages, speed_stages)
         case _:
             raise ConfigError(f"nodes.{config.name}: profile {config.profile} is not a sensor")

@@ -12,7 +12,7 @@ A frame that one node of the bench sends is heard by the other nodes of the benc
 as on a wire.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -26,24 +26,66 @@ from hil_bench.plant.stepping import Plant
 
 Publish = Callable[[PlantOutput, int], None]
 
-
-def pressure_publisher(device: PressureDevice, source: str) -> Publish:
-    """Return what hands the pressure `source` ("P_A" or "P_B") of an axis to a transducer."""
-    field = PlantOutput._fields.index(source)
-
-    def publish(output: PlantOutput, now: int) -> None:
-        device.publish(output[field], now)
-
-    return publish
+Stage = Callable[[float], float]
+"""A part of what lies between the plant and a sensor's objects, such as a measuring chain."""
 
 
-def encoder_publisher(device: EncoderDevice) -> Publish:
-    """Return what hands position and speed of an axis to a position sensor."""
+class PressureMeasurement:
+    """What hands one pressure of an axis to its transducer.
 
-    def publish(output: PlantOutput, now: int) -> None:
-        device.publish(output.x, output.v, now)
+    Args:
+        device: the transducer.
+        source: "P_A" or "P_B".
+        stages: what the pressure passes on its way; without any the transducer is ideal.
 
-    return publish
+    Attributes:
+        stages: as passed in; others may take their place at any time.
+    """
+
+    def __init__(self, device: PressureDevice, source: str, stages: Iterable[Stage] = ()) -> None:
+        self.stages = tuple(stages)
+        self._device = device
+        self._field = PlantOutput._fields.index(source)
+
+    def __call__(self, output: PlantOutput, now: int) -> None:
+        """Publish the pressure of this tick [ns]."""
+        pressure = output[self._field]
+        for stage in self.stages:
+            pressure = stage(pressure)
+        self._device.publish(pressure, now)
+
+
+class PositionMeasurement:
+    """What hands position and speed of an axis to its position sensor.
+
+    Args:
+        device: the position sensor.
+        stages: what the position passes on its way; without any the sensor is ideal.
+        speed_stages: what the speed passes, after the position.
+
+    Attributes:
+        stages: as passed in; others may take their place at any time.
+        speed_stages: as passed in, likewise.
+    """
+
+    def __init__(
+        self,
+        device: EncoderDevice,
+        stages: Iterable[Stage] = (),
+        speed_stages: Iterable[Stage] = (),
+    ) -> None:
+        self.stages = tuple(stages)
+        self.speed_stages = tuple(speed_stages)
+        self._device = device
+
+    def __call__(self, output: PlantOutput, now: int) -> None:
+        """Publish position and speed of this tick [ns]."""
+        position, speed = output.x, output.v
+        for stage in self.stages:
+            position = stage(position)
+        for stage in self.speed_stages:
+            speed = stage(speed)
+        self._device.publish(position, speed, now)
 
 
 def quantity_publisher(source: QuantitySource, output_name: str) -> Publish:

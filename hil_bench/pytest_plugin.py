@@ -89,6 +89,8 @@ def pytest_runtest_makereport(
     """Add the last frames of its bench to the report of a failed test."""
     report = yield
     bench = getattr(item, "funcargs", {}).get("bench")
+    if not hasattr(bench, "frames"):  # the test has no bench, or another fixture of that name
+        return report
     if call.when == "call" and report.failed and bench is not None:
         report.sections.append((f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench)))
     return report

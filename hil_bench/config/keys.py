@@ -179,6 +179,9 @@ PROFILE_KEY = Key(
     example='"valve_408", or eds = "vendor.eds" for a device made from that file alone',
 )
 
+CHAIN_TABLE = "chain"
+"""Name of the table of a sensor's measuring chain, within the sensor's table."""
+
 _NODE_ID_KEY = Key("node_id", node_id, example="1")
 
 _KEPT_KEYS = (

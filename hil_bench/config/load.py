@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.config.axes import build_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
+from hil_bench.config.chains import check_chains
 from hil_bench.config.document import Document, check_tables, read_document, read_section
 from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, TABLES
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
@@ -62,18 +63,20 @@ def load_config(
     overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
     axes = read_axes(document, problems)
-    nodes = read_nodes(document, problems)
+    nodes, chains = read_nodes(document, problems)
     given = read_bindings(nodes, axes, problems)
     problems.raise_any()
 
     _check_timing(bench, problems)
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
     bindings = build_bindings(given, nodes, axes, problems)
+    check_chains(chains, problems)
     check_nodes(nodes, axes, bindings, problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
     problems.raise_any()
 
-    tables = (bench, bus, *axes.values(), *nodes.values())
+    members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
+    tables = (bench, bus, *axes.values(), *members)
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
@@ -83,7 +86,8 @@ def load_config(
         bus=_build_bus(bus),
         axes=built_axes,
         nodes=tuple(
-            build_node(name, node, bindings[name], problems) for name, node in nodes.items()
+            build_node(name, node, bindings[name], chains.get(name), problems)
+            for name, node in nodes.items()
         ),
         settings=tuple(setting for table in tables for setting in table.values()),
     )

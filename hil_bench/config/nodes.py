@@ -7,8 +7,9 @@ from typing import Any
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.axes import full_opening_mm
+from hil_bench.config.chains import build_chain, read_chain
 from hil_bench.config.document import Document, give, read_named_sections
-from hil_bench.config.keys import NODE_KEYS, PROFILE_KEY
+from hil_bench.config.keys import CHAIN_TABLE, NODE_KEYS, PROFILE_KEY
 from hil_bench.config.objects import parse_object
 from hil_bench.config.records import (
     EncoderConfig,
@@ -47,8 +48,13 @@ Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 """The bindings of each node by its name."""
 
 
-def read_nodes(document: Document, problems: Problems) -> dict[str, Settings]:
-    """Return the settings of each node by its name; a file without nodes has the default four."""
+def read_nodes(
+    document: Document, problems: Problems
+) -> tuple[dict[str, Settings], dict[str, Settings]]:
+    """Return the settings of each node, and of each sensor's measuring chain, by their names.
+
+    A file without nodes has the default four.
+    """
     if "nodes" in document:
         sections = read_named_sections(document, "nodes", problems)
     else:
@@ -56,7 +62,16 @@ def read_nodes(document: Document, problems: Problems) -> dict[str, Settings]:
             name: give(f"nodes.{name}", node, Origin.DEFAULT, problems)
             for name, node in _DEFAULT_NODES.items()
         }
-    return {name: _read_node(f"nodes.{name}", given, problems) for name, given in sections.items()}
+    nodes, chains = {}, {}
+    for name, given in sections.items():
+        chain = given.pop(CHAIN_TABLE, None)
+        node = nodes[name] = _read_node(f"nodes.{name}", given, problems)
+        if "profile" in node:
+            profile = node["profile"].value
+            settings = read_chain(f"nodes.{name}", profile, chain, problems)
+            if settings is not None:
+                chains[name] = settings
+    return nodes, chains
 
 
 def resolve_nodes(
@@ -87,7 +102,11 @@ def check_nodes(
 
 
 def build_node(
-    name: str, node: Settings, bindings: Sequence[SourceConfig | SinkConfig], problems: Problems
+    name: str,
+    node: Settings,
+    bindings: Sequence[SourceConfig | SinkConfig],
+    chain: Settings | None,
+    problems: Problems,
 ) -> NodeConfig:
     """Return the record of a checked node; its places are named as `problems` does."""
     profile = node["profile"].value
@@ -105,6 +124,8 @@ def build_node(
     if profile is Profile.GENERIC:
         bound["sinks"] = tuple(bound for bound in bindings if isinstance(bound, SinkConfig))
         bound["axis"] = None
+    if chain is not None:
+        bound["chain"] = build_chain(profile, chain)
     place = problems.place(f"nodes.{name}")
     rest = paths | bound | {"objects": objects, "place": place}
     return _RECORDS[profile](name=name, **values | rest)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
+from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -201,15 +202,23 @@ class PressureConfig(NodeConfig):
     Attributes:
         source: the pressure that it measures.
         span: measuring range, start and end [Pa].
+        chain: what lies between the pressure and the transducer's objects.
     """
 
     source: PressureSource
     span: tuple[float, float]
+    chain: ChainParameters
 
 
 @dataclass(frozen=True, slots=True)
 class EncoderConfig(NodeConfig):
-    """A linear position sensor (CiA 406)."""
+    """A linear position sensor (CiA 406).
+
+    Attributes:
+        chain: what lies between the position and the sensor's objects.
+    """
+
+    chain: ChainParameters
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,12 +52,17 @@ def find_nearest(name: str, known: Iterable[str]) -> str:
     return names[difflib.get_close_matches(name.lower(), sorted(names), n=1, cutoff=0.0)[0]]
 
 
-def number(unit: Unit = ONE) -> Reader:
-    """Return a reader of finite numbers in `unit`."""
-    wanted = "number" if unit is ONE else f"number in {unit.symbol}"
+def number(unit: Unit = ONE, *, low: float = -math.inf, high: float = math.inf) -> Reader:
+    """Return a reader of finite numbers in `unit`, from `low` to `high` where these are given."""
+    right = "give a number" if unit is ONE else f"give a number in {unit.symbol}"
+    if low > -math.inf:
+        right += f" from {low:g} to {high:g}"
 
     def read(value: object) -> float:
-        return _finite(value, f"give a {wanted}")
+        found = _finite(value, right)
+        if not low <= found <= high:
+            raise ConfigError(f"{found:g} is out of range; {right}")
+        return found
 
     return read
 
@@ -84,6 +89,20 @@ def non_negative(value: object) -> float:
     if (number := _finite(value, right)) >= 0.0:
         return number
     raise ConfigError(f"{describe(value)} is out of range; {right}")
+
+
+def zero_or(read: Reader) -> Reader:
+    """Return a reader that takes 0 too, which switches something off."""
+
+    def read_or_zero(value: object) -> Value:
+        if isinstance(value, int | float) and not isinstance(value, bool) and value == 0:
+            return value
+        try:
+            return read(value)
+        except ConfigError as error:
+            raise ConfigError(f"{error}, or 0 for none") from None
+
+    return read_or_zero
 
 
 def interval(unit: Unit) -> Reader:

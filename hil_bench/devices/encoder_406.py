@@ -21,6 +21,7 @@ TR-Electronic LA-46 manual (error register of a position error) and CM-36 manual
 code), BEI MHK5 manual (offset), Kübler CANlift manual (meaning of warning bit 0).
 """
 
+import math
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
@@ -152,8 +153,8 @@ class EncoderDevice:
         """Put position, speed and acceleration into the object dictionary.
 
         Args:
-            position: position of the piston [m].
-            speed: speed of the piston [m/s].
+            position: position of the piston [m]; NaN where there is none, a position error.
+            speed: speed of the piston [m/s]; NaN where there is none: the last one stays.
             now: bench time [ns].
         """
         if self.node.events:
@@ -177,6 +178,8 @@ class EncoderDevice:
         self._work_area.show(shown, is_out_of_range=bool(self._alarms.value))
 
     def _publish_speed(self, steps: float) -> None:
+        if math.isnan(steps):
+            return
         if -32768 <= steps <= 32767:
             self._speed.value = round(steps)
             self._warnings.value = 0

@@ -3,7 +3,7 @@
 The process value stands in three formats: REAL32 0x6130.01 in the unit of 0x6131.01, and INTEGER16
 0x7130.01 and INTEGER32 0x9130.01, both times 10^(0x6132.01). The unit may be bar, kPa or psi; the
 span 0x6148.01 to 0x6149.01 is the transducer's own and is shown in the same unit. What lies between
-the measured pressure and the process value is the `measuring_chain`; `value_interrupts` send it.
+the measured pressure and the process value is the `analogue_input`; `value_interrupts` send it.
 
 "zero", written to 0x6125.01, makes the process value 0 by the input offset 0x6124.01. "tare",
 written to 0x6139.01, makes the net value 0x6140.01 zero by the tare 0x6138.01.
@@ -35,7 +35,7 @@ from hil_bench.canopen_device.datatypes import (
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.devices.measuring_chain import LARGEST_REAL32, MeasuringChain, check_real32
+from hil_bench.devices.analogue_input import LARGEST_REAL32, AnalogueInput, check_real32
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
 from hil_bench.devices.value_interrupts import ValueInterrupts
 from hil_bench.errors import EdsError, ParameterError, SdoAbort
@@ -95,7 +95,7 @@ class PressureDevice:
         self._bind_value(od)
         self._bind_scale(od)
         self._bind_commands(od)
-        self._chain = MeasuringChain(od)
+        self._input = AnalogueInput(od)
         formats = ((0x6130, 1), (0x7130, 1), (0x9130, 1), (0x6140, 1))
         self._interrupts = ValueInterrupts(od, TpdoTrigger(node, *formats))
         self._value = self._pressure = 0.0
@@ -149,7 +149,7 @@ class PressureDevice:
         if self._status.value:
             self._end_overload()
         self._pressure = pressure
-        self._show(self._chain.measure(pressure / self._unit_pressure))
+        self._show(self._input.measure(pressure / self._unit_pressure))
         if not math.isnan(self._process_value.value):
             self._interrupts.watch(self._value)
 
@@ -179,7 +179,7 @@ class PressureDevice:
         elif pressure < self._lowest:
             self._status.value |= NEGATIVE_OVERLOAD
         self._show_no_value()
-        self._chain.restart()
+        self._input.restart()
 
     def _end_overload(self) -> None:
         self._status.value = 0
@@ -189,7 +189,7 @@ class PressureDevice:
         while self.node.events:
             if self.node.events.popleft().kind is NodeEventKind.RESET_NODE:
                 self._scale()
-                self._chain.restart()
+                self._input.restart()
 
     def _check_command(self, expected: int, signature: int) -> None:
         """Refuse a wrong signature, and what cannot be done now.
@@ -204,7 +204,7 @@ class PressureDevice:
 
     def _zero(self, _signature: int) -> None:
         # Through the object, so that an offset that REAL32 cannot hold is refused.
-        self._chain.input_offset.write(self._chain.input_offset.value - self._value)
+        self._input.input_offset.write(self._input.input_offset.value - self._value)
         self._show(0.0)
 
     def _tare_now(self, _signature: int) -> None:
@@ -217,9 +217,9 @@ class PressureDevice:
 
     def _change_unit(self, _written: int) -> None:
         self._scale()
-        self._chain.restart()
+        self._input.restart()
         if not self._status.value:
-            self._show(self._chain.measure(self._pressure / self._unit_pressure))
+            self._show(self._input.measure(self._pressure / self._unit_pressure))
 
     def _scale(self, _written: int = 0) -> None:
         self._unit_pressure = UNITS[self._unit.value]

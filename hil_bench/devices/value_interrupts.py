@@ -11,7 +11,7 @@ it is passed, and how the limits are switched off, is this device's own.
 
 from hil_bench.canopen_device.datatypes import REAL32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.devices.measuring_chain import check_real32
+from hil_bench.devices.analogue_input import check_real32
 from hil_bench.devices.profile_objects import TpdoTrigger, optional
 
 

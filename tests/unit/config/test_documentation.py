@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from hil_bench.assembly import build_node
-from hil_bench.config import load_config
+from hil_bench.config import Profile, load_config
+from hil_bench.config.chain_keys import CHAIN_KEYS
 from hil_bench.config.keys import (
     AXIS_KEYS,
     BENCH_KEYS,
@@ -23,12 +24,16 @@ from hil_bench.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
-BINDING_KEYS = (SOURCE_KEYS, SINK_KEYS)
-ALL_KEYS = {
-    key.name: key
-    for keys in (BENCH_KEYS, BUS_KEYS, AXIS_KEYS, *NODE_KEYS.values(), *BINDING_KEYS)
-    for key in keys
-}
+TABLES = (
+    BENCH_KEYS,
+    BUS_KEYS,
+    AXIS_KEYS,
+    *NODE_KEYS.values(),
+    SOURCE_KEYS,
+    SINK_KEYS,
+    *CHAIN_KEYS.values(),
+)
+ALL_KEYS = {key.name: key for keys in TABLES for key in keys}
 ROWS = {
     name: (unit, default)
     for name, unit, default in re.findall(
@@ -104,6 +109,25 @@ def test_the_example_of_one_axis_has_every_key_of_the_plant() -> None:
     text = (ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8")
     for key in AXIS_KEYS:
         assert f"\n{key.name} = " in text or f"\n# {key.name} = " in text
+
+
+@pytest.mark.parametrize(
+    ("node", "profile"),
+    [("pressure_a", Profile.PRESSURE_404), ("position", Profile.ENCODER_406)],
+)
+def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, profile: Profile) -> None:
+    text = (ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8")
+    written = tomllib.loads(text)["nodes"][node]["chain"].keys()
+    ranges = {key.name for key in CHAIN_KEYS[profile] if key.default is None}
+
+    assert written | ranges == {key.name for key in CHAIN_KEYS[profile]}
+    assert all(f"\n# {name} = " in text for name in ranges)
+
+
+def test_the_example_of_real_sensors_has_no_ideal_one() -> None:
+    config = load_config(ROOT / "examples" / "real_sensors.toml")
+
+    assert [node.chain.is_ideal for node in config.nodes[1:]] == [False] * 3
 
 
 def test_the_example_of_two_axes_loads() -> None:

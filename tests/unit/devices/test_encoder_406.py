@@ -117,7 +117,7 @@ def test_what_is_no_number_leaves_the_last_values(rig):
     move(rig, 0.1, 0.5)
     move(rig, math.nan, math.nan)
     assert (position(rig), rig.value(0x6030, 1)) == (100000, 5000)
-    assert (rig.value(0x6503), rig.value(0x6505)) == (0x0001, 0x0001)
+    assert (rig.value(0x6503), rig.value(0x6505)) == (0x0001, 0x0000)  # no speed is no overspeed
 
 
 def test_tpdo1_carries_position_and_speed_every_10_ms(rig):

@@ -68,8 +68,8 @@ class Filter:
         return self._value
 
 
-class MeasuringChain:
-    """The chain of one channel."""
+class AnalogueInput:
+    """The analogue input function block of one channel."""
 
     def __init__(self, object_dictionary: ObjectDictionary) -> None:
         """Bind the profile's objects; EdsError where one is of a wrong kind."""

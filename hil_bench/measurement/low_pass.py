@@ -1,0 +1,155 @@
+"""Bandwidth: low-passes that are exact for an input that is linear from tick to tick.
+
+The plant's quantities are known at the ticks, the end of each included, so between two of them the
+input is a ramp (a first-order hold without delay), and the answer of the filter to it is known in
+closed form at any time of the tick. Such a filter is given its input at each tick by `advance`;
+`at` then gives its output at a time of the tick that has just gone by.
+"""
+
+import math
+from functools import lru_cache
+from typing import Protocol
+
+Transition = tuple[float, float, float, float]
+"""Φ(t), row by row: what the free oscillation makes of error and error rate within t."""
+
+
+class LowPass(Protocol):
+    """What limits the bandwidth of a signal."""
+
+    def settle(self, value: float) -> None:
+        """Begin as if `value` had been the input for ever."""
+
+    def advance(self, value: float) -> None:
+        """Take the input at the end of the next tick."""
+
+    def at(self, time: float) -> float:
+        """Return the output at a time [s] since the start of the latest tick."""
+
+
+class Unlimited:
+    """No limit: the output is the input, linear from tick to tick."""
+
+    def __init__(self, tick: float) -> None:
+        self._tick = tick
+        self.settle(0.0)
+
+    def settle(self, value: float) -> None:
+        """Begin with `value`."""
+        self._from = self._to = value
+
+    def advance(self, value: float) -> None:
+        """Take the input at the end of the next tick."""
+        self._from, self._to = self._to, value
+
+    def at(self, time: float) -> float:
+        """Return the input at a time [s] since the start of the latest tick."""
+        if time == self._tick:
+            return self._to
+        return self._from + (self._to - self._from) * (time / self._tick)
+
+
+class FirstOrderLowPass:
+    """τ y' + y = u.
+
+    Args:
+        bandwidth: frequency of -3 dB [Hz].
+        tick: time between two inputs [s].
+    """
+
+    def __init__(self, bandwidth: float, tick: float) -> None:
+        self._time_constant = 1.0 / (2.0 * math.pi * bandwidth)
+        self._tick = tick
+        self._decay = math.exp(-tick / self._time_constant)
+        self.settle(0.0)
+
+    def settle(self, value: float) -> None:
+        """Begin as if `value` had been the input for ever."""
+        self._input = self._value = self._base = value
+        self._slope = self._error = 0.0
+
+    def advance(self, value: float) -> None:
+        """Take the input at the end of the next tick."""
+        slope = (value - self._input) / self._tick
+        # After a long time the output of a ramp is the ramp, the time constant late.
+        base = self._input - slope * self._time_constant
+        error = self._value - base
+        self._base, self._slope, self._error = base, slope, error
+        self._value = base + slope * self._tick + error * self._decay
+        self._input = value
+
+    def at(self, time: float) -> float:
+        """Return the output at a time [s] since the start of the latest tick."""
+        if time == self._tick:
+            return self._value
+        decay = math.exp(-time / self._time_constant)
+        return self._base + self._slope * time + self._error * decay
+
+
+class SecondOrderLowPass:
+    """y'' + 2 ζ ω y' + ω² y = ω² u.
+
+    Args:
+        bandwidth: frequency of -3 dB [Hz].
+        damping_ratio: ζ.
+        tick: time between two inputs [s].
+    """
+
+    def __init__(self, bandwidth: float, damping_ratio: float, tick: float) -> None:
+        self._omega = natural_frequency(bandwidth, damping_ratio)
+        self._damping_ratio = damping_ratio
+        self._lag = 2.0 * damping_ratio / self._omega
+        self._tick = tick
+        self._transition = transition(self._omega, damping_ratio, tick)
+        self.settle(0.0)
+
+    def settle(self, value: float) -> None:
+        """Begin as if `value` had been the input for ever."""
+        self._input = self._value = self._base = value
+        self._rate = self._slope = self._error = self._error_rate = 0.0
+
+    def advance(self, value: float) -> None:
+        """Take the input at the end of the next tick."""
+        slope = (value - self._input) / self._tick
+        base = self._input - slope * self._lag
+        error, error_rate = self._value - base, self._rate - slope
+        self._base, self._slope, self._error, self._error_rate = base, slope, error, error_rate
+        p11, p12, p21, p22 = self._transition
+        self._value = base + slope * self._tick + p11 * error + p12 * error_rate
+        self._rate = slope + p21 * error + p22 * error_rate
+        self._input = value
+
+    def at(self, time: float) -> float:
+        """Return the output at a time [s] since the start of the latest tick."""
+        if time == self._tick:
+            return self._value
+        p11, p12, _, _ = transition(self._omega, self._damping_ratio, time)
+        return self._base + self._slope * time + p11 * self._error + p12 * self._error_rate
+
+
+def natural_frequency(bandwidth: float, damping_ratio: float) -> float:
+    """Return ω [rad/s] of the second-order low-pass that is at -3 dB at `bandwidth` [Hz]."""
+    skew = 1.0 - 2.0 * damping_ratio**2
+    # sqrt(1 + skew²) + skew loses all digits for a large damping ratio; its inverse does not.
+    return 2.0 * math.pi * bandwidth * math.sqrt(math.hypot(1.0, skew) - skew)
+
+
+@lru_cache(maxsize=4096)
+def transition(omega: float, damping_ratio: float, time: float) -> Transition:
+    """Return Φ(t) of e'' + 2 ζ ω e' + ω² e = 0 for (e, e')."""
+    sigma = damping_ratio * omega
+    if damping_ratio < 1.0:
+        frequency = omega * math.sqrt(1.0 - damping_ratio**2)
+        decay = math.exp(-sigma * time)
+        cosine = decay * math.cos(frequency * time)
+        sine = decay * math.sin(frequency * time) / frequency
+    elif damping_ratio == 1.0:
+        cosine = math.exp(-sigma * time)
+        sine = cosine * time
+    else:
+        spread = omega * math.sqrt(damping_ratio**2 - 1.0)
+        # The slower of both poles is taken out, so that nothing overflows.
+        slow = math.exp((spread - sigma) * time)
+        cosine = 0.5 * slow * (1.0 + math.exp(-2.0 * spread * time))
+        sine = -0.5 * slow * math.expm1(-2.0 * spread * time) / spread
+    return cosine + sigma * sine, sine, -(omega**2) * sine, cosine - sigma * sine

@@ -1,0 +1,177 @@
+# ruff: noqa: E501 - a mistake and its message on one line are easier to compare
+"""The tables [nodes.NAME.chain]: units, presets, and what does not go together."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_bench.config import Origin, Profile, load_config
+from hil_bench.config.chain_keys import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset
+from hil_bench.config.chains import preset_chain
+from hil_bench.errors import ConfigError
+from hil_bench.measurement.parameters import ChainParameters, OverRange
+
+Write = Callable[[str], Path]
+
+VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+PRESSURE = '[nodes.p]\nprofile = "pressure_404"\nsource = "P_A"\nnode_id = 2\n[nodes.p.chain]\n'
+POSITION = '[nodes.x]\nprofile = "encoder_406"\nnode_id = 3\n[nodes.x.chain]\n'
+
+
+def chain(write: Write, text: str) -> ChainParameters:
+    return load_config(write(VALVE + text)).nodes[1].chain
+
+
+def test_the_built_in_sensors_are_ideal() -> None:
+    assert all(node.chain.is_ideal for node in load_config().nodes[1:])
+
+
+def test_an_empty_chain_is_ideal(write: Write) -> None:
+    assert chain(write, PRESSURE).is_ideal
+    assert chain(write, POSITION).is_ideal
+
+
+def test_the_values_of_a_pressure_come_in_si(write: Write) -> None:
+    parameters = chain(
+        write,
+        PRESSURE
+        + """
+        hysteresis_bar = 0.5
+        offset_error_bar = -0.25
+        gain_error_percent = 0.1
+        offset_drift_bar_k = 0.02
+        gain_drift_ppm_k = 80
+        warming_s_k = [[0, 0], [60, 20]]
+        bandwidth_hz = 233
+        filter_order = 2
+        damping_ratio = 0.5
+        sampling_period_us = 1500
+        sampling_phase_us = 250
+        noise_density_bar_rthz = 0.001
+        noise_rms_bar = 0.04
+        resolution_bar = 0.01
+        range_bar = [-10, 275]
+        over_range = "invalid"
+        delay_us = 500
+        """,
+    )
+    assert parameters == ChainParameters(
+        hysteresis=0.5e5,
+        offset_error=-0.25e5,
+        gain_error=0.001,
+        offset_drift=2000.0,
+        gain_drift=pytest.approx(80e-6),
+        temperature=((0.0, 0.0), (60.0, 20.0)),
+        bandwidth=233.0,
+        order=2,
+        damping_ratio=0.5,
+        sampling_period_ns=1_500_000,
+        sampling_phase_ns=250_000,
+        noise_density=100.0,
+        noise_rms=4000.0,
+        resolution=1000.0,
+        range=(-10e5, 275e5),
+        over_range=OverRange.INVALID,
+        delay_ns=500_000,
+    )
+
+
+def test_the_values_of_a_position_come_in_si(write: Write) -> None:
+    text = (
+        "hysteresis_um = 4\noffset_error_mm = 0.1\noffset_drift_um_k = 3\nnoise_rms_um = 2\n"
+        "noise_density_um_rthz = 0.5\nbandwidth_hz = 100\nresolution_um = 1\n"
+        "range_mm = [-150, 200]\nspeed_window_us = 10000\n"
+    )
+    parameters = chain(write, POSITION + text)
+    expected = {
+        "hysteresis": 4e-6,
+        "offset_error": 1e-4,
+        "offset_drift": 3e-6,
+        "noise_rms": 2e-6,
+        "noise_density": 0.5e-6,
+        "bandwidth": 100.0,
+        "resolution": 1e-6,
+        "speed_window_ns": 10_000_000,
+    }
+    assert {name: getattr(parameters, name) for name in expected} == pytest.approx(expected)
+    assert parameters.range == pytest.approx((-0.15, 0.2))
+
+
+def test_a_preset_sets_defaults_and_what_is_given_wins(write: Write) -> None:
+    text = 'preset = "class_0.25_250_bar"\nnoise_rms_bar = 0.0\n'
+    config = load_config(write(VALVE + PRESSURE + text))
+
+    parameters = config.nodes[1].chain
+    assert (parameters.bandwidth, parameters.noise_rms) == (233.0, 0.0)
+    origins = {
+        setting.key.name: setting.origin
+        for setting in config.settings
+        if setting.table == "nodes.p.chain"
+    }
+    assert origins["bandwidth_hz"] is Origin.DEFAULT
+    assert origins["noise_rms_bar"] is Origin.FILE
+
+
+def test_the_transducer_of_class_0_25_is_of_its_class() -> None:
+    """HYDAC HDA 4700: at most 0.25 % of the span of 250 bar, hysteresis included."""
+    parameters = preset_chain(Profile.PRESSURE_404, PressurePreset.CLASS_025_250_BAR)
+    span = 250e5
+    worst = parameters.offset_error + parameters.gain_error * span + parameters.hysteresis / 2
+    assert worst == pytest.approx(0.0025 * span)
+
+
+def test_the_magnetostrictive_sensor_has_its_resolution() -> None:
+    parameters = preset_chain(Profile.ENCODER_406, PositionPreset.MAGNETOSTRICTIVE_1_UM)
+    assert parameters.resolution == pytest.approx(1e-6)
+    assert parameters.hysteresis == pytest.approx(4e-6)
+
+
+@pytest.mark.parametrize("profile", CHAIN_KEYS)
+def test_a_preset_has_no_key_that_is_not_there(profile: Profile) -> None:
+    names = {key.name for key in CHAIN_KEYS[profile]}
+    (preset_key,) = (key for key in CHAIN_KEYS[profile] if key.name == "preset")
+    for preset in type(preset_key.default):
+        assert PRESETS[preset].keys() <= names
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (VALVE + "[nodes.valve.chain]\n", "nodes.valve.chain: valve_408 measures nothing; leave it out"),
+        (PRESSURE.replace("[nodes.p.chain]", "chain = 3"), "nodes.p.chain: 3 is not a table; write it as [nodes.p.chain]"),
+        (PRESSURE + "noise_bar = 1", "nodes.p.chain.noise_bar: unknown key; the nearest known key is noise_rms_bar"),
+        (PRESSURE + "noise_rms_um = 1", "nodes.p.chain.noise_rms_um: unknown key; the nearest known key is noise_rms_bar"),
+        (PRESSURE + "noise_rms_bar = -1", "nodes.p.chain.noise_rms_bar: -1 is out of range; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
+        (PRESSURE + "noise_rms_bar = 1e300", "nodes.p.chain.noise_rms_bar: 1e+300 is out of range; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
+        (PRESSURE + "noise_rms_bar = false", "nodes.p.chain.noise_rms_bar: false is not a number; give a number in bar from 1e-06 to 1e+06, or 0 for none"),
+        (PRESSURE + "gain_error_percent = 1e7", "nodes.p.chain.gain_error_percent: 1e+07 is out of range; give a number in % from -1e+06 to 1e+06"),
+        (PRESSURE + 'preset = "good"', 'nodes.p.chain.preset: "good" is unknown; give one of "ideal", "class_0.25_250_bar"'),
+        (PRESSURE + "filter_order = 3", "nodes.p.chain.filter_order: 3 is out of range; give an integer from 1 to 2"),
+        (PRESSURE + "damping_ratio = 0", "nodes.p.chain.damping_ratio: 0 is out of range; give a number from 0.01 to 100"),
+        (PRESSURE + "range_bar = [5, 5]", "nodes.p.chain.range_bar: [5, 5] is empty; give [start, end] in bar, start below end"),
+        (PRESSURE + "sampling_period_us = -5", "nodes.p.chain.sampling_period_us: -5 is out of range; give an integer from 10 to 1000000, or 0 for none"),
+        (PRESSURE + "sampling_period_us = 5", "nodes.p.chain.sampling_period_us: 5 is out of range; give an integer from 10 to 1000000, or 0 for none"),
+    ],
+)  # fmt: skip
+def test_a_wrong_value_is_told(write: Write, text: str, message: str) -> None:
+    text = text if text.startswith(VALVE) else VALVE + text
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(text))
+    assert str(caught.value) == f"bench.toml:{message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sampling_phase_us = 5", "sampling_phase_us: 5 is not below sampling_period_us = 0; give sampling_period_us too"),
+        ("sampling_phase_us = 50\nsampling_period_us = 50", "sampling_phase_us: 50 is not below sampling_period_us = 50; give 0 to 49"),
+        ("noise_density_bar_rthz = 1", "noise_density_bar_rthz: has no bandwidth to fill; give bandwidth_hz too"),
+        ("warming_s_k = [[1, 0], [0, 5]]", "warming_s_k: 0 s after 1 s; give times that do not decrease"),
+        ("warming_s_k = [[1, -1e300]]", "warming_s_k: -1e+300 K is out of range; give at most 1000 K"),
+    ],
+)  # fmt: skip
+def test_values_that_do_not_go_together_are_told(write: Write, text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(VALVE + PRESSURE + text))
+    assert str(caught.value) == f"bench.toml:nodes.p.chain.{message}"

@@ -7,6 +7,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    ├── ParameterError        a plant parameter or state makes no sense
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
+     ├── TimingError               a tick took too long, and the loop is to stop then: exit code 4
      ├── StorageError (OSError)     stored parameters could not be read or written
      ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
@@ -33,6 +34,10 @@ class EdsError(ConfigError):
 
 class BusError(HilBenchError, OSError):
     """A CAN bus or a port could not be opened, or was lost."""
+
+
+class TimingError(HilBenchError):
+    """A tick of a paced loop took longer than its period, and the loop is to stop then."""
 
 
 class StorageError(HilBenchError, OSError):

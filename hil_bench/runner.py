@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
-from hil_bench.errors import BusError
+from hil_bench.config import RealtimeConfig
+from hil_bench.errors import BusError, TimingError
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.scheduling import undisturbed_by_garbage_collection
+from hil_bench.realtime.scheduling import undisturbed
 from hil_bench.realtime.statistics import TickSummary
 from hil_bench.transports.transport import Transport, TransportCounters
 
@@ -38,7 +39,7 @@ class RunReport:
 
     ticks: TickSummary
     frames: TransportCounters
-    lost: BusError | None
+    lost: BusError | TimingError | None
 
 
 def run_paced(
@@ -48,10 +49,12 @@ def run_paced(
     *,
     stopped: Callable[[], bool],
     observers: Sequence[Observer] = (),
+    realtime: RealtimeConfig | None = None,
 ) -> RunReport:
     """Run the bench on a bus, tick by tick on the pacer's grid, until `stopped` says so.
 
-    One thread owns bus and plant. A lost bus ends the run; the report then says why.
+    One thread owns bus and plant. A lost bus ends the run, and so does an overrun where the pacer
+    is to stop then; the report says why.
 
     Args:
         bench: not yet powered on.
@@ -59,12 +62,13 @@ def run_paced(
         pacer: a new one, its grid not yet begun.
         stopped: asked once a tick.
         observers: called at the end of each tick.
+        realtime: what to ask of the operating system; None for what needs no permission.
     """
     lost = None
-    with undisturbed_by_garbage_collection():
+    with undisturbed(realtime or RealtimeConfig(), pacer.period):
         try:
             _loop(bench, transport, pacer, stopped, observers)
-        except BusError as error:
+        except (BusError, TimingError) as error:
             lost = error
     return RunReport(pacer.statistics.summary(), transport.counters(), lost)
 

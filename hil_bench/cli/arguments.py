@@ -4,9 +4,12 @@ import argparse
 
 from can.cli import add_bus_arguments
 
-from hil_bench.config import BenchConfig, load_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.config import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
+from hil_bench.config.keys import REALTIME_KEYS
 from hil_bench.errors import ConfigError
 
+_LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
 _NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--timing"}
 
 
@@ -22,6 +25,28 @@ def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser, group_title="bus (as in python-can)")
 
 
+def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say how a paced loop runs; `load_bench_config` reads them."""
+    group = parser.add_argument_group("real time (docs/realtime.md; 'hil-bench doctor')")
+    group.add_argument(
+        "--realtime",
+        choices=[policy.value for policy in RealtimePolicy],
+        help="with a real-time policy, and the memory locked: SCHED_FIFO or SCHED_DEADLINE (off)",
+    )
+    group.add_argument(
+        "--realtime-priority", type=int, metavar="N", help="of SCHED_FIFO, 1 to 98 (80)"
+    )
+    group.add_argument(
+        "--realtime-cpu", type=int, metavar="N", help="run the loop on this processor only"
+    )
+    group.add_argument(
+        "--overrun",
+        choices=[policy.value for policy in OverrunPolicy],
+        help="after a tick that took too long: make up for the late ticks (count, the default), "
+        f"skip them and keep the phase, or stop with exit code {ExitCode.TIMING}",
+    )
+
+
 def load_bench_config(args: argparse.Namespace) -> BenchConfig:
     """Return the configuration with what the command line says of it.
 
@@ -34,9 +59,9 @@ def load_bench_config(args: argparse.Namespace) -> BenchConfig:
     return load_config(
         args.config,
         seed=args.seed,
-        sync_period_us=getattr(args, "sync_period_us", None),
         interface=getattr(args, "interface", None),
         channel=getattr(args, "channel", None),
         bitrate=getattr(args, "bitrate", None),
         bus_options=getattr(args, "bus_kwargs", None),
+        loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
     )

@@ -76,7 +76,12 @@ def run(args: argparse.Namespace) -> int:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
         frames = stack.enter_context(FrameFile(args.output / "demo.log"))
         wish = stack.enter_context(interruption())
-        with StatusLine(session.snapshot, session.fields, wanted=not args.quiet):
+        with StatusLine(
+            session.snapshot,
+            session.fields,
+            statistics=session.statistics,
+            wanted=not args.quiet,
+        ):
             report = session.run(lambda: wish.requested)
         recording = session.bench.signals
         signals.write(recording)

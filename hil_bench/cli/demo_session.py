@@ -4,6 +4,7 @@ import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -21,20 +22,14 @@ from drivers import (
     PressureSensor,
     ProportionalValve,
 )
-from hil_bench.cli.status_line import (
-    Field,
-    bench_status,
-    bench_status_row,
-    loop_status,
-    loop_status_row,
-)
+from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.config import BenchConfig, NodeConfig, PressureConfig, PressureSource, Profile
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.scheduling import undisturbed_by_garbage_collection
-from hil_bench.realtime.statistics import TickSummary
+from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
+from hil_bench.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.recording.channels import Channel, Recording
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.virtual_bench import VirtualBench
@@ -92,12 +87,18 @@ class DemoSession:
         bench: the bench with its traces, set-point of the motion included.
         snapshot: what the status line shows.
         fields: how it shows it.
+        statistics: of the loop, None where it is not paced.
     """
 
     def __init__(self, config: BenchConfig, *, duration: float, is_paced: bool) -> None:
         self._config = config
         self._duration = duration
-        self._pacer = Pacer(MonotonicClock(), config.tick_ns) if is_paced else None
+        self.statistics = TickStatistics(is_shared=True) if is_paced else None
+        self._pacer = (
+            Pacer(MonotonicClock(), config.tick_ns, statistics=self.statistics)
+            if is_paced
+            else None
+        )
         self._setpoint_at: Callable[[float], float] = no_setpoint
         setpoint = Channel(f"{config.axes[0].name}.position_setpoint", "m")
         self.bench = VirtualBench(
@@ -110,14 +111,8 @@ class DemoSession:
         self.bench.observers.append(self._publish)
         self._plant = self.bench.bench.axes[0].plant
         channels, fields = bench_status(self.bench.bench)
-        loop_channels, loop_fields = loop_status() if is_paced else ([], [])
-        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels, *loop_channels))
-        self.fields = [
-            Field("{:6.1f} s", 1.0),
-            Field("set {:+8.2f} mm", 1e3),
-            *fields,
-            *loop_fields,
-        ]
+        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels))
+        self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
 
     def run(self, stopped: Callable[[], bool]) -> DemoReport:
         """Move the axis along its profile, until the end or until `stopped` says so.
@@ -130,11 +125,16 @@ class DemoSession:
             with (
                 self.bench,
                 Network(bus, clock=bus.now) as network,
-                undisturbed_by_garbage_collection(),
+                self._undisturbed(),
             ):
                 return self._control(network, stopped)
         except DriverError as error:
             raise ConfigError(f"the demo's controller: {error}") from error
+
+    def _undisturbed(self) -> AbstractContextManager[None]:
+        if self._pacer is None:
+            return undisturbed_by_garbage_collection()
+        return undisturbed(self._config.realtime, self._config.tick_ns)
 
     def _setpoint(self, time: float) -> float:
         """Return the set-point of the motion at a bench time [m]."""
@@ -142,9 +142,8 @@ class DemoSession:
 
     def _publish(self, time: float) -> None:
         """Show the present values to the status line."""
-        health = loop_status_row(self._pacer.statistics) if self._pacer else ()
         axes = bench_status_row(self.bench.bench)
-        self.snapshot.write((time, self._setpoint(time), *axes, *health))
+        self.snapshot.write((time, self._setpoint(time), *axes))
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
         plant = self._plant
@@ -167,7 +166,7 @@ class DemoSession:
             wall_time=wall_time,
             cycles=cycles,
             overruns=loop.overruns,
-            ticks=self._pacer.statistics.summary() if self._pacer else None,
+            ticks=self.statistics.summary() if self.statistics else None,
         )
 
     @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
 from enum import IntEnum
 
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, TimingError
 
 
 class ExitCode(IntEnum):
@@ -17,7 +17,7 @@ class ExitCode(IntEnum):
     BUS = 3
     """A bus or a port could not be opened, or was lost."""
     TIMING = 4
-    """The real-time budget was missed under ``--strict-timing``."""
+    """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     INTERNAL = 70
     """A bug of hil-bench itself (EX_SOFTWARE of the BSD ``sysexits``)."""
     INTERRUPTED = 130
@@ -31,5 +31,7 @@ def exit_code_of(error: Exception) -> ExitCode:
             return ExitCode.USAGE
         case BusError():
             return ExitCode.BUS
+        case TimingError():
+            return ExitCode.TIMING
         case _:
             return ExitCode.INTERNAL

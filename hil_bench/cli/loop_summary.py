@@ -5,6 +5,8 @@ from dataclasses import asdict
 from hil_bench.bench import Bench
 from hil_bench.config import BenchConfig
 from hil_bench.realtime.statistics import DurationSummary, TickSummary
+from hil_bench.runner import RunReport
+from hil_bench.transports.bus_load import bitrate_text, load_of
 from hil_bench.transports.transport import TransportCounters
 
 
@@ -40,6 +42,13 @@ def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
     }
     lines += [f"          {count} {what}" for what, count in losses.items() if count]
     return lines
+
+
+def load_line(report: RunReport, period_ns: int, bitrate: int) -> str:
+    """Return the bus load of the frames that the bench sent and received."""
+    duration = (report.ticks.ticks + report.ticks.skipped) * period_ns
+    load = load_of(report.frames.bits, duration, bitrate)
+    return f"bus load  {load:.1%} of {bitrate_text(bitrate)}"
 
 
 def node_lines(config: BenchConfig, bench: Bench) -> list[str]:

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -10,24 +11,27 @@ from typing import NamedTuple
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
 from hil_bench.cli import lockstep_run
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, add_loop_arguments, load_bench_config
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.loop_summary import frame_lines, loop_lines, node_lines
+from hil_bench.cli.loop_summary import frame_lines, load_line, loop_lines, node_lines
 from hil_bench.cli.status_line import (
     StatusLine,
     bench_status,
     bench_status_row,
-    loop_status,
-    loop_status_row,
+    bus_status,
+    bus_status_row,
 )
 from hil_bench.config import BenchConfig
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
+from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.runner import RunReport, run_paced
+from hil_bench.transports.bus_load import USUAL_BITRATE, BusLoad
+from hil_bench.transports.can_interfaces import bitrate_of
 from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT
@@ -39,6 +43,7 @@ _EXAMPLES = f"""\
 examples:
   hil-bench run -i socketcan -c vcan0
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
+  hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -56,6 +61,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
+    add_loop_arguments(parser)
     parser.add_argument(
         "--duration", type=float, metavar="S", help="end after S seconds of bench time"
     )
@@ -109,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
         if args.lockstep:
             return lock_step(args, config, bench, bus, wish)
         report = run_until_told(args, config, bench, bus, wish)
-    print("\n".join(summary_lines(report, config, bench)), flush=True)
+    print("\n".join(summary_lines(report, config, bench, bus)), flush=True)
     if report.lost is not None:
         raise report.lost
     if args.strict_timing and report.ticks.overruns:
@@ -144,11 +150,13 @@ class OpenBus(NamedTuple):
         transport: the bench's end of it.
         join: python-can's flags for another program's end, empty where the bus says it all.
         check: raises a `BusError` when the bus is gone without the transport noticing.
+        bitrate: that the bus's load refers to [bit/s].
     """
 
     transport: Transport
     join: str
     check: Callable[[], None]
+    bitrate: int
 
 
 @contextlib.contextmanager
@@ -162,13 +170,14 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
         if args.hub is None:
             bus = config.bus
             transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
-            opened = OpenBus(transport, "", lambda: None)
+            bitrate = bus.bitrate or bitrate_of(str(bus.channel)) or USUAL_BITRATE
+            opened = OpenBus(transport, "", lambda: None, bitrate)
         else:
             hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
             address = {"host": hub.host, "port": hub.port}
             transport = open_transport("socketcand", HUB_CHANNEL, None, address)
             flags = f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={hub.host} port={hub.port}"
-            opened = OpenBus(transport, flags, partial(check_hub, hub))
+            opened = OpenBus(transport, flags, partial(check_hub, hub), USUAL_BITRATE)
         stack.callback(transport.close)
         yield opened
 
@@ -201,21 +210,32 @@ def run_until_told(
     wish: Interruption,
 ) -> RunReport:
     """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
-    pacer = Pacer(MonotonicClock(), config.tick_ns)
-    ticks = None if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
+    realtime = config.realtime
+    statistics = TickStatistics(is_shared=True)
+    pacer = Pacer(MonotonicClock(), config.tick_ns, overrun=realtime.overrun, statistics=statistics)
+    periods = math.inf if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
     channels, fields = bench_status(bench)
-    loop_channels, loop_fields = loop_status()
-    snapshot = Snapshot((*channels, *loop_channels))
+    bus_channels, bus_fields = bus_status()
+    snapshot = Snapshot((*channels, *bus_channels))
+    load = BusLoad(bus.bitrate)
 
-    def publish(bench: Bench, _now: int) -> None:
-        snapshot.write((*bench_status_row(bench), *loop_status_row(pacer.statistics)))
+    def publish(bench: Bench, now: int) -> None:
+        counters = bus.transport.counters()
+        present = bus_status_row(counters, load.update(now, counters.bits))
+        snapshot.write((*bench_status_row(bench), *present))
 
     def stopped() -> bool:
         bus.check()
-        return wish.requested or pacer.statistics.ticks == ticks
+        return wish.requested or statistics.ticks + statistics.skipped >= periods
 
-    with StatusLine(snapshot, (*fields, *loop_fields), wanted=not args.quiet):
-        return run_paced(bench, bus.transport, pacer, stopped=stopped, observers=[publish])
+    shown = (*fields, *bus_fields)
+    with StatusLine(snapshot, shown, statistics=statistics, wanted=not args.quiet):
+        return run_paced(
+            *(bench, bus.transport, pacer),
+            stopped=stopped,
+            observers=[publish],
+            realtime=realtime,
+        )
 
 
 def lock_step(
@@ -239,11 +259,12 @@ def lock_step(
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 
-def summary_lines(report: RunReport, config: BenchConfig, bench: Bench) -> list[str]:
+def summary_lines(report: RunReport, config: BenchConfig, bench: Bench, bus: OpenBus) -> list[str]:
     """Return the summary at the end of a run."""
     return [
         "summary",
         *loop_lines(report.ticks, config.tick_ns),
         *frame_lines(report.frames, bench.unrouted),
+        load_line(report, config.tick_ns, bus.bitrate),
         *node_lines(config, bench),
     ]

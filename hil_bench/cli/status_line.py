@@ -16,6 +16,7 @@ from hil_bench.bench import Bench
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
+from hil_bench.transports.transport import TransportCounters
 
 REFRESH = 0.1
 """Time between two refreshes [s]."""
@@ -44,15 +45,23 @@ class StatusLine:
     Args:
         snapshot: what the loop writes.
         fields: one a value of the row.
+        statistics: of the loop, shared; None shows none.
         wanted: False turns it off, as for ``--quiet``.
     """
 
-    def __init__(self, snapshot: Snapshot, fields: Sequence[Field], *, wanted: bool = True) -> None:
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        fields: Sequence[Field],
+        *,
+        statistics: TickStatistics | None = None,
+        wanted: bool = True,
+    ) -> None:
         context = multiprocessing.get_context("spawn")
         self._ended = context.Event()
         self._process = context.Process(
             target=show,
-            args=(snapshot, tuple(fields), self._ended),
+            args=(snapshot, tuple(fields), statistics, self._ended),
             name="hil-bench-status",
             daemon=True,
         )
@@ -78,7 +87,9 @@ class StatusLine:
             self._process.join()
 
 
-def show(snapshot: Snapshot, fields: tuple[Field, ...], ended: Event) -> None:
+def show(
+    snapshot: Snapshot, fields: tuple[Field, ...], statistics: TickStatistics | None, ended: Event
+) -> None:
     """Write the newest row until `ended` is set; signals are the parent's to act on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -86,8 +97,8 @@ def show(snapshot: Snapshot, fields: tuple[Field, ...], ended: Event) -> None:
     while not ended.wait(REFRESH) and parent is not None and parent.is_alive():
         row = snapshot.read()
         if row is not None:
-            width = shutil.get_terminal_size().columns - 1
-            sys.stderr.write(_CLEAR_LINE + format_row(row.values, fields)[:width])
+            text = "  ".join((format_row(row.values, fields), *format_health(statistics)))
+            sys.stderr.write(_CLEAR_LINE + text[: shutil.get_terminal_size().columns - 1])
             sys.stderr.flush()
     sys.stderr.write(_CLEAR_LINE)
     sys.stderr.flush()
@@ -99,6 +110,17 @@ def format_row(values: Sequence[float], fields: Sequence[Field]) -> str:
         field.template.format(value * field.scale)
         for value, field in zip(values, fields, strict=True)
     )
+
+
+def format_health(statistics: TickStatistics | None) -> list[str]:
+    """Return what the status line shows of the loop's health, from its histograms."""
+    if statistics is None:
+        return []
+    late = statistics.lateness
+    return [
+        f"late p99 {late.percentile(99):.0f} max {late.maximum / 1e3:.0f} us",
+        f"{statistics.overruns} overran",
+    ]
 
 
 def bench_status(bench: Bench) -> tuple[list[Channel], list[Field]]:
@@ -126,12 +148,16 @@ def bench_status_row(bench: Bench) -> list[float]:
     return row
 
 
-def loop_status() -> tuple[list[Channel], list[Field]]:
-    """Return what the status line shows of the loop's health."""
-    channels = [Channel("latest", "s"), Channel("overruns", "-")]
-    return channels, [Field("late max {:.0f} us", 1e6), Field("{:.0f} overran", 1.0)]
+def bus_status() -> tuple[list[Channel], list[Field]]:
+    """Return what the status line shows of the bus."""
+    channels = [Channel("received", "-"), Channel("sent", "-"), Channel("bus_load", "-")]
+    return channels, [
+        Field("in {:.0f}", 1.0),
+        Field("out {:.0f}", 1.0),
+        Field("bus {:.1f} %", 100.0),
+    ]
 
 
-def loop_status_row(statistics: TickStatistics) -> tuple[float, float]:
-    """Return the present values of the channels of `loop_status`."""
-    return statistics.lateness.maximum * 1e-9, statistics.overruns
+def bus_status_row(counters: TransportCounters, load: float) -> tuple[float, float, float]:
+    """Return the present values of the channels of `bus_status`."""
+    return counters.received, counters.sent, load

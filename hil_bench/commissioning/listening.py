@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import can
 
 from drivers import Network
+from hil_bench.canopen_device.frame import frame_bits
 from hil_bench.commissioning.decoding import function_of, meaning_of
 
 
@@ -78,22 +79,9 @@ class BusTraffic:
         traffic = self.identifiers.setdefault(key, Traffic(*key))
         traffic.frames += 1
         traffic.data, traffic.is_remote = bytes(message.data), message.is_remote_frame
-        self.bits += frame_bits(0 if message.is_remote_frame else len(message.data), *key[1:])
-
-
-def frame_bits(length: int, is_extended: bool) -> float:
-    """Return the bits that a frame takes on the bus, with half of the most stuff bits it can have.
-
-    A data frame with an 11-bit identifier has 44 bits and 8 a byte, and 3 between frames; of these,
-    34 and 8 a byte are stuffed, at most one bit after each four (ISO 11898-1).
-
-    Args:
-        length: data bytes.
-        is_extended: whether the identifier has 29 bits.
-    """
-    head = 20 if is_extended else 0
-    stuffed = 34 + head + 8 * length
-    return 47 + head + 8 * length + (stuffed - 1) / 4 / 2
+        self.bits += frame_bits(
+            0 if message.is_remote_frame else len(message.data), is_extended=message.is_extended_id
+        )
 
 
 def listen(network: Network, duration: float) -> BusTraffic:

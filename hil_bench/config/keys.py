@@ -7,7 +7,14 @@ Ruderman 2017.
 from collections.abc import Mapping
 
 from hil_bench.config.objects import objects
-from hil_bench.config.records import Friction, PressureSource, Profile, Supply
+from hil_bench.config.records import (
+    Friction,
+    OverrunPolicy,
+    PressureSource,
+    Profile,
+    RealtimePolicy,
+    Supply,
+)
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (
     boolean,
@@ -59,11 +66,19 @@ def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
     return Key(name, number(unit), default, unit, field)
 
 
+REALTIME_KEYS = (
+    Key("realtime", choice(RealtimePolicy), RealtimePolicy.OFF, field="policy"),
+    Key("realtime_priority", integer(1, 98), 80, field="priority"),
+    Key("realtime_cpu", integer(0, 4095), field="cpu"),
+    Key("overrun", choice(OverrunPolicy), OverrunPolicy.COUNT),
+)
+
 BENCH_KEYS = (
     Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
     Key("step_us", integer(1, 10_000), 50, MICROSECOND),
     Key("sync_period_us", integer(100, 60_000_000), None, MICROSECOND),
     Key("seed", integer(0), 1),
+    *REALTIME_KEYS,
 )
 
 BUS_KEYS = (

@@ -9,15 +9,16 @@ from hil_bench.config.axes import build_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.chains import check_chains
 from hil_bench.config.document import Document, check_tables, read_document, read_section
-from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, TABLES
+from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
-from hil_bench.config.records import BenchConfig, BusConfig
+from hil_bench.config.records import BenchConfig, BusConfig, RealtimeConfig, RealtimePolicy
 from hil_bench.config.settings import (
     Given,
     Key,
     Origin,
     Problems,
     Settings,
+    convert,
     read_table,
 )
 from hil_bench.config.values import bus_option
@@ -30,11 +31,11 @@ def load_config(
     path: str | os.PathLike[str] | None = None,
     *,
     seed: int | None = None,
-    sync_period_us: int | None = None,
     interface: str | None = None,
     channel: str | int | None = None,
     bitrate: int | None = None,
     bus_options: Mapping[str, str | int | float | bool] | None = None,
+    loop: Mapping[str, object] | None = None,
 ) -> BenchConfig:
     """Return the bench that the command line, the environment and a file describe.
 
@@ -46,20 +47,18 @@ def load_config(
     Args:
         path: `bench.toml`; without it and ``HIL_BENCH_CONFIG``, the built-in bench of one axis.
         seed: seed of every random generator of the bench.
-        sync_period_us: how far each SYNC moves a bench in lock-step [us].
         interface: python-can's name of the interface; further keys of ``[bus]``, which are for the
             file's interface, then lapse.
         channel: the channel of that interface.
         bitrate: bit rate [bit/s].
         bus_options: further keyword arguments of that interface's bus class.
+        loop: keys of ``[bench]`` that say what makes the ticks, such as ``realtime``.
     """
     file = _choose_file(path)
     document = read_document(file) if file else {}
     problems = Problems(str(file) if file else "built-in bench")
     check_tables(document, TABLES, problems)
-    bench = read_table(
-        "bench", _give_bench(document, seed, sync_period_us, problems), BENCH_KEYS, problems
-    )
+    bench = _read_bench(document, {"seed": seed, **(loop or {})}, problems)
     overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
     axes = read_axes(document, problems)
@@ -90,6 +89,7 @@ def load_config(
             for name, node in nodes.items()
         ),
         settings=tuple(setting for table in tables for setting in table.values()),
+        realtime=RealtimeConfig(**convert(bench, REALTIME_KEYS)),
     )
 
 
@@ -98,18 +98,17 @@ def _choose_file(path: str | os.PathLike[str] | None) -> Path | None:
     return Path(chosen) if chosen else None
 
 
-def _give_bench(
-    document: Document, seed: int | None, sync_period_us: int | None, problems: Problems
-) -> dict[str, Given]:
+def _read_bench(
+    document: Document, overrides: Mapping[str, object], problems: Problems
+) -> Settings:
     given = read_section(document, "bench", problems)
-    if sync_period_us is not None:
-        given["sync_period_us"] = Given(sync_period_us, Origin.COMMAND_LINE, "--sync-period-us")
-    if seed is not None:
-        given["seed"] = Given(seed, Origin.COMMAND_LINE, "--seed")
-    elif text := os.environ.get(SEED_VARIABLE):
+    if text := os.environ.get(SEED_VARIABLE):
         value = int(text) if text.isascii() and text.isdecimal() else text
         given["seed"] = Given(value, Origin.ENVIRONMENT, f"environment:{SEED_VARIABLE}")
-    return given
+    for key, override in overrides.items():
+        if override is not None:
+            given[key] = Given(override, Origin.COMMAND_LINE, f"--{key.replace('_', '-')}")
+    return read_table("bench", given, BENCH_KEYS, problems)
 
 
 def _read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
@@ -147,6 +146,11 @@ def _check_timing(bench: Settings, problems: Problems) -> None:
             is_option = bench[key].origin is Origin.COMMAND_LINE
             place = f"--{key.replace('_', '-')}" if is_option else problems.place("bench", key)
             problems.add(place, wrong)
+    policy, cpu = bench["realtime"].value, bench["realtime_cpu"].value
+    if policy is RealtimePolicy.DEADLINE and cpu is not None:
+        wrong = f'{cpu} with realtime = "deadline", which Linux ties to no processor'
+        right = 'leave realtime_cpu out, or give realtime = "fifo"'
+        problems.add(problems.place("bench", "realtime_cpu"), f"{wrong}; {right}")
 
 
 def _no_multiple(value: int, divisor: str, step: int) -> str:

@@ -58,6 +58,39 @@ class Supply(StrEnum):
     UNIT = "unit"
 
 
+class RealtimePolicy(StrEnum):
+    """How the operating system schedules a paced loop."""
+
+    OFF = "off"
+    FIFO = "fifo"
+    DEADLINE = "deadline"
+
+
+class OverrunPolicy(StrEnum):
+    """What a paced loop does after a tick that took longer than its period."""
+
+    COUNT = "count"
+    SKIP = "skip"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class RealtimeConfig:
+    """How a paced loop runs.
+
+    Attributes:
+        policy: with which real-time policy.
+        priority: of SCHED_FIFO, 1 to 98.
+        cpu: the only processor on which it runs, None for any.
+        overrun: what it does after a tick that took too long.
+    """
+
+    policy: RealtimePolicy = RealtimePolicy.OFF
+    priority: int = 80
+    cpu: int | None = None
+    overrun: OverrunPolicy = OverrunPolicy.COUNT
+
+
 @dataclass(frozen=True, slots=True)
 class BusConfig:
     """The CAN bus as python-can opens it; what is None is left to python-can's own configuration.
@@ -252,6 +285,7 @@ class BenchConfig:
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
         settings: every value as a person writes it, with its origin.
+        realtime: how the loop runs where it is paced.
     """
 
     path: Path | None
@@ -263,6 +297,7 @@ class BenchConfig:
     axes: tuple[AxisConfig, ...]
     nodes: tuple[NodeConfig, ...]
     settings: tuple[Setting, ...]
+    realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
 
     @property
     def steps_per_tick(self) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import can
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import Frame, frame_bits
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import TransportCounters
 
@@ -53,6 +53,7 @@ class PythonCanTransport:
         self._sent = 0
         self._ignored = 0
         self._send_failures = 0
+        self._bits = 0.0
 
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, reading at most `limit` messages, without waiting."""
@@ -66,6 +67,7 @@ class PythonCanTransport:
                 self._ignored += 1
             else:
                 frames.append(frame)
+                self._bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
         self._received += len(frames)
         return frames
 
@@ -100,6 +102,7 @@ class PythonCanTransport:
                 raise BusError(f"{self.description}: bus lost: {error}") from error
             else:
                 self._sent += 1
+                self._bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
         """Leave the filters open: python-can filters most buses in Python, which saves nothing."""
@@ -111,6 +114,7 @@ class PythonCanTransport:
             sent=self._sent,
             ignored=self._ignored,
             send_failures=self._send_failures,
+            bits=self._bits,
         )
 
     def close(self) -> None:

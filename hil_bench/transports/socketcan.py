@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import FRAME_BITS, Frame
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import TransportCounters
 
@@ -30,6 +30,7 @@ RETRY_LIMIT = 256
 
 # struct can_frame: identifier with flags, length, three bytes of padding, payload.
 _CAN_FRAME = struct.Struct("=IB3x8s")
+_LENGTH = 4  # where the length stands in it
 _CANFD_MTU = 72
 _DATA_MAX = 8
 
@@ -129,6 +130,7 @@ class SocketCanTransport:
         self._dropped = 0
         self._drop_counter = 0
         self._send_failures = 0
+        self._bits = 0.0
         self._socket.setblocking(False)
         self.receive_buffer = _enlarge_receive_buffer(self._socket)
         if self.receive_buffer < RECEIVE_BUFFER:
@@ -162,6 +164,7 @@ class SocketCanTransport:
                     self._ignored += 1
                 else:
                     frames.append(frame)
+                    self._bits += FRAME_BITS[len(frame.data)]
         except BlockingIOError:
             pass
         except OSError as error:
@@ -192,7 +195,7 @@ class SocketCanTransport:
         try:
             while pending:
                 self._socket.send(pending[0])
-                pending.popleft()
+                self._bits += FRAME_BITS[pending.popleft()[_LENGTH]]
                 self._sent += 1
         except OSError as error:
             if error.errno not in _TRY_LATER:
@@ -220,6 +223,7 @@ class SocketCanTransport:
             ignored=self._ignored,
             dropped=self._dropped,
             send_failures=self._send_failures,
+            bits=self._bits,
         )
 
     def close(self) -> None:

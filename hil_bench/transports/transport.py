@@ -1,7 +1,7 @@
 """What the bench needs from a bus."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame
@@ -17,6 +17,8 @@ class TransportCounters:
         ignored: received, but no classical data or remote frame: CAN FD, error frames.
         dropped: lost by the kernel because its receive buffer was full.
         send_failures: given up, since the bus did not take them.
+        bits: that the frames received and sent took on the bus, with half of the most stuff bits;
+            what the bus's filters keep from the bench is not in it.
     """
 
     received: int = 0
@@ -24,6 +26,7 @@ class TransportCounters:
     ignored: int = 0
     dropped: int = 0
     send_failures: int = 0
+    bits: float = field(default=0.0, compare=False)  # an estimate
 
 
 class Transport(Protocol):

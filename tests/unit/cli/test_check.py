@@ -17,7 +17,7 @@ def test_each_value_is_shown_with_its_origin(
     assert main(["check", "bench.toml", "-c", "vcan0", "--bus-kwargs", "port=5"]) == 0
 
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert lines[:14] == [
+    assert lines[:18] == [
         "# bench.toml",
         "",
         "[bench]",
@@ -25,6 +25,10 @@ def test_each_value_is_shown_with_its_origin(
         "step_us = 50 # default",
         "sync_period_us = 1000 # default",
         "seed = 7 # environment",
+        'realtime = "off" # default',
+        "realtime_priority = 80 # default",
+        "# realtime_cpu = # none",
+        'overrun = "count" # default',
         "",
         "[bus]",
         "# interface = # left to python-can",

@@ -1,5 +1,7 @@
 """`hil-bench run` on python-can's virtual bus, with a clock that jumps."""
 
+import re
+
 import pytest
 
 from hil_bench.cli import main
@@ -40,6 +42,29 @@ def test_strict_timing_fails_on_an_overrun(monkeypatch, capsys):
     assert main(["run", *BUS, "--duration", "0.01", "--strict-timing"]) == 4
     assert "10 overran" in capsys.readouterr().out
     assert main(["run", *BUS, "--duration", "0.01"]) == 0
+
+
+def test_an_overrun_stops_it_where_that_is_wanted(monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    assert main(["run", *BUS, "--duration", "1", "--overrun", "stop"]) == 4
+    out, err = capsys.readouterr()
+    assert "ticks     101 of 1000 us, 101 overran" in out  # the first 100 are forgiven
+    assert err.startswith("hil-bench: error: tick 101 ended ")
+
+
+def test_ticks_that_are_skipped_count_towards_the_duration(monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    assert main(["run", *BUS, "--duration", "0.1", "--overrun", "skip"]) == 0
+    ticks, skipped = re.search(r"ticks +(\d+) .* (\d+) skipped", capsys.readouterr().out).groups()
+    assert int(skipped) > 0
+    assert 100 <= int(ticks) + int(skipped) <= 110
+
+
+def test_the_bus_load_is_told(capsys):
+    # Four boot-up messages of one byte: 55 bits and (42 - 1) / 4 / 2 stuff bits each, 240.5 in all;
+    # in 20 ms at 100 kbit/s there is room for 2000.
+    assert main(["run", *BUS, "-b", "100000", "--duration", "0.02"]) == 0
+    assert "\nbus load  12.0% of 100 kbit/s\n" in capsys.readouterr().out
 
 
 def test_a_wish_to_stop_ends_it_with_130(monkeypatch):

@@ -10,12 +10,14 @@ from hil_bench.cli.status_line import (
     StatusLine,
     bench_status,
     bench_status_row,
+    bus_status,
+    bus_status_row,
+    format_health,
     format_row,
-    loop_status,
-    loop_status_row,
 )
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.snapshot import Snapshot
+from hil_bench.transports.transport import TransportCounters
 
 
 def test_it_shows_each_quantity_with_its_unit():
@@ -29,30 +31,40 @@ def test_it_shows_each_quantity_with_its_unit():
 
 def test_it_shows_the_health_of_the_loop():
     statistics = TickStatistics()
-    statistics.lateness.record(123_400)
+    for lateness in (*[70_000] * 99, 123_400):
+        statistics.lateness.record(lateness)
     statistics.overruns = 2
-    text = format_row(loop_status_row(statistics), loop_status()[1])
-    assert text == "late max 123 us  2 overran"
+    # 70,000 ns lie in a bin of 512 ns, that ends with 70,143: 70 us.
+    assert format_health(statistics) == ["late p99 70 max 123 us", "2 overran"]
+    assert format_health(None) == []
+
+
+def test_it_shows_the_traffic_of_the_bus():
+    counters = TransportCounters(received=1234, sent=56)
+    text = format_row(bus_status_row(counters, 0.1234), bus_status()[1])
+    assert text == "in 1234  out 56  bus 12.3 %"
 
 
 def test_it_is_silent_where_nobody_looks(capfd):
-    channels, fields = loop_status()
+    channels, fields = bus_status()
     with StatusLine(Snapshot(channels), fields):
         pass
     assert capfd.readouterr() == ("", "")
 
 
 def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
-    channels, fields = loop_status()
+    channels, fields = bus_status()
     snapshot = Snapshot(channels)
-    snapshot.write((5e-6, 3.0))
+    snapshot.write((7, 5, 0.5))
+    statistics = TickStatistics(is_shared=True)
+    statistics.overruns = 3
     reader, terminal = pty.openpty()
     stderr = os.dup(2)
     os.dup2(terminal, 2)
     try:
         with os.fdopen(os.dup(2), "w") as stream, monkeypatch.context() as patch:
             patch.setattr(sys, "stderr", stream)
-            with StatusLine(snapshot, fields):
+            with StatusLine(snapshot, fields, statistics=statistics):
                 shown = b""
                 while b"overran" not in shown:
                     shown += os.read(reader, 1024)
@@ -60,4 +72,4 @@ def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
         os.dup2(stderr, 2)
         for descriptor in (stderr, reader, terminal):
             os.close(descriptor)
-    assert b"late max 5 us  3 overran" in shown
+    assert b"in 7  out 5  bus 50.0 %  late p99 0 max 0 us  3 overran" in shown

@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from hil_bench.commissioning.listening import BusTraffic, frame_bits, listen
+from hil_bench.commissioning.listening import BusTraffic, listen
 
 
 def message(can_id, data="", **kind):
@@ -41,19 +41,6 @@ def test_error_frames_are_no_frames():
     traffic = BusTraffic()
     traffic.take(can.Message(is_error_frame=True))
     assert (traffic.frames, traffic.error_frames) == (0, 1)
-
-
-@pytest.mark.parametrize(
-    ("length", "is_extended", "low", "high"),
-    [
-        # ISO 11898-1: 44 bits and 8 a byte, 3 between frames; at most (34 + 8 n - 1) // 4 more.
-        (0, False, 47, 55),
-        (8, False, 111, 135),
-        (8, True, 131, 160),
-    ],
-)
-def test_the_bits_of_a_frame_lie_between_none_and_all_stuff_bits(length, is_extended, low, high):
-    assert frame_bits(length, is_extended) == pytest.approx((low + high) / 2, abs=0.5)
 
 
 def test_the_load_is_the_share_of_the_bus_time():

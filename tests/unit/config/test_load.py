@@ -14,11 +14,15 @@ from hil_bench.config import (
     BusConfig,
     EncoderConfig,
     Origin,
+    OverrunPolicy,
     PressureConfig,
     PressureSource,
+    RealtimeConfig,
+    RealtimePolicy,
     ValveConfig,
     load_config,
 )
+from hil_bench.errors import ConfigError
 from hil_bench.plant import Model, ReducedOrderPlant
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction
 from hil_bench.plant.loads import ConstantLoad, LoadSeries, MassOnSlope, SpringLoad
@@ -342,3 +346,18 @@ def test_nodes_without_node_id_do_not_clash(write: Write) -> None:
     text = node.format(1, "valve_408") + node.format(2, "encoder_406")
 
     assert [node.node_id for node in load_config(write(text)).nodes] == [255, 255]
+
+
+def test_the_command_line_says_how_the_loop_runs(write: Callable[[str], Path]) -> None:
+    path = write('[bench]\nrealtime = "fifo"\noverrun = "skip"\n')
+    config = load_config(path, loop={"realtime_cpu": 3, "overrun": "stop", "realtime": None})
+
+    assert config.realtime == RealtimeConfig(
+        policy=RealtimePolicy.FIFO, priority=80, cpu=3, overrun=OverrunPolicy.STOP
+    )
+    assert load_config().realtime == RealtimeConfig()
+
+
+def test_a_wrong_option_is_named_as_an_option() -> None:
+    with pytest.raises(ConfigError, match=r"^--realtime-priority: 99 is out of range; give an int"):
+        load_config(loop={"realtime_priority": 99})

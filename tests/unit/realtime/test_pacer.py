@@ -1,7 +1,10 @@
 import pytest
 
+from hil_bench.config import OverrunPolicy
+from hil_bench.errors import TimingError
 from hil_bench.realtime.clock import VirtualClock
-from hil_bench.realtime.pacer import Pacer
+from hil_bench.realtime.pacer import START_UP, Pacer
+from hil_bench.realtime.statistics import TickStatistics
 
 MS = 1_000_000
 
@@ -103,6 +106,35 @@ def test_beyond_the_backlog_whole_periods_are_left_out_and_the_phase_stays():
     ]
     assert pacer.statistics.skipped == 9
     assert pacer.statistics.lateness.maximum == 400_000
+
+
+def test_skipping_leaves_out_each_whole_period_that_is_late():
+    clock = VirtualClock()
+    pacer = Pacer(clock, MS, overrun=OverrunPolicy.SKIP)
+    # 3.2 ms of work in the first tick: at 3.2 ms the ticks of 1 and 2 ms go, that of 3 ms runs.
+    assert run(pacer, clock, [3_200_000, 0, 0]) == [
+        (0, 0),
+        (3 * MS, 3_200_000),
+        (4 * MS, 4 * MS),
+    ]
+    assert (pacer.statistics.overruns, pacer.statistics.skipped) == (1, 2)
+
+
+def test_stopping_forgives_the_first_ticks_and_no_other():
+    clock = VirtualClock()
+    pacer = Pacer(clock, MS, overrun=OverrunPolicy.STOP)
+    run(pacer, clock, [MS + 500_000] + [0] * (START_UP - 1))
+    with pytest.raises(
+        TimingError, match=r"^tick 101 ended 0\.250 ms late: it started 0\.000 ms late"
+    ):
+        run(pacer, clock, [MS + 250_000])
+
+
+def test_statistics_may_be_kept_elsewhere():
+    statistics = TickStatistics()
+    clock = VirtualClock()
+    run(Pacer(clock, MS, statistics=statistics), clock, [0, 0])
+    assert statistics.ticks == 2
 
 
 @pytest.mark.parametrize("period", [0, -1])

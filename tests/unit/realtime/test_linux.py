@@ -1,0 +1,61 @@
+"""The calls themselves, on the Linux that runs the tests; what they do is asked of the kernel."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil_bench.realtime import linux
+
+SPINNING = """
+import resource, signal
+from hil_bench.realtime import linux
+lift = linux.limit_spinning(1.0, 5.0)
+print(resource.getrlimit(resource.RLIMIT_RTTIME))
+lift()
+print(resource.getrlimit(resource.RLIMIT_RTTIME)[0] != 1_000_000)
+"""
+
+
+def test_the_timer_slack_is_what_was_set():
+    before = linux.timer_slack()
+    linux.set_timer_slack(12_345)
+    try:
+        assert linux.timer_slack() == 12_345
+        # proc(5): the slack of the thread group's leader, which runs this test.
+        assert int(Path("/proc/self/timerslack_ns").read_text()) == 12_345
+    finally:
+        linux.set_timer_slack(before)
+
+
+def test_spinning_is_limited_by_the_kernel():
+    """In a process of its own, since a hard limit cannot be raised again without permission."""
+    command = [sys.executable, "-c", SPINNING]
+    result = subprocess.run(  # noqa: S603 - this Python
+        command, capture_output=True, text=True, check=True
+    )
+    assert result.stdout == "(1000000, 5000000)\nTrue\n"
+
+
+def test_a_call_that_the_kernel_refuses_says_why():
+    with pytest.raises(OSError, match="Invalid argument"):
+        linux.set_deadline_policy(runtime=2_000_000, period=1_000_000)  # more than there is
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        linux.timer_slack,
+        linux.lock_memory,
+        linux.processors,
+        linux.policy_restorer,
+        linux.memory_limit,
+        lambda: linux.set_fifo_policy(1),
+        lambda: linux.limit_spinning(1, 2),
+    ],
+)
+def test_elsewhere_there_is_nothing_of_it(monkeypatch, call):
+    monkeypatch.setattr("hil_bench.realtime.linux.sys.platform", "darwin")
+    with pytest.raises(OSError, match="Function not implemented"):
+        call()

@@ -1,0 +1,179 @@
+"""`hil-bench conformance`: does a device keep to CiA 301 and CiA 305."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.config import BenchConfig
+from hil_bench.conformance import report
+from hil_bench.conformance.check import Impact
+from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.conformance.suite import Result, run_suite
+from hil_bench.conformance.verdicts import Deviation
+from hil_bench.conformance.wire import Wire
+from hil_bench.errors import ConfigError
+
+_EXAMPLES = """\
+examples:
+  hil-bench conformance -i socketcan -c can0 --node-id 5 --eds vendor.eds
+  hil-bench conformance -i socketcan -c can0 --node-id 5 --eds vendor.eds --write --report device.md
+  hil-bench conformance --virtual --node-id 1 --write
+
+exit code 0 where no check failed, 1 where one did or the device does not answer
+
+Without --write nothing is written and no state changes. With it the node is reset, started and
+stopped, its objects are written and restored, its RPDOs are sent: only where nothing can move. It
+is left in PRE-OPERATIONAL with its power-on values.
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "conformance",
+        description="Check a device on a bus, clause by clause, against CiA 301 and CiA 305, and\n"
+        "print a line a check. The EDS tells which objects and services the device has.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_bench_arguments(parser)
+    add_virtual_argument(parser)
+    parser.add_argument("--node-id", type=int, required=True, metavar="N", help="of the device")
+    parser.add_argument(
+        "--eds", type=Path, metavar="FILE", help="of the device; without it that of bench.toml"
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="also the checks that change the device, see below"
+    )
+    parser.add_argument(
+        "--store",
+        action="store_true",
+        help="also those that overwrite what it has stored (0x1010, 0x1011); needs --write",
+    )
+    parser.add_argument(
+        "--patience",
+        type=float,
+        default=0.5,
+        metavar="S",
+        help="longest wait for an answer, and how long silence is waited for (default: 0.5)",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE.md", help="write a report")
+    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the checks and tell what was found."""
+    config = load_bench_config(args)
+    allowed = _allowed(args)
+    node_id = _node_id(args)
+    objects = load_eds(_eds(args, config), node_id)
+    with open_network(args, config) as opened:
+        wire = Wire(opened.network.bus, opened.network.now)
+        dut = DeviceUnderTest(wire, node_id, objects, args.patience)
+        if not _answers(dut, opened):
+            return ExitCode.CHECK_FAILED
+        results = []
+        for result in run_suite(dut, allowed):
+            results.append(result)
+            if not args.json and not args.quiet:
+                print(report.line(result), flush=True)
+    _tell(results, args, objects, allowed)
+    return ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE
+
+
+def _allowed(args: argparse.Namespace) -> Impact:
+    """Return the most that a check may do.
+
+    Raises:
+        ConfigError: options that do not go together, or make no sense.
+    """
+    if args.store and not args.write:
+        raise ConfigError("--store: overwrites what the device has stored; give --write, too")
+    if not 0.0 < args.patience < 60.0:
+        raise ConfigError(f"--patience {args.patience:g}: more than 0 and less than 60 s is right")
+    if args.report is not None and not args.report.absolute().parent.is_dir():
+        raise ConfigError(f"--report {args.report}: there is no such folder")
+    if args.store:
+        return Impact.STORE
+    return Impact.WRITE if args.write else Impact.READ
+
+
+def _node_id(args: argparse.Namespace) -> int:
+    """Return the node-ID.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    node_id = int(args.node_id)
+    if not 1 <= node_id <= 127:
+        raise ConfigError(f"--node-id {node_id}: 1 to 127 is right")
+    return node_id
+
+
+def _eds(args: argparse.Namespace, config: BenchConfig) -> Path:
+    """Return the EDS of the device.
+
+    Raises:
+        ConfigError: neither the command line nor the configuration gives one.
+    """
+    if args.eds is not None:
+        return Path(args.eds)
+    for node in config.nodes:
+        if node.node_id == args.node_id:
+            return Path(node.eds)
+    raise ConfigError(f"no --eds, and {config.path or 'the built-in bench'} has no such node")
+
+
+def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
+    """Whether the device answers at all; tells what to do where it does not."""
+    opened.network.pump(dut.patience if opened.virtual is None else 0.1)
+    try:
+        dut.sdo.upload(0x1000)
+    except Deviation as deviation:
+        print(
+            f"node {dut.node_id} on {opened.description}: 0x1000.00 cannot be read: {deviation}; "
+            "is it powered, not STOPPED, and the bit rate right? hil-bench scan tells who is there",
+            file=sys.stderr,
+        )
+        return False
+    return True
+
+
+def _tell(
+    results: list[Result], args: argparse.Namespace, objects: ObjectDictionary, allowed: Impact
+) -> None:
+    """Print the summary and write the report.
+
+    Raises:
+        ConfigError: the report cannot be written.
+    """
+    if args.json:
+        print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
+    else:
+        for result in report.failures(results) if args.quiet else ():
+            print(report.line(result))
+        print(report.summary(results), file=sys.stderr)
+    if args.report is None:
+        return
+    device = f"Node {args.node_id}, {Path(objects.source).name}"
+    text = report.markdown(results, device=device, allowed=allowed, command=_command(args))
+    try:
+        args.report.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--report {args.report}: {error.strerror}") from None
+
+
+def _command(args: argparse.Namespace) -> str | None:
+    """Return what makes the same report again; only the virtual bench is everywhere the same."""
+    if not args.virtual or args.config or args.eds:
+        return None
+    flags = [f"--{name}" for name in ("write", "store") if getattr(args, name)]
+    words = ["hil-bench conformance --virtual --node-id", str(args.node_id), *flags]
+    return " ".join([*words, "--report", args.report.as_posix()])

@@ -1,0 +1,23 @@
+"""How a check ends other than well."""
+
+from hil_bench.errors import HilBenchError
+
+
+class Deviation(HilBenchError):  # noqa: N818 - a verdict, not an error
+    """The device did not do what the clause asks for; the message says what, and what is right."""
+
+
+class NotApplicable(HilBenchError):  # noqa: N818 - a verdict, not an error
+    """The check cannot be done with this device; the message says why."""
+
+
+class Refused(Deviation):
+    """The device aborted an SDO transfer that it should have served.
+
+    Attributes:
+        code: the abort code.
+    """
+
+    def __init__(self, text: str, code: int) -> None:
+        super().__init__(text)
+        self.code = code

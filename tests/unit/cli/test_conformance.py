@@ -1,0 +1,86 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+
+DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
+
+EMPTY_BUS = """
+[plant.axis1]
+[nodes.valve]
+profile = "valve_408"
+node_id = 9
+"""
+
+
+def verdicts(text):
+    """The rows of a report without what was found beside the verdict, such as counts of objects."""
+    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return [row if "**FAILED**" in row else row[:3] for row in rows]
+
+
+def test_the_published_report_is_what_its_command_writes(tmp_path, monkeypatch, capsys):
+    published = DOCUMENT.read_text(encoding="utf-8")
+    (command,) = [line for line in published.splitlines() if line.startswith("hil-bench ")]
+    (tmp_path / "docs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    code = main(command.split()[1:])
+    written = (tmp_path / "docs" / "conformance.md").read_text(encoding="utf-8")
+    # Where this fails, the command in docs/conformance.md writes it anew.
+    assert verdicts(written) == verdicts(published)
+    assert len(verdicts(written)) > 120
+    assert code == ("**FAILED**" in published)
+    assert "passed" in capsys.readouterr().err
+
+
+def test_reading_only_prints_a_line_a_check(capsys):
+    assert main(["conformance", "--virtual", "--node-id", "4"]) == 0
+    out, err = capsys.readouterr()
+    assert "passed          7.5.2.1      1000h tells the device type of the EDS" in out
+    assert "7.2.8.3.3" not in out  # a reset is no reading
+    assert err.endswith(" not applicable\n")
+
+
+def test_json_is_for_programs(capsys):
+    assert main(["conformance", "--virtual", "--node-id", "2", "--json"]) == 0
+    results = json.loads(capsys.readouterr().out)
+    assert {result["impact"] for result in results} == {"read"}
+    assert results[0]["chapter"] == "Object dictionary"
+
+
+def test_the_eds_of_another_device_fails(capsys, request):
+    eds = request.config.rootpath / "device_profiles" / "encoder_406.eds"
+    assert main(["conformance", "--virtual", "--node-id", "2", "--eds", str(eds), "-q"]) == 1
+    out = capsys.readouterr().out
+    # The pressure transducer has device type 404 = 0x194, the encoder 406 = 0x196.
+    assert "0x1000.00 is 00020194h; 00080196h by the EDS" in out
+    assert "passed  " not in out
+
+
+def test_nobody_there_is_a_failed_check_with_a_hint(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text(EMPTY_BUS, encoding="utf-8")
+    eds = Path(__file__).parents[3] / "device_profiles" / "valve_408.eds"
+    arguments = [str(path), "--virtual", "--node-id", "5", "--eds", str(eds)]
+    assert main(["conformance", *arguments]) == 1
+    assert "node 5 on virtual bench: 0x1000.00 cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--node-id", "0"], "--node-id 0: 1 to 127 is right"),
+        (["--node-id", "9"], "no --eds, and the built-in bench has no such node"),
+        (["--node-id", "1", "--store"], "--store: overwrites what the device has stored"),
+        (["--node-id", "1", "--patience", "0"], "--patience 0: more than 0"),
+        (["--node-id", "1", "--report", "nowhere/report.md"], "there is no such folder"),
+        (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),
+    ],
+)
+def test_a_wrong_command_line_is_one_clear_line(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["conformance", "--virtual", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line

@@ -1,0 +1,66 @@
+"""A device under test in virtual time: the node of the other tests, with the defect it is given."""
+
+import pytest
+
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.node import Node
+from hil_bench.conformance.check import Impact
+from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.conformance.suite import CHAPTERS, Outcome, run_suite
+from hil_bench.conformance.wire import Wire
+from hil_bench.transports.embedded import EmbeddedBus
+
+NODE_ID = 5
+
+
+class Laboratory:
+    """A node on a bus, and what may be wrong with it.
+
+    Attributes:
+        hears: makes of a frame to the node the frames that it hears.
+        says: makes of a frame of the node the frames that are on the bus.
+    """
+
+    def __init__(self, eds, node_id=NODE_ID):
+        self.node = Node(load_eds(eds, node_id), node_id)
+        self.node.start(0)
+        self.hears = self.says = lambda frame: [frame]
+        self.bus = EmbeddedBus(self._tick)
+        self.bus.advance(0.01)
+        objects = load_eds(eds, node_id)
+        self.dut = DeviceUnderTest(Wire(self.bus, self.bus.now), node_id, objects)
+
+    def run(self, allowed=Impact.STORE, chapters=CHAPTERS):
+        return list(run_suite(self.dut, allowed, chapters))
+
+    def failed_clauses(self, title):
+        """The clauses that the checks of one chapter find broken."""
+        chapters = [chapter for chapter in CHAPTERS if chapter.title == title]
+        return {
+            result.check.clause
+            for result in self.run(chapters=chapters)
+            if result.outcome is Outcome.FAILED
+        }
+
+    def _tick(self, frames, now):
+        for frame in frames:
+            for heard in self.hears(frame):
+                self.node.receive(heard, now)
+        self.node.expire(now)
+        self.node.events.clear()
+        sent = []
+        self.node.transmit_pdos(now, sent.append)
+        self.node.serve(now, sent.append)
+        return [said for frame in sent for said in self.says(frame)]
+
+
+@pytest.fixture
+def eds_path(request):
+    return request.config.rootpath / "tests" / "unit" / "canopen_device" / "device.eds"
+
+
+@pytest.fixture
+def laboratory(eds_path):
+    laboratory = Laboratory(eds_path)
+    yield laboratory
+    laboratory.bus.shutdown()

@@ -1,0 +1,49 @@
+"""Reports: what fails first, and every result in a table."""
+
+from hil_bench.conformance import report
+from hil_bench.conformance.check import Check, Impact
+from hil_bench.conformance.suite import Outcome, Result
+
+
+def result(outcome, detail="", chapter="SDO upload", clause="7.2.4.3.6"):
+    check = Check(clause, "this is right", Impact.READ, lambda _dut: None)
+    return Result(chapter, check, outcome, detail)
+
+
+RESULTS = [
+    result(Outcome.PASSED, "4 bytes"),
+    result(Outcome.FAILED, "a | b; c is right", clause="7.2.4.3.7"),
+    result(Outcome.NOT_APPLICABLE, "no RPDO", chapter="RPDO"),
+]
+
+
+def test_markdown_names_what_fails_before_all_else():
+    text = report.markdown(RESULTS, device="Node 5, device.eds", allowed=Impact.WRITE)
+    lines = text.splitlines()
+    assert "Node 5, device.eds; reading and writing." in lines[2]
+    assert lines[4] == "**1 passed, 1 failed, 1 not applicable**"
+    assert lines.index("## What fails") < lines.index("## SDO upload") < lines.index("## RPDO")
+    assert "- 7.2.4.3.7: this is right. a \\| b; c is right" in lines
+    assert "| 7.2.4.3.6 | this is right | ok | 4 bytes |" in lines
+    assert "| 7.2.4.3.7 | this is right | **FAILED** | a \\| b; c is right |" in lines
+
+
+def test_markdown_of_a_device_without_failures():
+    text = report.markdown(RESULTS[:1], device="d", allowed=Impact.READ, command="make it")
+    assert "What fails" not in text
+    assert "```sh\nmake it\n```" in text
+
+
+def test_json_has_every_result():
+    assert report.as_json(RESULTS)[1] == {
+        "chapter": "SDO upload",
+        "clause": "7.2.4.3.7",
+        "check": "this is right",
+        "impact": "read",
+        "outcome": "failed",
+        "detail": "a | b; c is right",
+    }
+
+
+def test_a_line_of_text():
+    assert report.line(RESULTS[2]) == "not applicable  7.2.4.3.6    this is right: no RPDO"

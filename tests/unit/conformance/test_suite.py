@@ -1,0 +1,83 @@
+"""The suite on a sound device: it passes, and it is left as it was."""
+
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.object_dictionary import Access
+from hil_bench.conformance.check import Impact
+from hil_bench.conformance.suite import CHAPTERS, Outcome
+
+# The heartbeat of device.eds is off, it has no 0x1200, and mappings of at most 4 entries.
+NOT_APPLICABLE = {"7.2.8.3.2.2", "7.5.2.33", "7.2.4.3.17"}
+
+
+def values(node):
+    changing = {0x1001, 0x1003}  # what went wrong on purpose stays in the history
+    return {
+        (v.index, v.subindex): v.value
+        for v in node.object_dictionary
+        if v.index not in changing and v.access is not Access.WO
+    }
+
+
+def test_every_check_of_a_sound_device_passes(laboratory):
+    results = laboratory.run()
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    skipped = [r.check.clause for r in results if r.outcome is Outcome.NOT_APPLICABLE]
+    assert len(skipped) == 3
+    assert set(skipped) == NOT_APPLICABLE
+    assert len(results) == sum(len(chapter.checks) for chapter in CHAPTERS)
+
+
+def test_what_was_changed_is_restored(laboratory):
+    before = values(laboratory.node)
+    laboratory.run()
+    assert values(laboratory.node) == before
+    assert laboratory.node.state is NmtState.PRE_OPERATIONAL
+
+
+def test_reading_changes_nothing_and_asks_for_no_change(laboratory):
+    heard = []
+    laboratory.hears = lambda frame: heard.append(frame) or [frame]
+    before = values(laboratory.node)
+    results = laboratory.run(Impact.READ)
+    assert {r.check.impact for r in results} == {Impact.READ}
+    assert all(r.outcome is not Outcome.FAILED for r in results)
+    assert values(laboratory.node) == before
+    # Neither NMT, nor SYNC, nor a download: command specifiers 1 (initiate) and 6 (block).
+    assert not [frame for frame in heard if frame.can_id in {0x000, 0x080, 0x205}]
+    requests = [frame.data[0] for frame in heard if frame.can_id == 0x605 and frame.data]
+    assert not [command for command in requests if command >> 5 in {1, 6}]
+
+
+def test_writing_leaves_what_is_stored_alone(laboratory):
+    results = laboratory.run(Impact.WRITE)
+    assert {r.check.impact for r in results} == {Impact.READ, Impact.WRITE}
+
+
+def test_a_value_is_restored_where_the_check_fails(laboratory):
+    # The answer to reading back 0x1017 is always 7 ms: the download check fails half way.
+    def says(frame):
+        if frame.can_id == 0x585 and frame.data[:4] == b"\x4b\x17\x10\x00":
+            return [frame._replace(data=b"\x4b\x17\x10\x00\x07\0\0\0")]
+        return [frame]
+
+    laboratory.says = says
+    assert "7.2.4.3.3" in laboratory.failed_clauses("SDO download")
+    assert laboratory.node.object_dictionary.variable(0x1017).value == 7  # as it said it was
+
+
+def test_a_device_that_goes_silent_fails_everything_that_needs_an_answer(laboratory):
+    laboratory.says = lambda _frame: []
+    results = laboratory.run(Impact.READ)
+    passed = {r.check.text for r in results if r.outcome is Outcome.PASSED}
+    assert passed <= {
+        # Silence is what these ask for, or they ask for nothing more.
+        "what is no SDO request gets no answer",
+        "a device answers requests to itself only",
+    }
+
+
+def test_every_check_says_what_is_right_in_a_line():
+    checks = [check for chapter in CHAPTERS for check in chapter.checks]
+    assert len(checks) > 120
+    assert all(check.text and "\n" not in check.text and check.judge.__doc__ for check in checks)
+    assert len({(check.clause, check.text) for check in checks}) >= len(checks) - 1

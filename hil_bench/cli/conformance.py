@@ -156,9 +156,10 @@ def _tell(
     """
     if args.json:
         print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
-    else:
-        for result in report.failures(results) if args.quiet else ():
+    elif args.quiet:
+        for result in report.failures(results):
             print(report.line(result))
+    else:
         print(report.summary(results), file=sys.stderr)
     if args.report is None:
         return

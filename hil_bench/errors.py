@@ -8,6 +8,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
      ├── TimingError               a tick took too long, and the loop is to stop then: exit code 4
+     ├── RecordingError (OSError)   a recording could not be written on
      ├── StorageError (OSError)     stored parameters could not be read or written
      ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
@@ -38,6 +39,8 @@ class BusError(HilBenchError, OSError):
 
 class TimingError(HilBenchError):
     """A tick of a paced loop took longer than its period, and the loop is to stop then."""
+class RecordingError(HilBenchError, OSError):
+    """A recording could not be written on: the disk is full, or its folder has vanished."""
 
 
 class StorageError(HilBenchError, OSError):

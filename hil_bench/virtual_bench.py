@@ -7,6 +7,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -16,7 +17,11 @@ from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import WaitTimeoutError
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
-from hil_bench.telemetry import bench_channels, sample
+from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.recorder import RecordingPlan, RecordingReport
+from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.telemetry import bench_channels, recording_heading, sample
 from hil_bench.transports.embedded import EmbeddedBus
 
 RECORDED_TIME = 60.0
@@ -26,18 +31,21 @@ LOGGED_FRAMES = 100_000
 """Frames that `VirtualBench.frames` reaches back unless told otherwise."""
 
 
-class LoggedFrame(NamedTuple):
-    """A frame that was on the bus.
+class RecordingWish(NamedTuple):
+    """What to record in files.
 
     Attributes:
-        frame: the frame.
-        now: bench time of the tick that received or sent it [ns].
-        is_received: whether the bench received it; otherwise the bench sent it.
+        paths: the files; their suffixes are their formats, see docs/recording.md.
+        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
+        pre_trigger: time before the trigger that is recorded too [s].
     """
 
-    frame: Frame
-    now: int
-    is_received: bool
+    paths: tuple[Path | str, ...] = ()
+    trigger: str = ""
+    pre_trigger: float = 1.0
+
+
+NO_RECORDING = RecordingWish()
 
 
 class VirtualBench:
@@ -51,6 +59,7 @@ class VirtualBench:
         logged_frames: how many frames `frames` reaches back.
         pacer: holds the ticks back to real time; without it they follow at once.
         stimuli: what else to record, each a function of bench time [s], such as a set-point.
+        record: what to record in files, up to the end of the `with` block.
 
     Attributes:
         config: as passed in.
@@ -70,6 +79,7 @@ class VirtualBench:
         logged_frames: int = LOGGED_FRAMES,
         pacer: Pacer | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
+        record: RecordingWish = NO_RECORDING,
     ) -> None:
         self.config = config or load_config()
         self.bench = build_bench(self.config)
@@ -78,7 +88,20 @@ class VirtualBench:
         stimuli = stimuli or {}
         self._stimuli = tuple(stimuli.values())
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
-        self._recorder = ChannelRecorder((*stimuli, *bench_channels(self.bench)), rows)
+        channels = (*stimuli, *bench_channels(self.bench))
+        self._recorder = ChannelRecorder(channels, rows)
+        self._recording: RecordingSink | None = None
+        if record.paths:
+            plan = RecordingPlan(
+                tuple(map(Path, record.paths)),
+                channels,
+                trigger=record.trigger,
+                pre_trigger=record.pre_trigger,
+                heading=recording_heading(self.config, is_real_time=pacer is not None),
+            )
+            self._recording = InlineRecorder(plan) if pacer is None else RecorderProcess(plan)
+            self._recording.start()
+        self._is_closed = False
         self.bench.start(0)
         self.bus = EmbeddedBus(self._tick, self.config.tick_ns, pacer=pacer)
         self.pump: Callable[[float], None] = self.bus.advance
@@ -92,7 +115,19 @@ class VirtualBench:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Shut the bus down and end the recording; a second call does nothing."""
         self.bus.shutdown()
+        if self._recording is not None and not self._is_closed:
+            self._recording.stop()
+        self._is_closed = True
+
+    @property
+    def recording(self) -> RecordingReport | None:
+        """What the files of `record` hold; None without such files."""
+        return None if self._recording is None else self._recording.report
 
     @property
     def signals(self) -> Recording:
@@ -140,7 +175,12 @@ class VirtualBench:
         self.frames.extend(LoggedFrame(frame, now, is_received=False) for frame in sent)
         time = now * 1e-9
         stimuli = [stimulus(time) for stimulus in self._stimuli]
-        self._recorder.append((time, *stimuli, *sample(self.bench)))
+        row = (time, *stimuli, *sample(self.bench))
+        self._recorder.append(row)
+        if self._recording is not None:
+            self._recording.append_frames(frames, now, is_received=True)
+            self._recording.append_frames(sent, now, is_received=False)
+            self._recording.append_row(row)
         for observe in self.observers:
             observe(time)
         return sent

@@ -10,6 +10,11 @@ from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingE
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.loop_summary import loop_lines
+from hil_bench.cli.recording_arguments import (
+    add_recording_arguments,
+    check_recording_arguments,
+    report_lines,
+)
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ConfigError
@@ -17,6 +22,7 @@ from hil_bench.recording.channels import Recording
 from hil_bench.recording.files import RecordingFile
 from hil_bench.recording.frames import FrameFile
 from hil_bench.recording.plot import plot_result
+from hil_bench.virtual_bench import RecordingWish
 
 _LONGEST = 3600.0
 
@@ -25,6 +31,7 @@ examples:
   hil-bench demo
   hil-bench demo --duration 30 --output results
   hil-bench demo --speed max            as fast as the machine can
+  hil-bench demo --record demo.mf4      signals and frames while it runs
   hil-bench demo bench.toml             with your own cylinder
 """
 
@@ -58,6 +65,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--speed", choices=("1", "max"), default="1", help="real time (1), or without waiting"
     )
+    add_recording_arguments(parser)
     parser.set_defaults(run=run)
 
 
@@ -70,7 +78,13 @@ def run(args: argparse.Namespace) -> int:
     if not 0 < args.duration <= _LONGEST:
         raise ConfigError(f"--duration {args.duration:g}: above 0, up to {_LONGEST:g} s, is right")
     config = load_config(args.config)
-    session = DemoSession(config, duration=args.duration, is_paced=args.speed == "1")
+    check_recording_arguments(args)
+    session = DemoSession(
+        config,
+        duration=args.duration,
+        is_paced=args.speed == "1",
+        recording=RecordingWish(tuple(args.record), args.trigger, args.pre_trigger),
+    )
     make_directory(args.output)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
@@ -85,11 +99,12 @@ def run(args: argparse.Namespace) -> int:
             report = session.run(lambda: wish.requested)
         recording = session.bench.signals
         signals.write(recording)
-        for frame, now, is_received in session.bench.frames:
-            frames.append(frame, now, is_received=is_received)
+        frames.write_frames(session.bench.frames)
     print("\n".join(summary_lines(report, config)))
     print(f"recording {signals.path}\nframes    {frames.path}")
     print(f"plot      {plot_line(recording, args.output / 'demo.png')}")
+    if session.bench.recording is not None:
+        print("\n".join(report_lines(args.record, session.bench.recording)))
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 

@@ -32,7 +32,7 @@ from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_co
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.recording.channels import Channel, Recording
 from hil_bench.recording.snapshot import Snapshot
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.virtual_bench import NO_RECORDING, RecordingWish, VirtualBench
 
 CYCLE = 0.002
 """Period of the controller [s]."""
@@ -82,6 +82,7 @@ class DemoSession:
         config: the bench; its first axis is moved.
         duration: length of the motion [s].
         is_paced: whether the ticks wait for real time.
+        recording: what to record while it runs.
 
     Attributes:
         bench: the bench with its traces, set-point of the motion included.
@@ -90,7 +91,9 @@ class DemoSession:
         statistics: of the loop, None where it is not paced.
     """
 
-    def __init__(self, config: BenchConfig, *, duration: float, is_paced: bool) -> None:
+    def __init__(
+        self, config: BenchConfig, *, duration: float, is_paced: bool, recording: RecordingWish = NO_RECORDING
+    ) -> None:
         self._config = config
         self._duration = duration
         self.statistics = TickStatistics(is_shared=True) if is_paced else None
@@ -107,6 +110,7 @@ class DemoSession:
             logged_frames=_LOGGED_FRAMES,
             pacer=self._pacer,
             stimuli={setpoint: self._setpoint},
+            record=recording,
         )
         self.bench.observers.append(self._publish)
         self._plant = self.bench.bench.axes[0].plant

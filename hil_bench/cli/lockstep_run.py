@@ -1,16 +1,15 @@
 """`hil-bench run --lockstep`: bench time is the controller's count of SYNCs."""
 
 import argparse
-import contextlib
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from hil_bench.bench import Bench
 from hil_bench.cli.loop_summary import frame_lines, node_lines
+from hil_bench.cli.recording_arguments import open_recording, recording_lines
 from hil_bench.config import BenchConfig
 from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
-from hil_bench.recording.frames import FrameFile, log_frames
+from hil_bench.telemetry import record_exchange
 from hil_bench.transports.transport import Transport
 
 
@@ -20,28 +19,32 @@ def run_in_lockstep(
     bench: Bench,
     transport: Transport,
     stopped: Callable[[], bool],
-) -> LockStepReport:
+) -> tuple[LockStepReport, list[str]]:
     """Power the bench on and let SYNC move it until `stopped` or `--duration` of bench time.
 
     The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
+
+    Returns:
+        What was done, and what is said of the recording.
     """
-    with contextlib.ExitStack() as stack:
+    with open_recording(args, config, bench, is_real_time=False) as recording:
         tick: Round = bench.tick
         serve: Round = bench.serve
-        if args.record is not None:
-            file = stack.enter_context(FrameFile(Path(args.record)))
-            tick, serve = log_frames(tick, file), log_frames(serve, file)
+        if recording is not None:
+            tick = record_exchange(tick, recording, bench)
+            serve = record_exchange(serve, recording)
         bench.start(0)
         transport.send(tick((), 0))
         lockstep = LockStep(
             tick, serve, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync
         )
         end = None if args.duration is None else round(args.duration * 1e9)
-        return run_lockstep(
+        report = run_lockstep(
             lockstep,
             transport,
             stopped=lambda: stopped() or (end is not None and lockstep.now >= end),
         )
+    return report, recording_lines(args.record, recording)
 
 
 def timed(report: LockStepReport, config: BenchConfig, started: float) -> str:

@@ -16,6 +16,12 @@ from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.loop_summary import frame_lines, load_line, loop_lines, node_lines
+from hil_bench.cli.recording_arguments import (
+    add_recording_arguments,
+    check_recording_arguments,
+    open_recording,
+    recording_lines,
+)
 from hil_bench.cli.status_line import (
     StatusLine,
     bench_status,
@@ -28,8 +34,10 @@ from hil_bench.errors import BusError, ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
+from hil_bench.recording.inline_recorder import RecordingSink
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.runner import RunReport, run_paced
+from hil_bench.telemetry import RecordingTap
 from hil_bench.transports.bus_load import USUAL_BITRATE, BusLoad
 from hil_bench.transports.can_interfaces import bitrate_of
 from hil_bench.transports.hub_process import HubProcess
@@ -44,6 +52,7 @@ examples:
   hil-bench run -i socketcan -c vcan0
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
+  hil-bench run -i socketcan -c vcan0 --record run.mf4
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -79,6 +88,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help=f"end with exit code {ExitCode.TIMING} if a tick overran",
     )
     add_lockstep_arguments(parser)
+    add_recording_arguments(parser)
     parser.set_defaults(run=run)
 
 
@@ -96,11 +106,6 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="US",
         help="how far each SYNC moves the bench (default: bench.sync_period_us, else one tick)",
     )
-    group.add_argument(
-        "--record",
-        metavar="FILE",
-        help="keep all frames, in bench time; the suffix is the format: .asc .blf .csv .log .trc",
-    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -110,12 +115,17 @@ def run(args: argparse.Namespace) -> int:
     bench = build_bench(config)
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
+        recording = None
+        if not args.lockstep:
+            opened = open_recording(args, config, bench, is_real_time=True)
+            recording = stack.enter_context(opened)
         bus = stack.enter_context(open_bus(args, config))
         print(introduction(config, bus), flush=True)
         if args.lockstep:
             return lock_step(args, config, bench, bus, wish)
-        report = run_until_told(args, config, bench, bus, wish)
-    print("\n".join(summary_lines(report, config, bench, bus)), flush=True)
+        report = run_until_told(args, config, bench, bus, wish, recording)
+    lines = summary_lines(report, config, bench, bus) + recording_lines(args.record, recording)
+    print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
     if args.strict_timing and report.ticks.overruns:
@@ -137,8 +147,7 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(
             "--strict-timing: in lock-step there is no real time to miss; leave it out"
         )
-    if args.record is not None and not args.lockstep:
-        raise ConfigError("--record: in real time other programs record; give --lockstep too")
+    check_recording_arguments(args)
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
 
@@ -208,6 +217,7 @@ def run_until_told(
     bench: Bench,
     bus: OpenBus,
     wish: Interruption,
+    recording: RecordingSink | None,
 ) -> RunReport:
     """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
     realtime = config.realtime
@@ -228,13 +238,14 @@ def run_until_told(
         bus.check()
         return wish.requested or statistics.ticks + statistics.skipped >= periods
 
+    transport, observers = bus.transport, [publish]
+    if recording is not None:
+        tap = RecordingTap(transport, recording)
+        transport, observers = tap, [tap.observe, publish]
     shown = (*fields, *bus_fields)
     with StatusLine(snapshot, shown, statistics=statistics, wanted=not args.quiet):
         return run_paced(
-            *(bench, bus.transport, pacer),
-            stopped=stopped,
-            observers=[publish],
-            realtime=realtime,
+            *(bench, transport, pacer), stopped=stopped, observers=observers, realtime=realtime
         )
 
 
@@ -252,8 +263,9 @@ def lock_step(
         return wish.requested
 
     started = time.perf_counter()
-    report = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
-    print("\n".join(lockstep_run.summary_lines(report, config, bench, started)), flush=True)
+    report, recorded = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
+    lines = lockstep_run.summary_lines(report, config, bench, started) + recorded
+    print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE

@@ -5,6 +5,7 @@ so that they read back exactly.
 """
 
 import csv
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -19,6 +20,7 @@ from hil_bench.recording.channels import (
     recording_channels,
     recording_dtype,
 )
+from hil_bench.recording.mdf_reader import read_mdf
 
 
 class RecordingFile:
@@ -74,18 +76,29 @@ class RecordingFile:
 
 
 def read_recording(path: Path) -> Recording:
-    """Return the recording that a `RecordingFile` wrote.
+    """Return the signals of a recording, by its suffix CSV or MF4.
+
+    A CSV file that ends in the middle of a row, because its writer was killed, loses that row.
 
     Raises:
         ConfigError: the file cannot be read or holds something else.
     """
+    if path.suffix.lower() == ".mf4":
+        return read_mdf(path).signals
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            return _parse(list(csv.reader(file)))
+            return _parse(list(csv.reader(_complete_lines(file))))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
     except (ValueError, csv.Error) as error:
         raise ConfigError(f"{path}: is no recording: {error}") from None
+
+
+def _complete_lines(lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines up to one that lacks its end."""
+    for line in lines:
+        if line.endswith("\n"):
+            yield line
 
 
 def _parse(rows: list[list[str]]) -> Recording:

@@ -1,70 +1,65 @@
 """Bus traffic as a file, in the formats that CAN tools read."""
 
-from collections import deque
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 import can
-from can.io.generic import MessageWriter
+from can.io.asc import ASCWriter
+from can.io.blf import BLFWriter
+from can.io.canutils import CanutilsLogWriter
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+from hil_bench.recording.block_file import OutputFile, make_safe, unwritable
+from hil_bench.recording.channels import Recording
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.mdf_reader import read_mdf
 
-SUFFIXES = (".asc", ".blf", ".csv", ".log", ".trc")
-"""Vector's ASC and BLF, CSV, candump's log, PEAK's trace (in which python-can writes no remote
-frames)."""
+SUFFIXES = (".asc", ".blf", ".log")
+"""Vector's ASC and BLF, candump's log."""
 
-
-class _Entry(NamedTuple):
-    now: int
-    frame: Frame
-    is_received: bool
+_TEXT_WRITERS = {".asc": ASCWriter, ".log": CanutilsLogWriter}
 
 
 class FrameFile:
-    """A file of frames that is opened before the run and written when it is closed.
-
-    Until then the frames stay in memory, because a tick must not wait for a disk. When `capacity`
-    is reached, the oldest frame makes room.
+    """A file of frames on the recording's time base, written block by block.
 
     Args:
         path: the file; its suffix, one of `SUFFIXES`, is its format.
         channel: the name of the channel that the file gives.
-        capacity: frames that are kept.
-
-    Attributes:
-        dropped: frames that had to make room.
 
     Raises:
         ConfigError: the suffix is unknown, or the file cannot be written.
     """
 
-    def __init__(self, path: Path, *, channel: str = "can0", capacity: int = 1_000_000) -> None:
+    def __init__(self, path: Path, *, channel: str = "can0") -> None:
         self.path = path
-        self.dropped = 0
         self._channel = channel
-        self._entries: deque[_Entry] = deque(maxlen=capacity)
-        self._writer = _open_writer(path)
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
+            raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
+        self._sink: _TextSink | _BlfSink = (
+            _TextSink(path, suffix) if suffix in _TEXT_WRITERS else _BlfSink(path)
+        )
 
-    def append(self, frame: Frame, now: int, *, is_received: bool) -> None:
-        """Keep one frame.
+    def write_rows(self, rows: Recording) -> None:
+        """Leave signals out: the format has no place for them."""
 
-        Args:
-            frame: the frame.
-            now: when it was on the bus, in the bench's time [ns].
-            is_received: whether the bench received it; otherwise the bench sent it.
-        """
-        self.dropped += len(self._entries) == self._entries.maxlen
-        self._entries.append(_Entry(now, frame, is_received))
+    def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
+        """Append frames."""
+        self._sink.write(message_of(logged, self._channel) for logged in frames)
+
+    def flush(self, *, durable: bool) -> None:
+        """Put on the disk what was written; see `OutputFile.flush`."""
+        self._sink.flush(durable=durable)
 
     def close(self) -> None:
-        """Write all frames and close the file."""
-        for entry in self._entries:
-            self._writer(_to_message(entry, self._channel))
-        self._entries.clear()
-        self._writer.stop()
+        """Close the file."""
+        self._sink.close()
 
     def __enter__(self) -> Self:
         return self
@@ -78,40 +73,153 @@ class FrameFile:
         self.close()
 
 
-def log_frames(
-    exchange: Callable[[Sequence[Frame], int], Sequence[Frame]], file: FrameFile
-) -> Callable[[Sequence[Frame], int], Sequence[Frame]]:
-    """Return a bench's `tick` or `serve` that also keeps its frames, received ones first."""
+class _TextSink:
+    """Has python-can write lines into memory, and appends them to the file as one block."""
 
-    def exchange_and_log(frames: Sequence[Frame], now: int) -> Sequence[Frame]:
-        sent = exchange(frames, now)
-        for frame in frames:
-            file.append(frame, now, is_received=True)
-        for frame in sent:
-            file.append(frame, now, is_received=False)
-        return sent
+    def __init__(self, path: Path, suffix: str) -> None:
+        self._file = OutputFile(path)
+        self._text = _Text()
+        self._writer = _TEXT_WRITERS[suffix](self._text)
+        if isinstance(self._writer, ASCWriter):
+            # Its times count from its first entry, and ours from the recording's start.
+            self._writer.log_event("Start of recording", 0.0)
 
-    return exchange_and_log
+    def write(self, messages: Iterable[can.Message]) -> None:
+        for message in messages:
+            self._writer(message)
+        self._append()
+
+    def flush(self, *, durable: bool) -> None:
+        self._append()
+        self._file.flush(durable=durable)
+
+    def close(self) -> None:
+        self._writer.stop()
+        try:
+            self._append()
+        finally:
+            self._file.close()
+
+    def _append(self) -> None:
+        text = self._text.getvalue()
+        self._text.seek(0)
+        self._text.truncate()
+        self._file.append(text.encode())
 
 
-def _open_writer(path: Path) -> MessageWriter:
-    if path.suffix.lower() not in SUFFIXES:
-        right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
-        raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
+class _Text(io.StringIO):
+    """Text that outlives the writer that closes it."""
+
+    def close(self) -> None:
+        """Stay open."""
+
+
+class _BlfSink:
+    """A BLF file whose containers are written when a block is."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._writer = _BlockBlfWriter(path)
+        except OSError as error:
+            raise unwritable(path, error) from None
+        self._path = path
+
+    def write(self, messages: Iterable[can.Message]) -> None:
+        for message in messages:
+            self._writer(message)
+
+    def flush(self, *, durable: bool) -> None:
+        self._writer.flush_block()
+        make_safe(self._path, self._writer.file.fileno(), durable=durable)
+
+    def close(self) -> None:
+        self._writer.stop()
+
+
+class _BlockBlfWriter(BLFWriter):
+    """python-can's writer, which by itself waits for 128 KiB."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.start_timestamp = 0.0  # ours count from the recording's start, not the first frame
+
+    def flush_block(self) -> None:
+        """Write what is there, and a head that fits."""
+        while self._buffer_size:
+            self._flush()
+        end = self.file.tell()
+        self.file.seek(0)
+        self._write_header(end)
+        self.file.seek(end)
+        self.file.flush()
+
+
+def read_frames(path: Path) -> Iterator[LoggedFrame]:
+    """Yield the frames of a recording or of any log that python-can reads.
+
+    A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
+    are left out.
+
+    Yields:
+        The frames, in the order of the file.
+
+    Raises:
+        ConfigError: the file cannot be read, or is none of these.
+    """
+    if path.suffix.lower() == ".mf4":
+        yield from read_mdf(path).frames
+        return
     try:
-        return can.Logger(path)
-    except OSError as error:
-        right = "give a file in a directory of yours"
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}; {right}") from None
+        reader = can.LogReader(path)
+    except (OSError, ValueError, can.io.blf.BLFParseError) as error:
+        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise ConfigError(f"{path}: cannot be read: {reason}; give a log of frames") from None
+    with reader:
+        yield from _frames(path, iter(reader))
 
 
-def _to_message(entry: _Entry, channel: str) -> can.Message:
+def _frames(path: Path, messages: Iterator[can.Message]) -> Iterator[LoggedFrame]:
+    """Yield frames until the end, or until what a killed writer left half written.
+
+    Raises:
+        ConfigError: not one frame could be read.
+    """
+    is_empty = True
+    while True:
+        try:
+            message = next(messages)
+        except StopIteration:
+            return
+        except Exception as error:  # python-can's readers raise what their parsing meets
+            if is_empty:
+                reason = (str(error).splitlines() or [type(error).__name__])[0]
+                raise ConfigError(f"{path}: is no log of frames: {reason}") from None
+            return
+        is_empty = False
+        if not (message.is_error_frame or message.is_fd):
+            yield logged_frame_of(message)
+
+
+def logged_frame_of(message: can.Message) -> LoggedFrame:
+    """Return a message of python-can as a recording holds it."""
+    frame = Frame(
+        message.arbitration_id,
+        bytes(message.data),
+        is_remote=message.is_remote_frame,
+        is_extended=message.is_extended_id,
+    )
+    return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
+
+
+def message_of(logged: LoggedFrame, channel: str | None = None) -> can.Message:
+    """Return a recorded frame as python-can's message."""
+    frame = logged.frame
     return can.Message(
-        timestamp=entry.now * 1e-9,
-        arbitration_id=entry.frame.can_id,
-        is_extended_id=entry.frame.is_extended,
-        is_remote_frame=entry.frame.is_remote,
-        data=entry.frame.data,
-        is_rx=entry.is_received,
+        timestamp=logged.now * 1e-9,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.is_extended,
+        is_remote_frame=frame.is_remote,
+        data=frame.data,
+        is_rx=logged.is_received,
         channel=channel,
     )

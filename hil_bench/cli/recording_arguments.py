@@ -1,0 +1,107 @@
+"""Arguments that ask for a recording, and what is said of it at the end."""
+
+import argparse
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from hil_bench.bench import Bench
+from hil_bench.config import BenchConfig
+from hil_bench.errors import ConfigError
+from hil_bench.recording.formats import check_suffix
+from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.recording.recorder import RecordingPlan, RecordingReport
+from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.telemetry import bench_channels, recording_heading
+
+
+def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a recording."""
+    group = parser.add_argument_group("recording")
+    group.add_argument(
+        "--record",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="record while the bench runs, in the format of the suffix: .mf4 signals and frames, "
+        ".csv signals, .blf .asc .log frames; again for another file",
+    )
+    group.add_argument(
+        "--trigger",
+        default="",
+        metavar="CONDITION",
+        help='begin recording when a signal is beyond a level: "axis1.P_A > 80 bar"',
+    )
+    group.add_argument(
+        "--pre-trigger",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="time before the trigger that is recorded too (1 s)",
+    )
+
+
+def check_recording_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.trigger and not args.record:
+        raise ConfigError("--trigger: begins a recording; give --record FILE too")
+    if not 0 <= args.pre_trigger <= 3600:
+        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
+    for path in args.record:
+        check_suffix(path)
+    if len(set(args.record)) < len(args.record):
+        raise ConfigError(f"--record {args.record[-1]}: is there twice; give each file once")
+
+
+@contextlib.contextmanager
+def open_recording(
+    args: argparse.Namespace, config: BenchConfig, bench: Bench, *, is_real_time: bool
+) -> Iterator[RecordingSink | None]:
+    """Open the recording that the command line asks for.
+
+    Args:
+        args: of the command line.
+        config: of the bench.
+        bench: whose signals are recorded.
+        is_real_time: whether ticks must not wait for it, so that another process has to write.
+
+    Yields:
+        What takes it; None where none is asked for.
+    """
+    if not args.record:
+        yield None
+        return
+    plan = RecordingPlan(
+        tuple(args.record),
+        bench_channels(bench),
+        trigger=args.trigger,
+        pre_trigger=args.pre_trigger,
+        heading=recording_heading(config, is_real_time=is_real_time),
+    )
+    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
+    recording.start()
+    try:
+        yield recording
+    finally:
+        recording.stop()
+
+
+def recording_lines(paths: list[Path], recording: RecordingSink | None) -> list[str]:
+    """Return what a recording that has ended holds, a line a fact."""
+    return [] if recording is None else report_lines(paths, recording.report)
+
+
+def report_lines(paths: list[Path], report: RecordingReport) -> list[str]:
+    """Return a report of a recording, a line a fact."""
+    names = ", ".join(map(str, paths))
+    lines = [f"recorded  {report.rows} rows, {report.frames} frames: {names}"]
+    if not report.is_triggered:
+        lines.append("          nothing: its trigger never came")
+    if report.lost:
+        lines.append(f"          {report.lost} messages left out, the recorder was too slow")
+    return lines + [f"          {problem}" for problem in report.problems]

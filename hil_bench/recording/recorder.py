@@ -1,0 +1,209 @@
+"""Takes rows and frames, and writes them to the files of a recording in blocks.
+
+With a trigger nothing is written until it comes; what the time before it brought is held in a ring
+and written then. A file that can no longer be written is given up, and told; the others go on.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hil_bench.recording.block_file import BlockFile
+from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
+from hil_bench.recording.formats import Heading, check_suffix, open_block_file
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.trigger import Trigger, parse_trigger
+
+logger = logging.getLogger(__name__)
+
+BLOCK_PERIOD = 0.25
+"""Time of one block [s]: what a recording can lose at its end."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingPlan:
+    """What to record.
+
+    Attributes:
+        paths: the files; their suffixes are their formats.
+        channels: the signals, without the time.
+        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
+        pre_trigger: time before the trigger that is recorded too [s].
+        heading: what the files say of themselves.
+    """
+
+    paths: tuple[Path, ...]
+    channels: tuple[Channel, ...]
+    trigger: str = ""
+    pre_trigger: float = 1.0
+    heading: Heading = field(default_factory=Heading)
+
+    def check(self) -> None:
+        """Refuse what cannot be meant, before anything is opened.
+
+        Raises:
+            ConfigError: it says what is wrong.
+        """
+        for path in self.paths:
+            check_suffix(path)
+        if self.trigger:
+            parse_trigger(self.trigger, self.channels)
+
+
+@dataclass(slots=True)
+class RecordingReport:
+    """What a recording holds.
+
+    Attributes:
+        rows: rows of signals.
+        frames: frames.
+        is_triggered: whether its trigger came.
+        lost: messages that the recorder was too slow for.
+        problems: why a file was given up, a line each.
+    """
+
+    rows: int = 0
+    frames: int = 0
+    is_triggered: bool = True
+    lost: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+class Recorder:
+    """A recording that is being written.
+
+    Args:
+        plan: what to record.
+        durable: have each block on the disk, not only with the system.
+        tell: told each problem, in one line, when it comes.
+
+    Attributes:
+        report: what it holds so far.
+
+    Raises:
+        ConfigError: a file cannot be written, or the trigger is none.
+    """
+
+    def __init__(
+        self, plan: RecordingPlan, *, durable: bool, tell: Callable[[str], None]
+    ) -> None:
+        plan.check()
+        self._files: list[BlockFile] = []
+        try:
+            for path in plan.paths:
+                self._files.append(open_block_file(path, plan.channels, plan.heading))
+        except BaseException:
+            self._close_files()
+            raise
+        self._dtype = recording_dtype((TIME, *plan.channels))
+        self._trigger = parse_trigger(plan.trigger, plan.channels) if plan.trigger else None
+        self._history = _History(plan.pre_trigger)
+        self._durable = durable
+        self._tell = tell
+        self._rows: list[bytes] = []
+        self._frames: list[LoggedFrame] = []
+        self.report = RecordingReport(is_triggered=self._trigger is None)
+
+    def append_row(self, row: bytes) -> None:
+        """Take a row: time [s] and a value a channel in its SI unit, as float64."""
+        self._rows.append(row)
+
+    def append_frames(self, frames: Sequence[LoggedFrame]) -> None:
+        """Take frames."""
+        self._frames += frames
+
+    def write_block(self) -> None:
+        """Write what was taken since the last block."""
+        rows = np.frombuffer(b"".join(self._rows), dtype=np.float64).view(self._dtype)
+        frames, self._rows, self._frames = self._frames, [], []
+        if self._trigger is not None:
+            self._history.add(rows, frames)
+            first = self._trigger.first(rows)
+            if first is None:
+                return
+            rows, frames = self._history.since(float(rows[TIME.name][first]))
+            self._trigger = None
+            self.report.is_triggered = True
+        self._write(rows, frames)
+
+    def close(self) -> RecordingReport:
+        """Write the last block, close the files and return what the recording holds."""
+        self.write_block()
+        self._close_files()
+        return self.report
+
+    def _write(self, rows: Recording, frames: Sequence[LoggedFrame]) -> None:
+        for file in list(self._files):
+            try:
+                file.write_rows(rows)
+                file.write_frames(frames)
+                file.flush(durable=self._durable)
+            except OSError as error:
+                self._give_up(file, error)
+        if self._files:
+            self.report.rows += len(rows)
+            self.report.frames += len(frames)
+
+    def _give_up(self, file: BlockFile, error: OSError) -> None:
+        reason = error.strerror or str(error)
+        problem = f"{file.path}: recording ended: {reason}; what was written before is readable"
+        self.report.problems.append(problem)
+        self._files.remove(file)
+        self._tell(problem)
+        _close(file)
+
+    def _close_files(self) -> None:
+        for file in list(self._files):
+            try:
+                file.close()
+            except OSError as error:
+                self._give_up(file, error)
+        self._files.clear()
+
+
+def _close(file: BlockFile) -> None:
+    """Close a file that can no longer be written."""
+    try:
+        file.close()
+    except OSError:
+        return
+
+
+def warn(problem: str) -> None:
+    """Tell a problem of a recording at once, in a line."""
+    logger.warning("%s", problem)
+
+
+class _History:
+    """The latest rows and frames.
+
+    Args:
+        reach: how far back [s].
+    """
+
+    def __init__(self, reach: float) -> None:
+        self._reach = reach
+        self._rows: deque[Recording] = deque()
+        self._frames: deque[LoggedFrame] = deque()
+
+    def add(self, rows: Recording, frames: Sequence[LoggedFrame]) -> None:
+        """Take a block, and forget what is too old."""
+        if len(rows):
+            self._rows.append(rows)
+            oldest = float(rows[TIME.name][0]) - self._reach
+            while self._rows and self._rows[0][TIME.name][-1] < oldest:
+                self._rows.popleft()
+            while self._frames and self._frames[0].now < oldest * 1e9:
+                self._frames.popleft()
+        self._frames.extend(frames)
+
+    def since(self, trigger: float) -> tuple[Recording, list[LoggedFrame]]:
+        """Return what is there of the reach before the trigger [s] and after it."""
+        start = trigger - self._reach
+        rows = np.concatenate(list(self._rows))
+        frames = [logged for logged in self._frames if logged.now >= start * 1e9]
+        return rows[rows[TIME.name] >= start], frames

@@ -39,6 +39,8 @@ class BusError(HilBenchError, OSError):
 
 class TimingError(HilBenchError):
     """A tick of a paced loop took longer than its period, and the loop is to stop then."""
+
+
 class RecordingError(HilBenchError, OSError):
     """A recording could not be written on: the disk is full, or its folder has vanished."""
 

@@ -59,7 +59,8 @@ class VirtualBench:
         logged_frames: how many frames `frames` reaches back.
         pacer: holds the ticks back to real time; without it they follow at once.
         stimuli: what else to record, each a function of bench time [s], such as a set-point.
-        record: what to record in files, up to the end of the `with` block.
+        record: a file to record all signals and frames in, up to the end of the `with` block; or
+            more than one, or from a trigger on.
 
     Attributes:
         config: as passed in.
@@ -79,7 +80,7 @@ class VirtualBench:
         logged_frames: int = LOGGED_FRAMES,
         pacer: Pacer | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
-        record: RecordingWish = NO_RECORDING,
+        record: Path | str | RecordingWish = NO_RECORDING,
     ) -> None:
         self.config = config or load_config()
         self.bench = build_bench(self.config)
@@ -91,6 +92,8 @@ class VirtualBench:
         channels = (*stimuli, *bench_channels(self.bench))
         self._recorder = ChannelRecorder(channels, rows)
         self._recording: RecordingSink | None = None
+        if isinstance(record, (str, Path)):
+            record = RecordingWish((record,))
         if record.paths:
             plan = RecordingPlan(
                 tuple(map(Path, record.paths)),

@@ -92,7 +92,12 @@ class DemoSession:
     """
 
     def __init__(
-        self, config: BenchConfig, *, duration: float, is_paced: bool, recording: RecordingWish = NO_RECORDING
+        self,
+        config: BenchConfig,
+        *,
+        duration: float,
+        is_paced: bool,
+        recording: RecordingWish = NO_RECORDING,
     ) -> None:
         self._config = config
         self._duration = duration

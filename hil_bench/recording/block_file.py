@@ -1,5 +1,6 @@
 """Files that are written in blocks while the bench runs."""
 
+import contextlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,6 +38,10 @@ class OutputFile:
     Args:
         path: the file; one that is there is replaced.
 
+    Attributes:
+        path: as passed in.
+        size: bytes in it.
+
     Raises:
         ConfigError: it cannot be written.
     """
@@ -46,8 +51,8 @@ class OutputFile:
         try:
             self._file = path.open("wb", buffering=0)
         except OSError as error:
-            raise unwritable(path, error) from None
-        self._end = 0
+            raise ConfigError(why_unwritable(path, error)) from None
+        self.size = 0
 
     def append(self, data: bytes) -> int:
         """Write at the end, and return the address.
@@ -55,13 +60,14 @@ class OutputFile:
         Raises:
             OSError: it could not be written whole; then none of it is in the file.
         """
-        address = self._end
+        address = self.size
         try:
             self._write(address, data)
         except OSError:
-            self._file.truncate(address)
+            with contextlib.suppress(OSError):  # what is not there cannot be cut off either
+                self._file.truncate(address)
             raise
-        self._end += len(data)
+        self.size += len(data)
         return address
 
     def overwrite(self, address: int, data: bytes) -> None:
@@ -73,8 +79,14 @@ class OutputFile:
 
         Args:
             durable: have it on the disk, where a power cut leaves it, not only with the system.
+
+        Raises:
+            RecordingError: the file or its folder has vanished.
         """
-        make_safe(self.path, self._file.fileno(), durable=durable)
+        if not self._is_still_there():
+            raise RecordingError("the file or its folder has vanished")
+        if durable:
+            os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Close the file."""
@@ -86,27 +98,15 @@ class OutputFile:
         while view:
             view = view[self._file.write(view) :]
 
-
-def make_safe(path: Path, descriptor: int, *, durable: bool) -> None:
-    """Make sure that an open file still has its name; see `OutputFile.flush`.
-
-    Raises:
-        RecordingError: it has been removed, renamed or replaced.
-    """
-    try:
-        there = os.path.samestat(path.stat(), os.fstat(descriptor))
-    except OSError:
-        there = False
-    if not there:
-        raise RecordingError("the file or its folder has vanished")
-    if durable:
-        os.fsync(descriptor)
+    def _is_still_there(self) -> bool:
+        try:
+            return os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
+        except OSError:
+            return False
 
 
-def unwritable(path: Path, error: OSError) -> ConfigError:
-    """Return the error for a file that cannot be opened for writing."""
+def why_unwritable(path: Path, error: OSError) -> str:
+    """Return what to say of a file that cannot be opened for writing."""
     if path.is_dir():
-        return ConfigError(f"{path}: is a directory; give the name of a file to write")
-    return ConfigError(
-        f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"
-    )
+        return f"{path}: is a directory; give the name of a file to write"
+    return f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from hil_bench.errors import ConfigError
 from hil_bench.recording import frames
-from hil_bench.recording.block_file import BlockFile
+from hil_bench.recording.block_file import BlockFile, why_unwritable
 from hil_bench.recording.channels import TIME, Channel
 from hil_bench.recording.frames import FrameFile
 from hil_bench.recording.mdf_writer import MdfFile
@@ -35,6 +35,9 @@ class Heading(NamedTuple):
     started: datetime | None = None
 
 
+NO_HEADING = Heading()
+
+
 def check_suffix(path: Path) -> None:
     """Refuse a file whose suffix stands for no format.
 
@@ -49,7 +52,7 @@ def check_suffix(path: Path) -> None:
 
 
 def open_block_file(
-    path: Path, channels: Sequence[Channel], heading: Heading = Heading()
+    path: Path, channels: Sequence[Channel], heading: Heading = NO_HEADING
 ) -> BlockFile:
     """Return a new file of a recording.
 
@@ -57,8 +60,18 @@ def open_block_file(
         path: the file; its suffix, one of `SUFFIXES`, is its format.
         channels: the signals after `TIME`.
         heading: what it says of itself.
+
+    Raises:
+        ConfigError: it cannot be written.
     """
     check_suffix(path)
+    try:
+        return _open(path, channels, heading)
+    except OSError as error:
+        raise ConfigError(why_unwritable(path, error)) from None
+
+
+def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFile:
     match path.suffix.lower():
         case ".csv":
             return SignalCsvFile(path, (TIME, *channels))

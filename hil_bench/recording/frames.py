@@ -1,25 +1,31 @@
 """Bus traffic as a file, in the formats that CAN tools read."""
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Any, Self
 
 import can
-from can.io.asc import ASCWriter
-from can.io.blf import BLFWriter
-from can.io.canutils import CanutilsLogWriter
+from can.io.asc import ASCReader, ASCWriter
+from can.io.blf import BLFReader, BLFWriter
+from can.io.canutils import CanutilsLogReader, CanutilsLogWriter
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.recording.block_file import OutputFile, make_safe, unwritable
+from hil_bench.recording.block_file import OutputFile
 from hil_bench.recording.channels import Recording
 from hil_bench.recording.logged_frame import LoggedFrame
 from hil_bench.recording.mdf_reader import read_mdf
 
 SUFFIXES = (".asc", ".blf", ".log")
 """Vector's ASC and BLF, candump's log."""
+
+_READERS: dict[str, Callable[[Any], Iterable[can.Message]]] = {
+    ".asc": ASCReader,
+    ".blf": BLFReader,
+    ".log": CanutilsLogReader,
+}
 
 _TEXT_WRITERS = {".asc": ASCWriter, ".log": CanutilsLogWriter}
 
@@ -115,47 +121,61 @@ class _Text(io.StringIO):
 
 
 class _BlfSink:
-    """A BLF file whose containers are written when a block is."""
+    """Has python-can write containers into memory, and appends them to the file as one block."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            self._writer = _BlockBlfWriter(path)
-        except OSError as error:
-            raise unwritable(path, error) from None
-        self._path = path
+        self._file = OutputFile(path)
+        self._writer = _BlockBlfWriter()
+        self._file.append(self._writer.take_head(0))
 
     def write(self, messages: Iterable[can.Message]) -> None:
         for message in messages:
             self._writer(message)
 
     def flush(self, *, durable: bool) -> None:
-        self._writer.flush_block()
-        make_safe(self._path, self._writer.file.fileno(), durable=durable)
+        self._append()
+        self._file.flush(durable=durable)
 
     def close(self) -> None:
-        self._writer.stop()
+        try:
+            self._append()
+        finally:
+            self._file.close()
+
+    def _append(self) -> None:
+        self._file.append(self._writer.take_containers())
+        self._file.overwrite(0, self._writer.take_head(self._file.size))
 
 
 class _BlockBlfWriter(BLFWriter):
-    """python-can's writer, which by itself waits for 128 KiB."""
+    """python-can's writer, which by itself waits for 128 KiB and for its end."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self) -> None:
+        self._memory = io.BytesIO()
+        super().__init__(self._memory)
         self.start_timestamp = 0.0  # ours count from the recording's start, not the first frame
 
-    def flush_block(self) -> None:
-        """Write what is there, and a head that fits."""
+    def take_containers(self) -> bytes:
+        """Return what is to be appended."""
         while self._buffer_size:
             self._flush()
-        end = self.file.tell()
-        self.file.seek(0)
-        self._write_header(end)
-        self.file.seek(end)
-        self.file.flush()
+        return self._take()
+
+    def take_head(self, size: int) -> bytes:
+        """Return the head of a file of that size."""
+        self._take()
+        self._write_header(size)
+        return self._take()
+
+    def _take(self) -> bytes:
+        content = self._memory.getvalue()
+        self._memory.seek(0)
+        self._memory.truncate()
+        return content
 
 
 def read_frames(path: Path) -> Iterator[LoggedFrame]:
-    """Yield the frames of a recording or of any log that python-can reads.
+    """Yield the frames of a recording.
 
     A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
     are left out.
@@ -164,18 +184,38 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
         The frames, in the order of the file.
 
     Raises:
-        ConfigError: the file cannot be read, or is none of these.
+        ConfigError: the file cannot be read, or holds no frames.
     """
-    if path.suffix.lower() == ".mf4":
+    suffix = path.suffix.lower()
+    if suffix == ".mf4":
         yield from read_mdf(path).frames
         return
+    if suffix not in _READERS:
+        right = f"give a file that ends in one of {' '.join(_READERS)} .mf4"
+        raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     try:
-        reader = can.LogReader(path)
-    except (OSError, ValueError, can.io.blf.BLFParseError) as error:
-        reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise ConfigError(f"{path}: cannot be read: {reason}; give a log of frames") from None
-    with reader:
-        yield from _frames(path, iter(reader))
+        file = path.open("rb")
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}; give a log of frames"
+        ) from None
+    with file:
+        source = file if suffix == ".blf" else _CompleteLines(file, encoding="utf-8")
+        yield from _frames(path, _messages(suffix, source))
+
+
+def _messages(suffix: str, source: IO[Any]) -> Iterator[can.Message]:
+    yield from _READERS[suffix](source)
+
+
+class _CompleteLines(io.TextIOWrapper):
+    """Lines up to one that lacks its end, as a killed writer leaves it."""
+
+    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
+        line = super().__next__()
+        if not line.endswith("\n"):
+            raise StopIteration
+        return line
 
 
 def _frames(path: Path, messages: Iterator[can.Message]) -> Iterator[LoggedFrame]:

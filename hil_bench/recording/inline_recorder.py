@@ -6,7 +6,13 @@ from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, RecordingReport, warn
+from hil_bench.recording.recorder import (
+    BLOCK_PERIOD,
+    Recorder,
+    RecordingPlan,
+    RecordingReport,
+    warn,
+)
 
 
 class RecordingSink(Protocol):

@@ -25,7 +25,7 @@ IDENTIFICATION_SIZE = 64
 VERSION = 410
 
 HD_DATA = struct.Struct("<qhhBBBBdd")
-"""Start time [ns since 1970], zone and summer time [min], flags of time, class, flags, angle, way."""
+"""Start time [ns since 1970], zone and summer time [min], flags, class, flags, angle, distance."""
 
 FH_DATA = struct.Struct("<qhhB3s")
 """Time of the change [ns since 1970], zone and summer time [min], flags of time."""

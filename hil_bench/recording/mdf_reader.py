@@ -58,7 +58,11 @@ class _Reader:
         self._content = content
 
     def read(self) -> MdfContent:
-        """Return what it holds."""
+        """Return what it holds.
+
+        Raises:
+            ValueError: it is no file of ours.
+        """
         if not self._content.startswith(b"MDF     4."):
             raise ValueError("it does not begin as MDF 4")
         signals = np.zeros(0, dtype=recording_dtype([TIME]))
@@ -99,12 +103,14 @@ class _Reader:
 
     def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
         """Return the records of a group."""
-        blocks = []
+        blocks: list[bytes] = []
         if data:
             header_list = self._block(data, b"##HL")
             for data_list in self._chain(header_list.links[0], b"##DL"):
-                for address in data_list.links[1:]:
-                    blocks.append(self._unpacked(self._block(address, b"##DZ"), dtype.itemsize))
+                blocks += [
+                    self._unpacked(self._block(address, b"##DZ"), dtype.itemsize)
+                    for address in data_list.links[1:]
+                ]
         return np.frombuffer(b"".join(blocks), dtype=dtype)
 
     @staticmethod
@@ -122,8 +128,12 @@ class _Reader:
         return np.ascontiguousarray(columns.T).tobytes()
 
     def _chain(self, address: int, kind: bytes) -> Iterator[mdf.Block]:
-        """Yield blocks that are linked by their first link."""
-        seen = set()
+        """Yield blocks that are linked by their first link.
+
+        Raises:
+            ValueError: they have no end.
+        """
+        seen: set[int] = set()
         while address:
             if address in seen or len(seen) > max(_MOST_CHANNELS, len(self._content) // 64):
                 raise ValueError("its blocks are linked in a circle")

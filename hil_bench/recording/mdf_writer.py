@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
+from typing import Any, NamedTuple
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -123,6 +124,28 @@ class _Group:
         self.is_empty = True
 
 
+class _ChannelBlock(NamedTuple):
+    """A channel as its CN block has it.
+
+    Attributes:
+        name: its name.
+        dtype: its type.
+        offset: where it stands in a record.
+        unit: its unit; empty for none.
+        is_master: whether it is the time.
+        members: address of the first member of a structure, 0 for no structure.
+        source: address of the bus it comes from, 0 for none.
+    """
+
+    name: str
+    dtype: np.dtype[Any]
+    offset: int
+    unit: str = ""
+    is_master: bool = False
+    members: int = 0
+    source: int = 0
+
+
 class _Header:
     """The head of the file: everything that stands before the first data.
 
@@ -158,10 +181,14 @@ class _Header:
         """Add the group of the signals, all of them float64."""
         first = 0
         for number, channel in reversed(list(enumerate(channels))):
-            is_master = channel.name == TIME.name
-            first = self._add_channel(
-                channel.name, np.dtype("<f8"), 8 * number, first, channel.unit, is_master=is_master
+            block = _ChannelBlock(
+                channel.name,
+                np.dtype("<f8"),
+                8 * number,
+                channel.unit,
+                is_master=channel.name == TIME.name,
             )
+            first = self._add_channel(block, first)
         return self._add_group(first, 8 * len(channels), next_group)
 
     def add_frame_group(self, name: str, record: np.dtype[np.void], next_group: int) -> _Group:
@@ -169,7 +196,7 @@ class _Header:
         fields = list((record.fields or {}).items())
         first = 0
         for field, (dtype, offset, *_) in reversed(fields[1:]):
-            first = self._add_channel(f"{name}.{field}", dtype, offset, first)
+            first = self._add_channel(_ChannelBlock(f"{name}.{field}", dtype, offset), first)
         source = self._add(
             mdf.pack_block(
                 b"##SI",
@@ -177,10 +204,13 @@ class _Header:
                 mdf.SI_DATA.pack(mdf.SOURCE_BUS, mdf.BUS_CAN, 0, b""),
             )
         )
+        structure = np.dtype(f"V{record.itemsize - 8}")
         frame = self._add_channel(
-            name, np.dtype(f"V{record.itemsize - 8}"), 8, 0, members=first, source=source
+            _ChannelBlock(name, structure, 8, members=first, source=source), 0
         )
-        time = self._add_channel("Timestamp", np.dtype("<f8"), 0, frame, "s", is_master=True)
+        time = self._add_channel(
+            _ChannelBlock("Timestamp", np.dtype("<f8"), 0, "s", is_master=True), frame
+        )
         return self._add_group(time, record.itemsize, next_group, source=source)
 
     def _add(self, block: bytes) -> int:
@@ -201,41 +231,26 @@ class _Header:
         header_list = self._add(
             mdf.pack_block(b"##HL", (0,), mdf.HL_DATA.pack(0, mdf.TRANSPOSED, b""))
         )
-        dg = self._add(
-            mdf.pack_block(b"##DG", (next_group, cg, 0, 0), mdf.DG_DATA.pack(0, b""))
-        )
+        dg = self._add(mdf.pack_block(b"##DG", (next_group, cg, 0, 0), mdf.DG_DATA.pack(0, b"")))
         return _Group(dg, cg, header_list)
 
-    def _add_channel(
-        self,
-        name: str,
-        dtype: np.dtype[np.generic],
-        offset: int,
-        next_channel: int,
-        unit: str = "",
-        *,
-        is_master: bool = False,
-        members: int = 0,
-        source: int = 0,
-    ) -> int:
+    def _add_channel(self, channel: _ChannelBlock, next_channel: int) -> int:
+        dtype = channel.dtype
         kinds = {"f": mdf.FLOAT, "u": mdf.UNSIGNED, "V": mdf.BYTES}
         data = mdf.CN_DATA.pack(
-            mdf.MASTER if is_master else mdf.VALUE,
-            mdf.TIME_SYNCHRONISED if is_master else 0,
+            mdf.MASTER if channel.is_master else mdf.VALUE,
+            mdf.TIME_SYNCHRONISED if channel.is_master else 0,
             kinds[dtype.kind],
             0,
-            offset,
+            channel.offset,
             8 * dtype.itemsize,
-            mdf.CHANNEL_BUS_EVENT if source else 0,
-            0,
-            0,
-            0,
-            0,
+            mdf.CHANNEL_BUS_EVENT if channel.source else 0,
+            *(0,) * 4,
             *(0.0,) * 6,
         )
-        text = self._add(mdf.pack_text(name))
-        unit_text = self._add(mdf.pack_text(unit)) if unit else 0
-        links = (next_channel, members, text, source, 0, 0, unit_text, 0)
+        text = self._add(mdf.pack_text(channel.name))
+        unit = self._add(mdf.pack_text(channel.unit)) if channel.unit else 0
+        links = (next_channel, channel.members, text, channel.source, 0, 0, unit, 0)
         return self._add(mdf.pack_block(b"##CN", links, data))
 
 

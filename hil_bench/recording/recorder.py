@@ -16,7 +16,7 @@ from hil_bench.recording.block_file import BlockFile
 from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.trigger import Trigger, parse_trigger
+from hil_bench.recording.trigger import parse_trigger
 
 logger = logging.getLogger(__name__)
 
@@ -43,11 +43,7 @@ class RecordingPlan:
     heading: Heading = field(default_factory=Heading)
 
     def check(self) -> None:
-        """Refuse what cannot be meant, before anything is opened.
-
-        Raises:
-            ConfigError: it says what is wrong.
-        """
+        """Refuse what cannot be meant, before anything is opened."""
         for path in self.paths:
             check_suffix(path)
         if self.trigger:
@@ -83,14 +79,9 @@ class Recorder:
 
     Attributes:
         report: what it holds so far.
-
-    Raises:
-        ConfigError: a file cannot be written, or the trigger is none.
     """
 
-    def __init__(
-        self, plan: RecordingPlan, *, durable: bool, tell: Callable[[str], None]
-    ) -> None:
+    def __init__(self, plan: RecordingPlan, *, durable: bool, tell: Callable[[str], None]) -> None:
         plan.check()
         self._files: list[BlockFile] = []
         try:

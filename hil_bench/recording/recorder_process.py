@@ -4,20 +4,27 @@ The loop's side costs one copy into shared memory a tick. A recorder that is kil
 that end with the last block; a loop that is killed leaves the recorder to write all it has left.
 """
 
+import contextlib
 import logging
 import multiprocessing
+import os
 import signal
 import struct
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from multiprocessing.synchronize import Event
 from types import FrameType, TracebackType
 from typing import Self
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, RecordingReport, warn
+from hil_bench.recording.recorder import (
+    BLOCK_PERIOD,
+    Recorder,
+    RecordingPlan,
+    RecordingReport,
+    warn,
+)
 from hil_bench.recording.shared_ring import SharedRing
 
 CAPACITY = 8 << 20
@@ -26,6 +33,7 @@ CAPACITY = 8 << 20
 _ROW, _FRAMES = 1, 2
 _FRAME = struct.Struct("<qIBB8s")  # time [ns], identifier, flags, length, data
 _EXTENDED, _REMOTE, _RECEIVED = 1, 2, 4
+_NICENESS = 5  # the loop comes first where both want the same core
 _START_TIMEOUT = 30.0
 _END_TIMEOUT = 30.0
 
@@ -48,19 +56,24 @@ class RecorderProcess:
         self._ring = SharedRing(CAPACITY)
         self._row = struct.Struct(f"<{1 + len(plan.channels)}d")
         context = multiprocessing.get_context("spawn")
-        self._connection, child_connection = context.Pipe(duplex=False)
-        self._child_connection = child_connection
-        self._ended = context.Event()
+        # No lock and no event: what a killed process holds or waits for, others wait for in vain.
+        self._connection, self._child_connection = context.Pipe()
         self._process = context.Process(
             target=record,
-            args=(plan, self._ring, self._ended, child_connection),
+            args=(plan, self._ring, self._child_connection),
             name="hil-bench-recorder",
             daemon=True,
         )
 
     @property
-    def pid(self) -> int | None:
-        """Identifier of the process."""
+    def pid(self) -> int:
+        """Identifier of the process.
+
+        Raises:
+            ValueError: it has not started.
+        """
+        if self._process.pid is None:
+            raise ValueError("the recorder has no process yet: start() it")
         return self._process.pid
 
     def __enter__(self) -> Self:
@@ -90,7 +103,8 @@ class RecorderProcess:
 
     def stop(self) -> None:
         """Have the process write what it has, and take its report."""
-        self._ended.set()
+        with contextlib.suppress(OSError):  # it may have ended already
+            self._connection.send(None)
         answer = self._receive(_END_TIMEOUT)
         if isinstance(answer, RecordingReport):
             self.report = answer
@@ -146,9 +160,18 @@ class RecorderProcess:
         return None
 
 
-def record(plan: RecordingPlan, ring: SharedRing, ended: Event, connection: Connection) -> None:
-    """Write what comes through the ring until told to end, or until the loop's process is gone."""
+def record(plan: RecordingPlan, ring: SharedRing, connection: Connection) -> None:
+    """Write what comes through the ring until told to end, or until the loop's process is gone.
+
+    Args:
+        plan: what to record.
+        ring: brings it.
+        connection: takes an error or None when the files are open, and the report at the end; any
+            word on it, or its end, ends the recording.
+    """
     logging.basicConfig(format="hil-bench: %(message)s")
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
     wish = _EndWish()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, wish.take)
@@ -158,11 +181,10 @@ def record(plan: RecordingPlan, ring: SharedRing, ended: Event, connection: Conn
         connection.send(str(error))
         return
     connection.send(None)
-    parent = multiprocessing.parent_process()
     is_last = False
     while not is_last:
         # Asked before the ring is read, so that nothing written before the end is left in it.
-        is_last = ended.wait(BLOCK_PERIOD) or wish.is_there or not (parent and parent.is_alive())
+        is_last = connection.poll(BLOCK_PERIOD) or wish.is_there
         drain(ring, recorder)
         recorder.write_block()
     report = recorder.close()

@@ -88,10 +88,6 @@ def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
             "--strict-timing: in lock-step there is no real time to miss; leave it out",
         ),
         (
-            ["--record", "x.log"],
-            "--record: in real time other programs record; give --lockstep too",
-        ),
-        (
             ["--lockstep", "--sync-period-us", "1500"],
             "--sync-period-us: 1500 is not a multiple of tick_us = 1000; give 1000 or 2000",
         ),

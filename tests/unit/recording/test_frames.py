@@ -5,20 +5,27 @@ import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.recording.frames import SUFFIXES, FrameFile
+from hil_bench.recording.frames import SUFFIXES, FrameFile, read_frames
+from hil_bench.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
+
+
+def logged(can_id: int, data: bytes, milliseconds: int, *, is_received: bool = True) -> LoggedFrame:
+    return LoggedFrame(Frame(can_id, data), milliseconds * MILLISECOND, is_received)
 
 
 def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
     with FrameFile(path, channel="vcan0") as file:
-        file.append(Frame(0x201, b"\x07\x00\x00\x20"), 1000 * MILLISECOND, is_received=True)
-        file.append(Frame(0x181, b"\x0f\x00"), 1001 * MILLISECOND, is_received=False)
-        file.append(
-            Frame(0x12345678, b"\x01", is_extended=True), 1002 * MILLISECOND, is_received=True
+        file.write_frames(
+            [
+                logged(0x201, b"\x07\x00\x00\x20", 1000),
+                logged(0x181, b"\x0f\x00", 1001, is_received=False),
+                LoggedFrame(Frame(0x12345678, b"\x01", is_extended=True), 1002 * MILLISECOND, True),
+                LoggedFrame(Frame(0x701, is_remote=True), 1003 * MILLISECOND, True),
+            ]
         )
-        file.append(Frame(0x701, is_remote=True), 1003 * MILLISECOND, is_received=True)
 
     # candump -L of can-utils: (seconds) channel ID#DATA, then python-can's R or T: the direction.
     assert path.read_text().splitlines() == [
@@ -30,20 +37,22 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_each_format_reads_back_with_python_can(tmp_path: Path, suffix: str) -> None:
+def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    with FrameFile(path) as file:
-        for tick in range(3):
-            file.append(Frame(0x181 + tick, bytes([tick])), tick * MILLISECOND, is_received=True)
-    with can.LogReader(path) as reader:
-        messages = [(m.arbitration_id, bytes(m.data), m.timestamp) for m in reader]
-
-    times = [pytest.approx(tick * 1e-3, abs=1e-6) for tick in range(3)]
-    assert messages == [
-        (0x181, b"\x00", times[0]),
-        (0x182, b"\x01", times[1]),
-        (0x183, b"\x02", times[2]),
+    # The first frame comes late: times count from the start, not from it.
+    frames = [
+        logged(0x181 + tick, bytes([tick]), 1500 + tick, is_received=bool(tick % 2))
+        for tick in range(3)
     ]
+    with FrameFile(path) as file:
+        file.write_frames(frames[:2])
+        file.flush(durable=True)
+        file.write_frames(frames[2:])
+
+    assert list(read_frames(path)) == frames
+    with can.LogReader(path) as reader:
+        found = [(m.arbitration_id, bytes(m.data), m.is_rx) for m in reader]
+    assert found == [(0x181, b"\x00", False), (0x182, b"\x01", True), (0x183, b"\x02", False)]
 
 
 def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path) -> None:
@@ -52,26 +61,36 @@ def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path)
             FrameFile(tmp_path / name)
         assert str(caught.value) == (
             f'{tmp_path}/{name}: no format has the suffix "{suffix}"; '
-            "give a file name that ends in one of .asc .blf .csv .log .trc"
+            "give a file name that ends in one of .asc .blf .log"
         )
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        FrameFile(tmp_path / "no" / "bus.log")
+        FrameFile(tmp_path / "no" / f"bus{suffix}")
 
     assert str(caught.value) == (
-        f"{tmp_path}/no/bus.log: cannot be written: No such file or directory; "
+        f"{tmp_path}/no/bus{suffix}: cannot be written: No such file or directory; "
         "give a file in a directory of yours"
     )
 
 
-def test_the_oldest_frames_make_room_and_are_counted(tmp_path: Path) -> None:
-    path = tmp_path / "bus.log"
-    with FrameFile(path, capacity=2) as file:
-        for tick in range(5):
-            file.append(Frame(0x180 + tick), tick * MILLISECOND, is_received=True)
-        assert file.dropped == 3
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("x.log", b"no log at all\n"), ("x.blf", b"no log at all"), ("x.mf4", b"nor this")],
+)
+def test_a_file_that_is_no_log_says_so(tmp_path: Path, name: str, content: bytes) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=rf"^{path}: "):
+        list(read_frames(path))
 
-    assert [line.split()[2] for line in path.read_text().splitlines()] == ["183#", "184#"]
+
+def test_a_missing_log_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        list(read_frames(tmp_path / "no.log"))
+    assert str(caught.value) == (
+        f"{tmp_path}/no.log: cannot be read: No such file or directory; give a log of frames"
+    )

@@ -1,0 +1,70 @@
+"""`--record` of run and demo."""
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.realtime.clock import VirtualClock
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
+
+RUN = ["run", "-i", "virtual", "-c", "test_recording", "--duration", "0.1"]
+
+
+@pytest.fixture
+def _virtual_time(monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", VirtualClock)
+
+
+@pytest.mark.usefixtures("_virtual_time")
+def test_a_run_is_recorded_from_its_first_tick(tmp_path, capsys):
+    path = tmp_path / "run.mf4"
+    assert main([*RUN, "--record", str(path)]) == 0
+    assert f"recorded  100 rows, 4 frames: {path}\n" in capsys.readouterr().out
+    signals = read_recording(path)
+    assert signals["time"] == pytest.approx([tick * 1e-3 for tick in range(100)])
+    # At rest at 100 bar supply the balanced chambers lie at half of it, P_A A_A = P_B A_B.
+    assert signals["axis1.P_A"] == pytest.approx(100e5 / 2 * 2 * 47 / (50 + 47))
+    boot_ups = [(logged.frame.can_id, logged.is_received) for logged in read_frames(path)]
+    assert boot_ups == [(can_id, False) for can_id in (0x701, 0x702, 0x703, 0x704)]
+
+
+def test_a_demo_is_recorded_on_one_time_base(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.cli.demo.importlib.util.find_spec", lambda _name: None)
+    path = tmp_path / "demo.mf4"
+    arguments = ["--speed", "max", "--duration", "0.2", "--output", str(tmp_path)]
+    assert main(["demo", *arguments, "--record", str(path)]) == 0
+    signals = read_recording(path)
+    assert signals.tobytes() == read_recording(tmp_path / "demo.csv").tobytes()
+    frames = list(read_frames(path))
+    assert frames == list(read_frames(tmp_path / "demo.log"))
+    assert f"recorded  {len(signals)} rows, {len(frames)} frames: {path}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--trigger", "time > 1"], "--trigger: begins a recording; give --record FILE too"),
+        (["--pre-trigger", "-1"], "--pre-trigger -1: 0 to 3600 s is right"),
+        (
+            ["--record", "x.csv", "--record", "x.csv"],
+            "--record x.csv: is there twice; give each file once",
+        ),
+        (
+            ["--record", "x.h5"],
+            (
+                'x.h5: no recording has the suffix ".h5"; give a file name that ends in .mf4 '
+                "(signals and frames), .csv (signals), .blf, .asc or .log (frames)"
+            ),
+        ),
+        (
+            ["--record", "x.csv", "--trigger", "axis9.P_A > 3"],
+            (
+                'trigger "axis9.P_A > 3": no signal axis9.P_A; there are time, axis1.position, '
+                "axis1.speed, axis1.P_A, axis1.P_B, axis1.spool_setpoint, axis1.spool_position"
+            ),
+        ),
+    ],
+)
+def test_what_cannot_be_meant_ends_before_the_bus_is_opened(arguments, message, capsys):
+    assert main([*RUN, *arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"

@@ -1,0 +1,80 @@
+"""MF4 as we write and read it; `.ci/run` has asammdf and python-can read the same."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import TIME, Channel, recording_channels, recording_dtype
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.mdf_reader import read_mdf
+from hil_bench.recording.mdf_writer import MdfFile
+
+CHANNELS = (TIME, Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
+FRAMES = [
+    LoggedFrame(Frame(0x181, b"\x01\x02"), 1_000_000, False),
+    LoggedFrame(Frame(0x701, is_remote=True), 2_000_000, True),
+    LoggedFrame(Frame(0x1234567, b"12345678", is_extended=True), 3_000_000, True),
+    LoggedFrame(Frame(0x80), 3_000_000, True),
+]
+
+
+def rows(first, after):
+    result = np.zeros(after - first, dtype=recording_dtype(CHANNELS))
+    numbers = np.arange(first, after)
+    result["time"], result["axis1.position"] = numbers * 1e-3, np.sin(numbers)
+    result["axis1.P_A"] = 1e5 * numbers
+    return result
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "run.mf4"
+    file = MdfFile(path, CHANNELS, comment="a < b")
+    file.write_rows(rows(0, 10))
+    file.write_frames(FRAMES)
+    file.write_rows(rows(10, 17))
+    file.close()
+    return path
+
+
+def test_signals_and_frames_read_back(path):
+    assert read_recording(path).tolist() == rows(0, 17).tolist()
+    assert recording_channels(read_recording(path)) == CHANNELS
+    assert sorted(read_frames(path)) == sorted(FRAMES)
+
+
+def test_a_file_without_data_reads_back(tmp_path):
+    MdfFile(tmp_path / "x.mf4", CHANNELS).close()
+    signals, frames = read_mdf(tmp_path / "x.mf4")
+    assert (len(signals), frames) == (0, [])
+    assert recording_channels(signals) == CHANNELS
+
+
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0, 1), byte=st.integers(0, 255), end=st.floats(0, 1))
+def test_a_damaged_file_is_read_or_refused_in_one_line(path, tmp_path, place, byte, end):
+    content = bytearray(path.read_bytes())
+    content[int(place * (len(content) - 1))] = byte
+    damaged = tmp_path / "damaged.mf4"
+    damaged.write_bytes(content[: len(content) - int((1 - end**0.1) * len(content))])
+    message = ""
+    try:
+        read_mdf(damaged)
+    except ConfigError as error:
+        message = str(error)
+    assert not message or message.startswith(f"{damaged}: is no recording of hil-bench: ")
+    assert "\n" not in message
+
+
+def test_blocks_in_a_circle_are_refused(path):
+    content = bytearray(path.read_bytes())
+    group = content.index(b"##DG")
+    content[group + 24 : group + 32] = group.to_bytes(8, "little")  # its link to the next
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match="linked in a circle"):
+        read_mdf(path)

@@ -1,0 +1,229 @@
+"""What a recording holds when all goes well, and what is left when it does not."""
+
+import errno
+import random
+import struct
+
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.recording import block_file
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES, SUFFIXES
+from hil_bench.recording.frames import read_frames
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.recorder import Recorder, RecordingPlan
+
+CHANNELS = (Channel("axis1.P_A", "Pa"),)
+ROW = struct.Struct("<2d")
+
+
+def row(number):
+    return number * 1e-3, 1e5 * number
+
+
+def frame(number):
+    return LoggedFrame(
+        Frame(0x181, number.to_bytes(2, "little")), number * 1_000_000, bool(number % 2)
+    )
+
+
+def feed(recorder, first, after):
+    for number in range(first, after):
+        recorder.append_row(ROW.pack(*row(number)))
+        recorder.append_frames([frame(number)])
+    recorder.write_block()
+
+
+def found(path):
+    """Return the numbers of rows and frames in a file, after checking each of them."""
+    numbers = []
+    if path.suffix in SIGNAL_SUFFIXES:
+        rows = read_recording(path).tolist()
+        numbers = [round(time * 1e3) for time, _ in rows]
+        assert rows == [row(number) for number in numbers]
+    frames = list(read_frames(path)) if path.suffix in FRAME_SUFFIXES else []
+    frame_numbers = [logged.now // 1_000_000 for logged in frames]
+    assert frames == [frame(number) for number in frame_numbers]
+    return numbers, frame_numbers
+
+
+def plan(tmp_path, *suffixes, **options):
+    return RecordingPlan(tuple(tmp_path / f"run{s}" for s in suffixes), CHANNELS, **options)
+
+
+def test_every_format_holds_what_it_has_a_place_for(tmp_path):
+    recorder = Recorder(plan(tmp_path, *SUFFIXES), durable=True, tell=pytest.fail)
+    for block in range(3):
+        feed(recorder, 10 * block, 10 * block + 10)
+    report = recorder.close()
+    assert (report.rows, report.frames, report.problems) == (30, 30, [])
+    for suffix in SUFFIXES:
+        rows, frames = found(tmp_path / f"run{suffix}")
+        assert rows == (list(range(30)) if suffix in SIGNAL_SUFFIXES else [])
+        assert frames == (list(range(30)) if suffix in FRAME_SUFFIXES else [])
+
+
+@pytest.fixture
+def operations(monkeypatch):
+    """Every write to a file, in order: address and data."""
+    done = []
+    write = block_file.OutputFile._write
+
+    def write_and_keep(self, address, data):
+        done.append((address, data))
+        write(self, address, data)
+
+    monkeypatch.setattr(block_file.OutputFile, "_write", write_and_keep)
+    return done
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_writer_killed_at_any_moment_leaves_whole_blocks(tmp_path, operations, suffix):
+    """What has been written before a moment is replayed: a file as SIGKILL leaves it."""
+    recorder = Recorder(plan(tmp_path, suffix), durable=False, tell=pytest.fail)
+    head = len(operations)
+    blocks = []
+    for block in range(4):
+        feed(recorder, 10 * block, 10 * block + 10)
+        blocks.append(len(operations))
+    done = operations[:]
+    recorder.close()
+    moments = random.Random(7)  # noqa: S311 - no secret
+    killed = tmp_path / f"killed{suffix}"
+    for number in range(head, len(done)):
+        content = bytearray()
+        for address, data in done[:number]:
+            content[address : address + len(data)] = data
+        address, data = done[number]
+        # A few bytes in the middle, within one page, are replaced at once or not at all.
+        is_appended = address == len(content)
+        cut = moments.randrange(len(data) + 1) if is_appended else len(data)
+        content[address : address + cut] = data[:cut]
+        killed.write_bytes(content)
+        complete = sum(1 for end in blocks if end <= number)
+        rows, frames = ([], []) if is_empty_log(killed) else found(killed)
+        for numbers in (rows, frames):
+            assert numbers == list(range(len(numbers)))
+        expected = rows if suffix in SIGNAL_SUFFIXES else frames
+        assert len(expected) >= 10 * complete, f"{number} writes and {cut} bytes"
+
+
+def is_empty_log(path):
+    """Whether nothing was complete yet, which a log of python-can's cannot tell from damage."""
+    try:
+        return path.suffix == ".blf" and not list(read_frames(path))
+    except ConfigError:
+        return True
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_full_disk_ends_a_file_after_its_last_block_and_the_others_go_on(
+    tmp_path, monkeypatch, suffix
+):
+    other = ".log" if suffix == ".csv" else ".csv"
+    told = []
+    recorder = Recorder(plan(tmp_path, suffix, other), durable=False, tell=told.append)
+    feed(recorder, 0, 10)
+    write = block_file.OutputFile._write
+
+    def write_half(self, address, data):
+        if self.path.suffix == suffix:
+            write(self, address, data[: len(data) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(self, address, data)
+
+    monkeypatch.setattr(block_file.OutputFile, "_write", write_half)
+    feed(recorder, 10, 20)
+    feed(recorder, 20, 30)
+    report = recorder.close()
+    (problem,) = told
+    assert problem == (
+        f"{tmp_path}/run{suffix}: recording ended: No space left on device; "
+        "what was written before is readable"
+    )
+    assert report.problems == told
+    assert max(map(len, found(tmp_path / f"run{suffix}"))) == 10
+    assert max(map(len, found(tmp_path / f"run{other}"))) == 30
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_folder_that_vanishes_is_told_once(tmp_path, suffix):
+    folder = tmp_path / "results"
+    folder.mkdir()
+    told = []
+    recorder = Recorder(plan(folder, suffix), durable=False, tell=told.append)
+    feed(recorder, 0, 10)
+    folder.rename(tmp_path / "elsewhere")
+    feed(recorder, 10, 20)
+    feed(recorder, 20, 30)
+    recorder.close()
+    assert told == [
+        (
+            f"{folder}/run{suffix}: recording ended: the file or its folder has vanished; "
+            "what was written before is readable"
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("trigger", "first"),
+    # Row n is at n ms and 100000 n Pa: above 25 bar is n = 26; 10 ms before it begins at 16.
+    [("axis1.P_A > 25 bar", 16), ("axis1.P_A > 2.5 MPa", 16), ("time > 0.0305", 21)],
+)
+def test_a_trigger_begins_it_with_the_time_before(tmp_path, trigger, first):
+    wanted = plan(tmp_path, ".mf4", trigger=trigger, pre_trigger=0.010)
+    recorder = Recorder(wanted, durable=False, tell=pytest.fail)
+    for block in range(8):
+        feed(recorder, 7 * block, 7 * block + 7)
+        if block < 3:
+            assert not recorder.report.is_triggered
+    assert recorder.close().is_triggered
+    assert found(tmp_path / "run.mf4") == (list(range(first, 56)), list(range(first, 56)))
+
+
+def test_a_trigger_that_never_comes_leaves_an_empty_file(tmp_path):
+    wanted = plan(tmp_path, ".csv", trigger="axis1.P_A < 0")
+    recorder = Recorder(wanted, durable=False, tell=pytest.fail)
+    feed(recorder, 0, 50)
+    report = recorder.close()
+    assert (report.is_triggered, report.rows) == (False, 0)
+    assert found(tmp_path / "run.csv") == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("trigger", "message"),
+    [
+        ("P_A over 3", 'trigger "P_A over 3": "axis1.P_A > 80 bar" is the form'),
+        (
+            "axis2.P_A > 3 bar",
+            'trigger "axis2.P_A > 3 bar": no signal axis2.P_A; there are time, axis1.P_A',
+        ),
+        (
+            "axis1.P_A > 3 mm",
+            '"axis1.P_A > 3 mm": mm is no unit of it; give one of Pa, bar, MPa, Pa',
+        ),
+        ("axis1.P_A > 1-2", '"axis1.P_A > 1-2": 1-2 is no number'),
+    ],
+)
+def test_a_trigger_that_makes_no_sense(tmp_path, trigger, message):
+    with pytest.raises(ConfigError) as caught:
+        plan(tmp_path, ".csv", trigger=trigger).check()
+    assert str(caught.value) == message
+
+
+def test_an_unknown_suffix_says_which_there_are(tmp_path):
+    with pytest.raises(ConfigError) as caught:
+        plan(tmp_path, ".h5").check()
+    assert str(caught.value) == (
+        f'{tmp_path}/run.h5: no recording has the suffix ".h5"; give a file name that ends in '
+        ".mf4 (signals and frames), .csv (signals), .blf, .asc or .log (frames)"
+    )
+
+
+def test_a_second_file_that_cannot_be_opened_closes_the_first(tmp_path):
+    paths = (tmp_path / "run.csv", tmp_path / "no" / "run.mf4")
+    with pytest.raises(ConfigError, match="cannot be written: No such file or directory"):
+        Recorder(RecordingPlan(paths, CHANNELS), durable=False, tell=pytest.fail)

@@ -1,0 +1,129 @@
+"""The recorder in its own process, and what is left when somebody kills it or its parent."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
+from hil_bench.recording.recorder import RecordingPlan
+from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.shared_ring import _TAKEN
+
+CHANNELS = (Channel("axis1.P_A", "Pa"),)
+
+
+def plan(*paths):
+    return RecordingPlan(paths, CHANNELS)
+
+
+def feed(recorder, first, after):
+    for number in range(first, after):
+        recorder.append_frames([Frame(0x181, bytes(2))], number * 1_000_000, is_received=False)
+        recorder.append_row((number * 1e-3, 1e5 * number))
+
+
+def wait_until_taken(recorder):
+    """Wait until the process has taken all that is in the ring, however long that takes."""
+    ring = recorder._ring
+    while ring._counters[_TAKEN] < ring._end:
+        os.sched_yield()
+
+
+def test_all_that_was_recorded_is_in_the_files(tmp_path):
+    csv, mf4 = tmp_path / "run.csv", tmp_path / "run.mf4"
+    with RecorderProcess(plan(csv, mf4)) as recorder:
+        feed(recorder, 0, 500)
+    report = recorder.report
+    assert (report.rows, report.frames, report.lost, report.problems) == (500, 500, 0, [])
+    expected = [(number * 1e-3, 1e5 * number) for number in range(500)]
+    assert read_recording(csv).tolist() == read_recording(mf4).tolist() == expected
+    assert [logged.now for logged in read_frames(mf4)] == [n * 1_000_000 for n in range(500)]
+
+
+WRITING, WAITING = 1, 2
+"""Seeds of the moment, and what the recorder does when it is killed."""
+
+
+@pytest.mark.parametrize("seed", [WRITING, WAITING])
+def test_a_killed_recorder_leaves_all_but_its_last_block(tmp_path, seed):
+    """Blocks are of 0.25 s at most; what was taken for an earlier one is in the files."""
+    csv, mf4, log = (tmp_path / f"run{suffix}" for suffix in (".csv", ".mf4", ".log"))
+    generator = random.Random(seed)  # noqa: S311 - no secret
+    first, more = (generator.randrange(100, 2000) for _ in range(2))
+    with RecorderProcess(plan(csv, mf4, log)) as recorder:
+        feed(recorder, 0, first)
+        wait_until_taken(recorder)
+        feed(recorder, first, first + more)
+        wait_until_taken(recorder)
+        while seed == WAITING and len(read_recording(csv)) < first + more:
+            os.sched_yield()
+        os.kill(recorder.pid, signal.SIGKILL)
+        feed(recorder, first + more, first + more + 100)  # the loop goes on
+    assert recorder.report.problems == [
+        (
+            f"{csv}, {mf4}, {log}: recording ended early: its process was ended from outside; what "
+            "was written before is readable"
+        )
+    ]
+    for rows in (read_recording(csv).tolist(), read_recording(mf4).tolist()):
+        assert len(rows) >= first
+        assert rows == [(number * 1e-3, 1e5 * number) for number in range(len(rows))]
+    times = [logged.now for logged in read_frames(log)]
+    assert len(times) >= first
+    assert times == [number * 1_000_000 for number in range(len(times))]
+
+
+KILLED_LOOP = """
+import os, signal, sys
+sys.path.insert(0, sys.argv[2])
+from pathlib import Path
+from test_recorder_process import RecorderProcess, feed, plan
+if __name__ == "__main__":
+    recorder = RecorderProcess(plan(Path(sys.argv[1])))
+    recorder.start()
+    feed(recorder, 0, 700)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_loop_leaves_the_recorder_to_write_all(tmp_path):
+    script = tmp_path / "killed_loop.py"
+    script.write_text(KILLED_LOOP)
+    path = tmp_path / "run.mf4"
+    # Ends when the recorder does too, which has the same standard output.
+    ended = subprocess.run(  # noqa: S603 - our own script
+        [sys.executable, str(script), str(path), str(Path(__file__).parent)],
+        stdout=subprocess.PIPE,
+        check=False,
+    )
+    assert ended.returncode == -signal.SIGKILL
+    assert len(read_recording(path)) == 700
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_run(tmp_path):
+    path = tmp_path / "no" / "run.csv"
+    with (
+        pytest.raises(ConfigError, match=rf"^{path}: cannot be written: No such file"),
+        RecorderProcess(plan(path)),
+    ):
+        pass
+
+
+def test_a_loop_that_is_faster_than_the_recorder_counts_what_it_leaves_out(tmp_path, monkeypatch):
+    monkeypatch.setattr("hil_bench.recording.recorder_process.CAPACITY", 1000)
+    with RecorderProcess(plan(tmp_path / "run.csv")) as recorder:
+        os.kill(recorder.pid, signal.SIGSTOP)
+        feed(recorder, 0, 500)
+        os.kill(recorder.pid, signal.SIGCONT)
+    # 1000 bytes hold 12 + 24 (frame, 22 bytes) and 12 + 16 (row) bytes, each filled up to 8.
+    assert recorder.report.rows + recorder.report.frames + recorder.report.lost == 1000
+    assert recorder.report.lost > 900

@@ -24,6 +24,7 @@ VERBS = {
     "check-eds": "find what is wrong in EDS files, with line numbers",
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
+    "doctor": "show what this machine can do in real time, and what to change",
     "devices": "print the device table: node-IDs, profiles, PDOs",
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""

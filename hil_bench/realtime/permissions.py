@@ -20,7 +20,9 @@ GRANT_MEMORY = (
     "'--ulimit memlock=-1'"
 )
 
-_CAP_IPC_LOCK = 14  # linux/capability.h
+# linux/capability.h
+CAP_IPC_LOCK = 14
+CAP_SYS_NICE = 23
 
 
 def may_lock_memory() -> bool:
@@ -28,7 +30,7 @@ def may_lock_memory() -> bool:
 
     With a finite limit a lock would be worse than none: what comes later would be refused.
     """
-    return IS_LINUX and (linux.memory_limit() is None or has_capability(_CAP_IPC_LOCK))
+    return IS_LINUX and (linux.memory_limit() is None or has_capability(CAP_IPC_LOCK))
 
 
 def has_capability(number: int) -> bool:

@@ -1,0 +1,76 @@
+import json
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.doctor import report_lines
+from hil_bench.doctor.finding import Finding, Topic, Verdict
+from hil_bench.realtime.clock import VirtualClock
+
+TOPICS = [
+    Topic("One", (Finding("a", Verdict.GOOD, "fine"), Finding("long", Verdict.HINT, "so", "more"))),
+    Topic("Two", (Finding("b", Verdict.ABSENT, "none"), Finding("c", Verdict.MISSING, "no"))),
+]
+
+
+@pytest.fixture(autouse=True)
+def _virtual_time(monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.doctor.MonotonicClock", VirtualClock)
+
+
+def test_each_finding_is_a_line_and_each_advice_one_below():
+    lines = list(report_lines(TOPICS, [], is_coloured=False))
+    assert lines[1:] == [
+        "",
+        "One",
+        "  ok    a     fine",
+        "  hint  long  so",
+        "              -> more",
+        "",
+        "Two",
+        "  -     b     none",
+        "  no    c     no",
+    ]
+
+
+def test_colours_are_for_terminals():
+    plain = "\n".join(report_lines(TOPICS, [], is_coloured=False))
+    coloured = "\n".join(report_lines(TOPICS, [], is_coloured=True))
+    assert "\x1b" not in plain
+    assert "\x1b[32mok  \x1b[0m" in coloured
+
+
+def test_it_looks_at_this_machine_and_measures(capsys):
+    assert main(["doctor", "--seconds", "0.3"]) == 0
+    out = capsys.readouterr().out
+    for name in ("Permissions", "Machine", "CAN", "Software", "Lateness at 1 kHz, "):
+        assert f"\n{name}" in out
+    assert "\n  run " in out
+
+
+def test_a_program_can_read_it(capsys):
+    assert main(["doctor", "--json", "--seconds", "0.05"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    found = {item["name"]: item for item in answer["findings"]}
+    assert found["SocketCAN"]["topic"] == "CAN"
+    assert {item["verdict"] for item in found.values()} <= {"good", "hint", "missing", "absent"}
+    # A clock that jumps is never late.
+    assert answer["lateness"][0]["lateness"]["max_us"] == 0
+
+
+def test_without_a_test_nothing_is_measured(capsys):
+    assert main(["doctor", "--json", "--seconds", "0"]) == 0
+    assert json.loads(capsys.readouterr().out)["lateness"] == []
+
+
+def test_other_systems_get_a_report_too(monkeypatch, capsys):
+    for module in ("permissions", "machine", "buses"):
+        monkeypatch.setattr(f"hil_bench.doctor.{module}.IS_LINUX", False)
+    assert main(["doctor", "--seconds", "0.01"]) == 0
+    assert "SCHED_FIFO      Linux only" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("seconds", ["-1", "nan", "4000"])
+def test_a_length_that_cannot_be_meant(seconds, capsys):
+    assert main(["doctor", "--seconds", seconds]) == 2
+    assert "0 to 3600 s is right" in capsys.readouterr().err

@@ -1,0 +1,88 @@
+"""What is made of the files of the kernel, as it writes them."""
+
+import pytest
+
+from hil_bench.doctor.finding import Verdict
+from hil_bench.doctor.machine import examine_machine, preemption_model
+
+
+def reader(**files):
+    return lambda path: files.get(path.rsplit("/", 1)[1], "")
+
+
+def finding(name, read):
+    return next(item for item in examine_machine(read).findings if item.name == name)
+
+
+@pytest.mark.parametrize(
+    ("files", "model"),
+    [
+        # The mode in brackets, as in kernel/sched/debug.c.
+        ({"preempt": "none (voluntary) full", "cmdline": "preempt=full"}, "voluntary"),
+        ({"cmdline": "quiet preempt=full ro"}, "full"),
+    ],
+)
+def test_the_preemption_model_is_that_of_now_before_that_of_the_boot(files, model):
+    assert preemption_model(reader(**files)) == model
+
+
+def test_a_real_time_kernel_says_so():
+    assert finding("preemption", reader(realtime="1")).value == "PREEMPT_RT"
+
+
+def test_a_model_that_waits_is_a_hint():
+    item = finding("preemption", reader(preempt="(none) voluntary full"))
+    assert (item.verdict, item.value) == (Verdict.HINT, "none")
+    assert "'preempt=full'" in item.advice
+
+
+@pytest.mark.parametrize(
+    ("isolated", "tickless", "verdict", "advice"),
+    [
+        ("2-3", "2-3", Verdict.GOOD, ""),
+        ("2-3", "(null)", Verdict.HINT, "'nohz_full=2-3' too, and give --realtime-cpu 2"),
+        ("", "", Verdict.HINT, "'isolcpus=3 nohz_full=3', and give --realtime-cpu 3"),
+    ],
+)
+def test_an_isolated_processor_is_there_or_told_of(
+    monkeypatch, isolated, tickless, verdict, advice
+):
+    monkeypatch.setattr("hil_bench.doctor.machine.os.cpu_count", lambda: 4)
+    item = finding("isolated processors", reader(isolated=isolated, nohz_full=tickless))
+    assert item.verdict is verdict
+    assert item.advice.endswith(advice)
+
+
+@pytest.mark.parametrize(
+    ("governor", "verdict"),
+    [("performance", Verdict.GOOD), ("powersave", Verdict.HINT), ("", Verdict.ABSENT)],
+)
+def test_the_frequency_governor_is_judged(governor, verdict):
+    assert finding("frequency governor", reader(scaling_governor=governor)).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("latency", "verdict"), [("2", Verdict.GOOD), ("680", Verdict.HINT), ("", Verdict.ABSENT)]
+)
+def test_a_deep_idle_state_is_a_hint(latency, verdict):
+    assert finding("idle states", reader(latency=latency)).verdict is verdict
+
+
+def test_an_idle_state_that_is_off_does_not_count():
+    read = reader(latency="680", disable="1")
+    assert finding("idle states", read).verdict is Verdict.ABSENT
+
+
+def test_a_slow_clock_is_a_hint():
+    assert finding("clock source", reader(current_clocksource="hpet")).verdict is Verdict.HINT
+    assert finding("clock source", reader(current_clocksource="tsc")).verdict is Verdict.GOOD
+
+
+def test_a_virtual_machine_is_named():
+    assert "virtual machine" in finding("kernel", reader(cpuinfo="flags : fpu hypervisor")).value
+    assert "virtual" not in finding("kernel", reader(cpuinfo="flags : fpu vme")).value
+
+
+def test_elsewhere_the_system_is_named(monkeypatch):
+    monkeypatch.setattr("hil_bench.doctor.machine.IS_LINUX", False)
+    assert [item.name for item in examine_machine(reader()).findings] == ["system"]

@@ -33,6 +33,7 @@ class DeviceUnderTest:
         node_id: its node-ID.
         objects: what its EDS says of it.
         patience: longest wait for an answer, and how long silence is waited for [s].
+        settling: time that the device is given to act on a frame that it does not answer [s].
         sdo: its default SDO channel.
     """
 
@@ -43,6 +44,7 @@ class DeviceUnderTest:
         self.node_id = node_id
         self.objects = objects
         self.patience = patience
+        self.settling = patience / 25
         self.sdo = SdoClient(wire, REQUEST + node_id, ANSWER + node_id, patience)
 
     def command(self, command: NmtCommand, node_id: int | None = None) -> None:
@@ -63,7 +65,7 @@ class DeviceUnderTest:
         )
         if boot_up is None:
             raise Deviation(f"no boot-up message within {BOOT_PATIENCE:g} s after NMT {command}")
-        self.wire.wait(0.02)  # for a device that answers before it can
+        self.wire.wait(self.settling)  # for a device that answers before it can
         return boot_up
 
     def number(self, index: int, subindex: int = 0) -> int:
@@ -112,12 +114,12 @@ class DeviceUnderTest:
         """Start the node, and take it back to PRE-OPERATIONAL at the end."""
         self.wire.forget()
         self.command(NmtCommand.START)
-        self.wire.wait(0.02)
+        self.wire.wait(self.settling)
         try:
             yield
         finally:
             self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-            self.wire.wait(0.02)
+            self.wire.wait(self.settling)
             self.wire.forget()
 
     @contextlib.contextmanager
@@ -132,7 +134,7 @@ class DeviceUnderTest:
                 yield
             finally:
                 self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-                self.wire.wait(0.02)
+                self.wire.wait(self.settling)
 
     def state(self) -> NmtState:
         """Return the NMT state that the device tells now, within `watched`.
@@ -140,7 +142,7 @@ class DeviceUnderTest:
         Raises:
             Deviation: it tells none, or an impossible one.
         """
-        self.wire.wait(0.005)  # for a command that was sent just now
+        self.wire.wait(self.settling)  # for a command that was sent just now
         self.wire.forget()
         arrival = self.wire.take(self.is_error_control, max(self.patience, 4 * HEARTBEAT_MS / 1000))
         data = self.guard() if arrival is None else arrival.frame.data

@@ -85,7 +85,7 @@ def guarding_excluded(dut: DeviceUnderTest) -> None:
     """Ask by a remote frame while the heartbeat is on, at a long period."""
     dut.writable(*HEARTBEAT_TIME)
     with dut.setting(*HEARTBEAT_TIME, 10_000):
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)
         answer = dut.guard()
         if answer is not None:
             raise Deviation(f"answer {answer.hex()} to a remote frame; silence is right")
@@ -184,4 +184,4 @@ def _without_heartbeat(dut: DeviceUnderTest) -> None:
     if variable is not None and dut.number(*HEARTBEAT_TIME):
         dut.writable(*HEARTBEAT_TIME)
         dut.write(*HEARTBEAT_TIME, 0)
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)

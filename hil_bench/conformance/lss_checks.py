@@ -157,7 +157,7 @@ def _check_available(dut: DeviceUnderTest, address: tuple[int, ...]) -> None:
 
 def _wait(dut: DeviceUnderTest) -> None:
     dut.wire.send(Frame(_REQUEST, bytes([_SWITCH_GLOBAL, 0, *bytes(6)])))
-    dut.wire.wait(0.02)
+    dut.wire.wait(dut.settling)
     dut.wire.forget()
 
 

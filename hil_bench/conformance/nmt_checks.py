@@ -98,7 +98,7 @@ def stopped_has_no_sdo(dut: DeviceUnderTest) -> None:
         dut.sdo.expect_silence(upload_request(0x1000))
     finally:
         dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    dut.wire.wait(0.02)
+    dut.wire.wait(dut.settling)
     dut.sdo.upload(0x1000)
 
 

@@ -36,7 +36,7 @@ def synchronous(dut: DeviceUnderTest) -> None:
         _send(dut, pdo, changed)
         _expect(pdo, before, "an RPDO, before SYNC")
         dut.wire.send(SYNC)
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)
         _expect(pdo, changed, "SYNC")
 
 
@@ -51,12 +51,12 @@ def synchronous_window(dut: DeviceUnderTest) -> None:
         dut.wire.wait(0.06)
         _send(dut, pdo, changed)
         dut.wire.send(SYNC)
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)
         _expect(pdo, before, "an RPDO outside the window")
         dut.wire.send(SYNC, Frame(pdo.can_id, changed))
         dut.wire.wait(0.06)
         dut.wire.send(SYNC)
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)
         _expect(pdo, changed, "an RPDO within the window")
 
 
@@ -124,7 +124,7 @@ def strange_frames(dut: DeviceUnderTest) -> None:
             Frame(pdo.can_id, is_remote=True),
             Frame(pdo.can_id, _changed(dut, pdo, before), is_extended=True),
         )
-        dut.wire.wait(0.02)
+        dut.wire.wait(dut.settling)
         _expect(pdo, before, "frames that are no RPDO")
 
 
@@ -142,12 +142,12 @@ def _receiving(dut: DeviceUnderTest, pdo: Pdo, values: dict[int, int]) -> Iterat
         finally:
             _send(dut, pdo, before)
             dut.wire.send(SYNC)
-            dut.wire.wait(0.02)
+            dut.wire.wait(dut.settling)
 
 
 def _send(dut: DeviceUnderTest, pdo: Pdo, data: bytes) -> None:
     dut.wire.send(Frame(pdo.can_id, data))
-    dut.wire.wait(0.02)
+    dut.wire.wait(dut.settling)
 
 
 def _changed(dut: DeviceUnderTest, pdo: Pdo, before: bytes) -> bytes:

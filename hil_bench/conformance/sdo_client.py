@@ -93,7 +93,7 @@ class SdoClient:
     def abort(self) -> None:
         """End whatever is under way, and forget what it still brings."""
         self.send(bytes([_ABORT, 0, 0, 0, 0, 0, 0, 8]))
-        self._wire.wait(0.02)
+        self._wire.wait(self._patience / 25)
         self._wire.forget()
 
     def upload(self, index: int, subindex: int = 0) -> bytes:

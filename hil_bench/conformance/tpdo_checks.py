@@ -26,9 +26,6 @@ SYNC = Frame(0x080)
 
 _COUNTER_OVERFLOW, _START_VALUE = 0x1019, 6
 
-_ROOM = 0.05
-"""Time that a PDO may take after its SYNC [s]: a host has its own delays."""
-
 _BEATS = 20
 _TOLERANCE = 0.1
 
@@ -61,10 +58,10 @@ def operational_only(dut: DeviceUnderTest) -> None:
     with pdo.configured({TYPE: 1}):
         for command in (NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP):
             dut.command(command)
-            dut.wire.wait(0.02)
+            dut.wire.wait(dut.settling)
             counts = sync_counts(dut, pdo, 2)
             dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-            dut.wire.wait(0.02)
+            dut.wire.wait(dut.settling)
             if any(counts):
                 raise Deviation(f"a PDO came with SYNC after {command.name}")
 
@@ -169,11 +166,12 @@ def reserved_subindex(dut: DeviceUnderTest) -> str:
 
 def sync_counts(dut: DeviceUnderTest, pdo: Pdo, count: int, sync: Frame = SYNC) -> list[int]:
     """Return how many PDOs follow each of some SYNCs; each PDO as long as it should be."""
-    dut.wire.take_all(pdo.matches, _ROOM)
+    room = dut.patience / 10  # for the PDO: a host has its own delays
+    dut.wire.take_all(pdo.matches, room)
     counts = []
     for _ in range(count):
         dut.wire.send(sync)
-        arrivals = dut.wire.take_all(pdo.matches, _ROOM)
+        arrivals = dut.wire.take_all(pdo.matches, room)
         for arrival in arrivals:
             expect_length(pdo, arrival.frame.data)
         counts.append(len(arrivals))

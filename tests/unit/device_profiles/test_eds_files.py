@@ -7,6 +7,9 @@ from pathlib import Path
 
 import canopen
 import pytest
+from dcf.device import Device
+from dcf.lint import lint
+from dcf.parse import parse_file
 
 from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.datatypes import REAL32
@@ -225,3 +228,17 @@ def test_every_object_is_told_in_the_documentation(path):
         if f"0x{variable.index:04X}" not in document
     }
     assert missing == set()
+
+
+def test_lely_accepts_it(path):
+    # What its program dcfchk does. Its findings are warnings, which are errors here.
+    file = parse_file(str(path))
+    assert lint(file)
+    assert Device(file, {"NODEID": NODE_ID})
+
+
+def test_lely_would_find_a_mistake(path, text, tmp_path):
+    broken = tmp_path / path.name
+    broken.write_text(re.sub(r"(\[1018\][^\[]*SubNumber=)5", r"\g<1>6", text), encoding="ascii")
+    with pytest.warns(UserWarning, match="1018"):
+        assert not lint(parse_file(str(broken)))

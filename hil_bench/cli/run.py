@@ -40,6 +40,7 @@ from hil_bench.runner import RunReport, run_paced
 from hil_bench.telemetry import RecordingTap
 from hil_bench.transports.bus_load import USUAL_BITRATE, BusLoad
 from hil_bench.transports.can_interfaces import bitrate_of
+from hil_bench.transports.hosted_bus import HostedBus
 from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT
@@ -181,14 +182,23 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
             transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
             bitrate = bus.bitrate or bitrate_of(str(bus.channel)) or USUAL_BITRATE
             opened = OpenBus(transport, "", lambda: None, bitrate)
+        elif args.lockstep:
+            hosted = HostedBus(port=args.hub, channel=HUB_CHANNEL)
+            flags = join_flags(hosted.host, hosted.port)
+            opened = OpenBus(hosted, flags, lambda: None, USUAL_BITRATE)
         else:
             hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
             address = {"host": hub.host, "port": hub.port}
             transport = open_transport("socketcand", HUB_CHANNEL, None, address)
-            flags = f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={hub.host} port={hub.port}"
+            flags = join_flags(hub.host, hub.port)
             opened = OpenBus(transport, flags, partial(check_hub, hub), USUAL_BITRATE)
-        stack.callback(transport.close)
+        stack.callback(opened.transport.close)
         yield opened
+
+
+def join_flags(host: str, port: int) -> str:
+    """Return python-can's flags for another program on the hub."""
+    return f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={host} port={port}"
 
 
 def check_hub(hub: HubProcess) -> None:

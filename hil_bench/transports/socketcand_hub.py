@@ -1,19 +1,11 @@
 """A CAN bus between processes where the kernel has none: a hub that speaks the socketcand protocol.
 
 What a client sends goes to every other client of the same channel, in one order for all. The raw
-mode of the protocol is spoken as python-can's `socketcand` interface and socketcand itself have it
-(github.com/linux-can/socketcand, doc/protocol.md):
-
-    hub: < hi >              client: < open can0 >        hub: < ok >
-                             client: < rawmode >          hub: < ok >
-    client: < send 123 2 de ad >          hub, to the others: < frame 123 1700000000.123456 DEAD >
-
-An identifier of eight digits is a 29-bit one. The protocol has no remote frames in this direction.
+mode of the protocol is spoken as python-can's `socketcand` interface and socketcand itself have it.
 """
 
 import asyncio
 import errno
-import re
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -21,28 +13,22 @@ from dataclasses import dataclass
 from typing import cast
 
 from hil_bench.errors import BusError
+from hil_bench.transports.socketcand_protocol import (
+    JOIN_DELAY,
+    MAX_COMMAND,
+    check_channel,
+    format_frame,
+    parse_send,
+)
 
 DEFAULT_PORT = 29536
 """socketcand's own port."""
 
 MAX_CLIENTS = 64
-MAX_COMMAND = 128
-"""Longest command [byte]; a frame of eight bytes takes 44."""
 MAX_BACKLOG = 8 * 1024 * 1024
 """What may wait for a client [byte] before it is dropped: tens of seconds of a busy bus."""
 
-# python-can compares what it reads after "rawmode" with "< ok >" exactly, so a frame that
-# follows too closely would break its start. Frames are held back until the client says something,
-# or for this time [s].
-_JOIN_DELAY = 0.05
-
-_NS_PER_S = 1_000_000_000
 _QUICKACK = getattr(socket, "TCP_QUICKACK", None)
-_CHANNEL = re.compile(r"[A-Za-z0-9_.-]{1,15}")
-_SEND = re.compile(
-    rb"< send ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +([0-8])"
-    rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
-)
 
 
 @dataclass(slots=True)
@@ -70,17 +56,11 @@ class Hub:
 
     Attributes:
         counters: what passed so far.
-
-    Raises:
-        ValueError: a channel has no name that SocketCAN would take.
     """
 
     def __init__(self, channels: Sequence[str] = ("can0",)) -> None:
         for channel in channels:
-            if not _CHANNEL.fullmatch(channel):
-                raise ValueError(
-                    f"channel {channel!r}: 1 to 15 letters, digits, '_', '.' or '-' are right"
-                )
+            check_channel(channel)
         self.counters = HubCounters()
         self._buses: dict[str, list[_Client]] = {channel: [] for channel in channels}
         self._clients: set[_Client] = set()
@@ -202,7 +182,7 @@ class _Client(asyncio.Protocol):
         self._held_back = []
         self._write(b"< ok >")
         bus.append(self)
-        asyncio.get_running_loop().call_later(_JOIN_DELAY, self._release)
+        asyncio.get_running_loop().call_later(JOIN_DELAY, self._release)
 
     def _release(self) -> None:
         """Deliver what was held back: the client has read the answer to "rawmode"."""
@@ -240,21 +220,8 @@ class _Client(asyncio.Protocol):
 
 def _frame_of(command: bytes) -> bytes | None:
     """Return what the others read of a "send" command; None where it is malformed."""
-    match = _SEND.fullmatch(command)
-    if match is None:
-        return None
-    can_id, length, data = match.groups()
-    payload = data.split()
-    if len(payload) != int(length):
-        return None
-    seconds, nanoseconds = divmod(time.time_ns(), _NS_PER_S)
-    digits = b"".join(byte.rjust(2, b"0") for byte in payload).upper()
-    return b"< frame %b %d.%06d %b >" % (
-        can_id.upper().rjust(3, b"0"),
-        seconds,
-        nanoseconds // 1_000,
-        digits,
-    )
+    frame = parse_send(command)
+    return None if frame is None else format_frame(frame, time.time_ns())
 
 
 def run_hub(

@@ -228,7 +228,7 @@ def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(monk
 
 
 def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(monkeypatch):
-    monkeypatch.setattr(socketcand_hub, "_JOIN_DELAY", 3_600)
+    monkeypatch.setattr(socketcand_hub, "JOIN_DELAY", 3_600)
 
     async def scenario(place):
         sender, listener = await place.join(), await place.connect()
@@ -252,7 +252,7 @@ def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(monkeypat
 
 
 def test_held_back_frames_follow_without_a_word_from_the_client(monkeypatch):
-    monkeypatch.setattr(socketcand_hub, "_JOIN_DELAY", 0.001)
+    monkeypatch.setattr(socketcand_hub, "JOIN_DELAY", 0.001)
 
     async def scenario(place):
         sender, listener = await place.join(), await place.join()

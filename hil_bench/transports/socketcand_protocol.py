@@ -1,0 +1,62 @@
+"""The raw mode of the socketcand protocol, as text: github.com/linux-can/socketcand.
+
+    hub: < hi >              client: < open can0 >        hub: < ok >
+                             client: < rawmode >          hub: < ok >
+    client: < send 123 2 de ad >          hub, to the others: < frame 123 1700000000.123456 DEAD >
+
+An identifier of eight digits is a 29-bit one. The protocol has no remote frames in this direction.
+"""
+
+import re
+
+from hil_bench.canopen_device.frame import Frame
+
+MAX_COMMAND = 128
+"""Longest command [byte]; a frame of eight bytes takes 44."""
+
+JOIN_DELAY = 0.05
+"""How long frames are held back from a client that has just entered the raw mode and has not said
+anything yet [s]: python-can compares what it reads after "rawmode" with "< ok >" exactly."""
+
+_CHANNEL = re.compile(r"[A-Za-z0-9_.-]{1,15}")
+_SEND = re.compile(
+    rb"< send ([01][0-9A-Fa-f]{7}|[0-7][0-9A-Fa-f]{2}|[0-9A-Fa-f]{1,2}) +([0-8])"
+    rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
+)
+_EXTENDED_DIGITS = 8
+_NS_PER_S = 1_000_000_000
+
+
+def check_channel(name: str) -> None:
+    """Refuse a channel that has no name that SocketCAN would take.
+
+    Raises:
+        ValueError: the name is not made of 1 to 15 plain characters.
+    """
+    if not _CHANNEL.fullmatch(name):
+        raise ValueError(f"channel {name!r}: 1 to 15 letters, digits, '_', '.' or '-' are right")
+
+
+def parse_send(command: bytes) -> Frame | None:
+    """Return the frame of a "send" command, given without its ">"; None where it is malformed."""
+    match = _SEND.fullmatch(command)
+    if match is None:
+        return None
+    can_id, length, text = match.groups()
+    payload = text.split()
+    if len(payload) != int(length):
+        return None
+    data = bytes([int(byte, 16) for byte in payload])
+    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
+
+
+def format_frame(frame: Frame, now: int) -> bytes:
+    """Return how a hub tells a frame to its clients, stamped with the time `now` [ns]."""
+    digits = b"%08X" if frame.is_extended else b"%03X"
+    seconds, nanoseconds = divmod(now, _NS_PER_S)
+    return b"< frame %b %d.%06d %b >" % (
+        digits % frame.can_id,
+        seconds,
+        nanoseconds // 1_000,
+        frame.data.hex().upper().encode(),
+    )

@@ -1,0 +1,263 @@
+"""The bus that a transport hosts, with clients on real loopback sockets in the same thread.
+
+The bus does nothing but inside its own calls, so a client's `hear` lets it work until the words are
+there. What clients say is what python-can 4.6 and socketcand's doc/protocol.md have.
+"""
+
+import re
+import socket
+import threading
+import time
+
+import can
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.transports import hosted_bus
+from hil_bench.transports.hosted_bus import MAX_CLIENTS, HostedBus
+from hil_bench.transports.socketcand_protocol import MAX_COMMAND
+from hil_bench.transports.transport import TransportCounters
+
+GUARD = 20.0  # [s]; never waited for, unless the test fails
+
+
+class Client:
+    def __init__(self, bus):
+        self._bus = bus
+        self._socket = socket.create_connection((bus.host, bus.port))
+        self._socket.setblocking(False)
+        self._rest = b""
+
+    def say(self, text):
+        self._socket.sendall(text)
+
+    def hear(self):
+        """Return the next message; None where the bus has cut the connection."""
+        deadline = time.monotonic() + GUARD
+        while b">" not in self._rest:
+            assert time.monotonic() < deadline
+            self._bus.wait(0.0)
+            try:
+                data = self._socket.recv(65_536)
+            except BlockingIOError:
+                continue
+            except ConnectionResetError:
+                return None
+            if not data:
+                return None
+            self._rest += data
+        message, _, self._rest = self._rest.partition(b">")
+        return message + b">"
+
+    def join(self):
+        assert self.hear() == b"< hi >"
+        self.say(b"< open can0 >")
+        assert self.hear() == b"< ok >"
+        self.say(b"< rawmode >")
+        assert self.hear() == b"< ok >"
+        return self
+
+    def close(self):
+        self._socket.close()
+
+
+@pytest.fixture
+def bus():
+    hosted = HostedBus(clock=lambda: 12_345_678_999)
+    yield hosted
+    hosted.close()
+
+
+@pytest.fixture
+def connect(bus):
+    clients = []
+
+    def connect_one():
+        clients.append(Client(bus))
+        return clients[-1]
+
+    yield connect_one
+    for client in clients:
+        client.close()
+
+
+@pytest.fixture
+def join(connect):
+    return lambda: connect().join()
+
+
+def receive(bus, count):
+    """Return the next frames that reach the bench."""
+    frames = []
+    deadline = time.monotonic() + GUARD
+    while len(frames) < count:
+        assert time.monotonic() < deadline
+        bus.wait(0.1)
+        frames += bus.receive(count - len(frames))
+    return frames
+
+
+def test_what_a_client_sends_reaches_the_bench_and_the_other_clients(bus, join):
+    sender, listener = join(), join()
+    sender.say(b"< send 123 2 de 1 >< send 1FFFFFFF 0  >")
+    assert receive(bus, 2) == [Frame(0x123, b"\xde\x01"), Frame(0x1FFFFFFF, is_extended=True)]
+    assert listener.hear() == b"< frame 123 12.345678 DE01 >"
+    assert listener.hear() == b"< frame 1FFFFFFF 12.345678  >"
+    listener.say(b"< send 001 0 >")
+    assert sender.hear() == b"< frame 001 12.345678  >"  # the first thing it hears
+    assert bus.clients == 2
+
+
+def test_what_the_bench_sends_reaches_every_client_in_its_order(bus, join):
+    clients = [join(), join()]
+    for client in clients:
+        client.say(b"< send 7FF 0 >")  # it has read the answer to "rawmode"
+    receive(bus, 2)
+    assert [clients[0].hear(), clients[1].hear()] == [b"< frame 7FF 12.345678  >"] * 2
+    bus.send([Frame(0x181, b"\x07\x00"), Frame(0x080), Frame(0x701, is_remote=True)])
+    for client in clients:
+        assert client.hear() == b"< frame 181 12.345678 0700 >"
+        assert client.hear() == b"< frame 080 12.345678  >"
+    # The protocol has no remote frames.
+    assert bus.counters() == TransportCounters(received=2, sent=2, send_failures=1)
+
+
+def test_frames_are_taken_a_bounded_share_at_a_time_however_they_are_cut_up(bus, join):
+    sender = join()
+    stream = b"".join(b"< send %03x 0  >" % n for n in range(100))
+    for start in range(0, len(stream), 7):
+        sender.say(stream[start : start + 7])
+    deadline = time.monotonic() + GUARD
+    frames, shares = [], []
+    while len(frames) < 100:
+        assert time.monotonic() < deadline
+        shares.append(bus.receive(30))
+        frames += shares[-1]
+    assert [frame.can_id for frame in frames] == list(range(100))
+    assert max(map(len, shares)) <= 30
+
+
+def test_a_wait_without_a_frame_ends(bus, join):
+    assert not bus.wait(0.0)
+    join()
+    assert not bus.wait(0.0)
+    assert bus.receive(8) == []
+
+
+def test_another_channel_is_refused_with_the_one_there_is(connect):
+    client = connect()
+    client.hear()
+    client.say(b"< open vcan7 >")
+    assert client.hear() == b"< error could not open bus; this hub has can0 >"
+    client.say(b"< open can0 >")
+    assert client.hear() == b"< ok >"
+
+
+@pytest.mark.parametrize("bad", [b"< send 123 2 1 >", b"< send 800 0 >", b"<>", b"\xff\x00>"])
+def test_a_bad_command_is_answered_and_the_client_stays(bus, join, bad):
+    client = join()
+    client.say(bad)
+    assert client.hear() == b"< error unknown command >"
+    client.say(b"< send 001 0 >")
+    assert receive(bus, 1) == [Frame(0x001)]
+
+
+@pytest.mark.parametrize("early", [b"< rawmode >", b"< send 123 0 >", b"< open >", b"< open a b >"])
+def test_commands_out_of_turn_are_refused(connect, early):
+    client = connect()
+    client.hear()
+    client.say(early)
+    assert client.hear() == b"< error unknown command >"
+
+
+def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else(bus, join):
+    client, other = join(), join()
+    client.say(b"< send " + b"1" * MAX_COMMAND)
+    assert client.hear() is None
+    other.say(b"< send 001 0 >")
+    assert receive(bus, 1) == [Frame(0x001)]
+    assert bus.clients == 1
+
+
+def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(bus, join, monkeypatch):
+    monkeypatch.setattr(hosted_bus, "MAX_BACKLOG", 10_000)
+    join()  # and never reads again
+    listener = join()
+    listener.say(b"< send 7FF 0 >")
+    receive(bus, 1)
+    for _ in range(1_000):
+        bus.send([Frame(0x123, bytes([n % 256])) for n in range(200)])
+        for n in range(200):
+            assert listener.hear() == b"< frame 123 12.345678 %02X >" % (n % 256)
+        if bus.clients == 1:
+            return
+    pytest.fail("still there after 200,000 frames")
+
+
+def test_frames_wait_until_a_new_client_has_read_the_answer_to_rawmode(bus, join, monkeypatch):
+    monkeypatch.setattr(hosted_bus, "JOIN_DELAY", 3_600)
+    client = join()
+    bus.send([Frame(0x123)])
+    bus.wait(0.0)
+    with pytest.raises(BlockingIOError):
+        client._socket.recv(100)
+    client.say(b"< send 001 0 >")
+    assert client.hear() == b"< frame 123 12.345678  >"
+
+
+def test_held_back_frames_follow_without_a_word_from_the_client(bus, join, monkeypatch):
+    monkeypatch.setattr(hosted_bus, "JOIN_DELAY", 0.001)
+    client = join()
+    bus.send([Frame(0x123)])
+    assert client.hear() == b"< frame 123 12.345678  >"
+
+
+def test_a_client_that_leaves_is_forgotten(bus, join):
+    stays = join()
+    for _ in range(2 * MAX_CLIENTS):
+        join().close()
+    stays.say(b"< send 001 0 >")
+    assert receive(bus, 1) == [Frame(0x001)]
+    bus.send([Frame(0x123)])
+    assert bus.clients == 1
+
+
+def test_more_clients_than_there_is_room_for_are_turned_away(connect):
+    for _ in range(MAX_CLIENTS):
+        assert connect().hear() == b"< hi >"
+    assert connect().hear() is None
+
+
+def test_python_can_joins_it(bus):
+    opened = []  # in a second thread, since python-can waits for answers as it opens
+    opening = threading.Thread(
+        target=lambda: opened.append(
+            can.Bus(interface="socketcand", channel="can0", host=bus.host, port=bus.port)
+        )
+    )
+    opening.start()
+    deadline = time.monotonic() + GUARD
+    while not bus.clients:
+        assert time.monotonic() < deadline
+        bus.wait(0.1)
+    opening.join()
+    with opened[0] as peer:
+        peer.send(can.Message(arbitration_id=0x601, data=b"\x40", is_extended_id=False))
+        assert receive(bus, 1) == [Frame(0x601, b"\x40")]
+        bus.send([Frame(0x581, b"\x43")])
+        message = peer.recv(GUARD)
+        assert (message.arbitration_id, bytes(message.data)) == (0x581, b"\x43")
+
+
+def test_a_port_in_use_is_said_in_one_line(bus):
+    expected = f"hub 127.0.0.1:{bus.port}: the port is in use, by another hub?; port 0 takes a free"
+    with pytest.raises(BusError, match=re.escape(expected)):
+        HostedBus(port=bus.port)
+
+
+def test_a_closed_bus_is_closed_again_without_harm(bus, join):
+    client = join()
+    bus.close()
+    bus.close()
+    assert client._socket.recv(1) == b""

@@ -6,6 +6,7 @@ is thus a function of what it received, and of nothing else: neither the speed o
 nor how the bus bundles their frames can change it.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -73,12 +74,14 @@ class LockStepReport:
     Attributes:
         now: bench time at its end [ns].
         syncs: SYNCs that moved the bench.
+        moved: from the first of them to the last on the machine's clock [s].
         frames: what passed the bus.
         lost: why the run ended early, None where it did not.
     """
 
     now: int
     syncs: int
+    moved: float
     frames: TransportCounters
     lost: BusError | None
 
@@ -94,12 +97,18 @@ def run_lockstep(
         stopped: asked after each frame, and at least every `PATIENCE` seconds.
     """
     lost = None
+    started = ended = time.perf_counter()
+    syncs = lockstep.syncs
     try:
         while not stopped():
             exchange(lockstep, transport, stopped)
+            if lockstep.syncs != syncs:
+                ended = time.perf_counter()
+                started = started if syncs else ended
+                syncs = lockstep.syncs
     except BusError as error:
         lost = error
-    return LockStepReport(lockstep.now, lockstep.syncs, transport.counters(), lost)
+    return LockStepReport(lockstep.now, lockstep.syncs, ended - started, transport.counters(), lost)
 
 
 def exchange(lockstep: LockStep, transport: Transport, stopped: Callable[[], bool]) -> None:

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import math
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
@@ -272,9 +271,8 @@ def lock_step(
         bus.check()
         return wish.requested
 
-    started = time.perf_counter()
     report, recorded = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
-    lines = lockstep_run.summary_lines(report, config, bench, started) + recorded
+    lines = lockstep_run.summary_lines(report, config, bench) + recorded
     print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost

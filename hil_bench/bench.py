@@ -158,6 +158,7 @@ class Bench:
         self._routes: dict[int, tuple[Handler, ...]] = {}
         self._merged: list[Mapping[int, Handler]] = []
         self._overheard: frozenset[int] = frozenset()
+        self._timeless: frozenset[int] = frozenset()
         self._heard: list[Frame] = []
 
     def start(self, now: int) -> None:
@@ -170,6 +171,17 @@ class Bench:
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:
         """Every COB-ID that some node listens to; a new object whenever they change."""
         return self._routes
+
+    def is_timeless(self, frame: Frame) -> bool:
+        """Return whether a frame may be served between two ticks: an SDO request, or for nobody.
+
+        None may while a frame that one of our nodes has sent waits for the next tick to be heard by
+        another one, since nothing is to overtake it.
+        """
+        if self._heard:
+            return False
+        can_id = frame.can_id
+        return frame.is_extended or can_id in self._timeless or can_id not in self._routes
 
     def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Move the whole bench on by one tick.
@@ -250,6 +262,8 @@ class Bench:
         self._overheard = frozenset(
             can_id for can_id, handlers in routes.items() if len(handlers) > 1
         )
+        requests = {can_id for node in self.nodes for can_id in node.sdo_ids}
+        self._timeless = frozenset(requests - self._overheard)
 
     def _routes_changed(self) -> bool:
         return any(

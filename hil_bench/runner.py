@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.bench import Bench
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.config import RealtimeConfig
 from hil_bench.errors import BusError, TimingError
@@ -20,6 +21,13 @@ FRAMES_WHEN_LATE = 4
 """Most frames taken in a tick that starts later than its period is long. Such ticks follow back to
 back until the loop is on time again, so a flood that this machine cannot keep up with costs
 answers' latency and never a tick."""
+
+SHORTEST_ROUND = 200_000
+"""Time before a tick [ns] in which nothing is served any more: longer than serving takes."""
+
+ROUNDS_BETWEEN_TICKS = 16
+"""How often the bus is looked at between two ticks, each time for `FRAMES_WHEN_LATE` frames: a
+flood of what nobody here listens to costs no more than that."""
 
 _MILLISECOND = 1_000_000
 
@@ -94,16 +102,64 @@ def _loop(
 ) -> None:
     now = pacer.wait()
     bench.start(now)
-    routes = bench.routes
-    transport.listen_to(routes)
+    bus = _Bus(bench, transport, pacer)
     share = frames_per_tick(pacer.period)
     while not stopped():
         limit = share if pacer.lateness <= pacer.period else FRAMES_WHEN_LATE
-        transport.send(bench.tick(transport.receive(limit), now))
-        if bench.routes is not routes:
-            routes = bench.routes
-            transport.listen_to(routes)
+        bus.send(bench.tick(bus.take(limit), now))
         for observe in observers:
             observe(bench, now)
         pacer.done()
+        bus.serve(now)
         now = pacer.wait()
+
+
+class _Bus:
+    """The bus of a paced run: what ticks take from it, and what is served between them."""
+
+    def __init__(self, bench: Bench, transport: Transport, pacer: Pacer) -> None:
+        self._bench = bench
+        self._transport = transport
+        self._pacer = pacer
+        self._held: list[Frame] = []
+        self._routes = bench.routes
+        transport.listen_to(self._routes)
+
+    def take(self, limit: int) -> list[Frame]:
+        """Return the frames for a tick, the oldest first."""
+        held, self._held = self._held, []
+        return held + self._transport.receive(limit - len(held))
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames, and listen to the identifiers that have changed meanwhile."""
+        self._transport.send(frames)
+        if self._bench.routes is not self._routes:
+            self._routes = self._bench.routes
+            self._transport.listen_to(self._routes)
+
+    def serve(self, now: int) -> None:
+        """Answer SDO requests until shortly before the next tick.
+
+        Nothing overtakes: a frame that is for the tick holds back what comes after it.
+
+        Args:
+            now: time of the last tick [ns], at which the bench stands still.
+        """
+        if not self._transport.has_exact_wait:
+            return
+        for _ in range(ROUNDS_BETWEEN_TICKS):
+            remaining = self._pacer.remaining()
+            if remaining < SHORTEST_ROUND or not self._transport.wait(remaining * 1e-9):
+                return
+            if self._pacer.remaining() < SHORTEST_ROUND:
+                return
+            frames = self._transport.receive(FRAMES_WHEN_LATE)
+            count = next(
+                (n for n, frame in enumerate(frames) if not self._bench.is_timeless(frame)),
+                len(frames),
+            )
+            self._held = frames[count:]
+            if count:
+                self.send(self._bench.serve(frames[:count], now))
+            if self._held:
+                return

@@ -85,8 +85,7 @@ class RecordingTap:
     def __init__(self, transport: Transport, recording: RecordingSink) -> None:
         self._transport = transport
         self._recording = recording
-        self._received: list[Frame] = []
-        self._sent: Sequence[Frame] = ()
+        self._frames: list[tuple[Sequence[Frame], bool]] = []
         self._start: int | None = None
 
     @property
@@ -94,10 +93,16 @@ class RecordingTap:
         """The bus for people."""
         return self._transport.description
 
+    @property
+    def has_exact_wait(self) -> bool:
+        """Whether the bus can be waited on exactly."""
+        return self._transport.has_exact_wait
+
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived; see `Transport`."""
-        self._received = self._transport.receive(limit)
-        return self._received
+        received = self._transport.receive(limit)
+        self._frames.append((received, True))
+        return received
 
     def wait(self, timeout: float) -> bool:
         """Wait until a frame has arrived; see `Transport`."""
@@ -105,7 +110,7 @@ class RecordingTap:
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames."""
-        self._sent = frames
+        self._frames.append((frames, False))
         self._transport.send(frames)
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
@@ -124,6 +129,7 @@ class RecordingTap:
         if self._start is None:
             self._start = now
         time = now - self._start
-        self._recording.append_frames(self._received, time, is_received=True)
-        self._recording.append_frames(self._sent, time, is_received=False)
+        for frames, is_received in self._frames:
+            self._recording.append_frames(frames, time, is_received=is_received)
+        self._frames.clear()
         self._recording.append_row((time * 1e-9, *sample(bench)))

@@ -11,6 +11,7 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 `expire` and `serve` have nothing to do before `node.deadline`.
 """
 
+from collections.abc import Collection
 from typing import Any
 
 from hil_bench.canopen_device.agenda import Agenda
@@ -93,6 +94,11 @@ class Node:
     def deadline(self) -> int:
         """The next time at which `expire` or `serve` has something to do [ns]."""
         return self._agenda.due
+
+    @property
+    def sdo_ids(self) -> Collection[int]:
+        """Identifiers of the requests that this node's SDO servers take."""
+        return self._services.sdo.handlers.keys()
 
     @property
     def storage_problem(self) -> str | None:

@@ -80,6 +80,10 @@ class Pacer:
         self._started = now
         return scheduled
 
+    def remaining(self) -> int:
+        """Return the time until the next tick is due [ns]; negative where it is late."""
+        return 0 if self._next is None else self._next - self._clock.now()
+
     def done(self) -> None:
         """Record the tick that `wait` started: its work is over.
 

@@ -3,6 +3,7 @@
 import difflib
 import errno
 import socket
+import sys
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -15,6 +16,7 @@ from hil_bench.transports.transport import Transport
 
 _HUB_HINT = "'hil-bench run --hub' makes a bus that needs none"
 _ANSWER_TIMEOUT = 5.0
+_EXACT = frozenset({"socketcand"} if sys.platform != "win32" else ())  # it waits in select()
 
 
 def open_transport(
@@ -40,7 +42,8 @@ def open_transport(
     settings, what = _settle(interface, channel, bitrate, options)
     bus = _open(settings, what)
     if settings["interface"] != "socketcan":
-        return PythonCanTransport(bus, what)
+        has_exact_wait = settings["interface"] in _EXACT
+        return PythonCanTransport(bus, what, has_exact_wait=has_exact_wait)
     try:
         return SocketCanTransport(cast("RawCanBus", bus), str(settings["channel"]))
     except BusError:

@@ -40,13 +40,16 @@ class PythonCanTransport:
     Args:
         bus: the bus; the transport shuts it down when it is closed.
         description: the bus in words, for messages.
+        has_exact_wait: whether this bus' `recv` keeps its time-out to some 10 us.
 
     Attributes:
         description: the bus in words.
+        has_exact_wait: as passed in.
     """
 
-    def __init__(self, bus: can.BusABC, description: str) -> None:
+    def __init__(self, bus: can.BusABC, description: str, *, has_exact_wait: bool = False) -> None:
         self.description = description
+        self.has_exact_wait = has_exact_wait
         self._bus = bus
         self._waiting: can.Message | None = None
         self._received = 0

@@ -11,9 +11,11 @@ class SilentTransport:
 
     Attributes:
         description: the bus in words.
+        has_exact_wait: never.
     """
 
     description = "silent"
+    has_exact_wait = False
 
     def receive(self, limit: int) -> list[Frame]:  # noqa: ARG002 - the protocol's
         """Return nothing."""

@@ -53,6 +53,9 @@ _SO_RXQ_OVFL = 40
 _DROP_COUNTER = struct.Struct("=I")
 _ANCILLARY_SIZE = 64
 
+# Of sys/select.h. select() waits to the microsecond, poll() to the millisecond.
+_FD_SETSIZE = 1024
+
 _TRY_LATER = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS})
 
 
@@ -147,6 +150,11 @@ class SocketCanTransport:
         if pending_error:
             raise BusError(f"{self.description}: {_reason(pending_error, channel)}")
 
+    @property
+    def has_exact_wait(self) -> bool:
+        """Whether the socket is one that `select` takes."""
+        return self._socket.fileno() < _FD_SETSIZE
+
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, reading at most `limit` frames, without waiting.
 
@@ -177,9 +185,11 @@ class SocketCanTransport:
 
         An error of the interface ends the wait too; `receive` raises it.
         """
-        poll = select.poll()
-        poll.register(self._socket, select.POLLIN)
-        return bool(poll.poll(timeout * 1e3))
+        if not self.has_exact_wait:
+            poll = select.poll()
+            poll.register(self._socket, select.POLLIN)
+            return bool(poll.poll(timeout * 1e3))
+        return bool(select.select([self._socket], [], [], timeout)[0])
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order, those that are still waiting first.

@@ -36,6 +36,10 @@ class Transport(Protocol):
     def description(self) -> str:
         """The bus in words: "socketcan vcan0"."""
 
+    @property
+    def has_exact_wait(self) -> bool:
+        """Whether `wait` ends on time to some 10 us, so that a paced loop may sleep in it."""
+
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, in order, at most `limit` frames; the rest waits.
 

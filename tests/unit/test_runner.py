@@ -18,6 +18,7 @@ class ScriptedTransport:
     """Gives the bench its frames and keeps what it sends."""
 
     description = "scripted"
+    has_exact_wait = False
 
     def __init__(self, arriving=(), lost_after=None):
         self.arriving = list(arriving)
@@ -125,3 +126,106 @@ def test_a_lost_bus_ends_the_run_and_is_reported():
     report = run(ScriptedTransport(lost_after=3), ticks=10)
     assert str(report.lost) == "scripted: the bus is lost"
     assert report.ticks.ticks == 3
+
+
+class TimedTransport(ScriptedTransport):
+    """Brings each frame at its time; a wait lets time pass, and sending takes 20 us."""
+
+    has_exact_wait = True
+
+    def __init__(self, clock, arrivals):
+        super().__init__()
+        self.clock = clock
+        self.arrivals = list(arrivals)
+        self.sent_at = []
+
+    def wait(self, timeout):
+        deadline = self.clock.now() + round(timeout * 1e9)
+        due = self.arrivals[0][0] if self.arrivals else deadline
+        self.clock.sleep_until(min(due, deadline))
+        return due <= deadline
+
+    def receive(self, limit):
+        frames = []
+        while self.arrivals and self.arrivals[0][0] <= self.clock.now() and len(frames) < limit:
+            frames.append(self.arrivals.pop(0)[1])
+        return frames
+
+    def send(self, frames):
+        self.clock.advance(20_000 * len(frames))
+        self.sent_at += [(self.clock.now(), frame.can_id) for frame in frames]
+
+
+def us(time):
+    return round(time * 1_000)
+
+
+READ_VALVE = Frame(0x601, b"\x40\x00\x10\x00\x00\x00\x00\x00")
+READ_POSITION = Frame(0x604, READ_VALVE.data)
+SYNC = Frame(0x080)
+
+
+def answers(arrivals, ticks=5):
+    """Run on a clock that starts at 0; return the SDO answers with their times [ns]."""
+    clock = VirtualClock()
+    transport = TimedTransport(clock, arrivals)
+    pacer = Pacer(clock, TICK)
+    run_paced(
+        build_bench(load_config()),
+        transport,
+        pacer,
+        stopped=lambda: pacer.statistics.ticks == ticks,
+    )
+    assert pacer.statistics.overruns == 0
+    assert pacer.statistics.lateness.maximum <= 20_000 * 4  # what the guard before a tick is for
+    return [(time, can_id) for time, can_id in transport.sent_at if can_id & 0x780 == 0x580]
+
+
+def test_an_sdo_request_is_answered_between_two_ticks():
+    # 20 us are what sending takes here.
+    assert answers([(us(2300), READ_VALVE), (us(2400), READ_POSITION)]) == [
+        (us(2320), 0x581),
+        (us(2420), 0x584),
+    ]
+
+
+def test_shortly_before_a_tick_nothing_is_served():
+    assert answers([(us(2850), READ_VALVE)]) == [(us(3020), 0x581)]
+
+
+def test_nothing_overtakes_what_is_for_the_tick():
+    assert answers([(us(2300), SYNC), (us(2310), READ_VALVE)]) == [(us(3020), 0x581)]
+    assert answers([(us(2300), READ_VALVE), (us(2300), SYNC), (us(2300), READ_POSITION)]) == [
+        (us(2320), 0x581),
+        (us(3020), 0x584),
+    ]
+
+
+def test_a_frame_for_nobody_holds_nothing_back():
+    assert answers([(us(2300), Frame(0x7FF)), (us(2310), READ_VALVE)]) == [(us(2330), 0x581)]
+
+
+def test_a_flood_between_ticks_costs_none():
+    flood = [(us(2000) + 10_000 * n, Frame(0x7FF)) for n in range(400)]
+    assert answers([*flood, (us(8300), READ_VALVE)], ticks=11) == [(us(8320), 0x581)]
+    requests = [(us(2000), READ_VALVE)] * 300
+    assert len(answers(requests, ticks=30)) == 300
+
+
+def test_an_object_written_between_ticks_acts_in_the_next_one():
+    """0x1400.01: RPDO1 is told another identifier, and the bus is asked for it at once."""
+    clock = VirtualClock()
+    writes = ["23001401010200c0", "2300140102020000"]  # off first, as CiA 301 wants it
+    transport = TimedTransport(
+        clock,
+        [(us(2300 + 100 * n), Frame(0x601, bytes.fromhex(data))) for n, data in enumerate(writes)],
+    )
+    pacer = Pacer(clock, TICK)
+    run_paced(
+        build_bench(load_config()),
+        transport,
+        pacer,
+        stopped=lambda: pacer.statistics.ticks == 3,
+    )
+    assert 0x201 in transport.filters[0]
+    assert 0x201 not in transport.filters[-1]

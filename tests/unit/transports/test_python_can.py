@@ -174,3 +174,8 @@ def test_a_bus_lost_while_waiting_is_told(make_transport):
     transport, _ = make_transport(received=[can.CanOperationError("unplugged")])
     with pytest.raises(BusError, match=r"^virtual test: bus lost: unplugged$"):
         transport.wait(0.5)
+
+
+@pytest.mark.parametrize("is_exact", [False, True])
+def test_whether_its_wait_is_exact_is_for_who_opens_it_to_say(is_exact):
+    assert PythonCanTransport(None, "test", has_exact_wait=is_exact).has_exact_wait is is_exact

@@ -111,16 +111,11 @@ def _branches(
     """Return the roots for each gain, each column next to where it was at the gain before."""
     constant = np.zeros_like(denominator)
     constant[-1] = 1.0
+    orders = np.array(list(permutations(range(len(denominator) - 1))))
     rows: list[npt.NDArray[np.complex128]] = []
     for gain in gains:
         roots = np.roots(denominator + gain * constant).astype(np.complex128)
-        rows.append(_matched(roots, rows[-1]) if rows else np.sort_complex(roots))
+        before = rows[-1] if rows else np.sort_complex(roots)
+        nearest = np.abs(roots[orders] - before).sum(axis=1).argmin()
+        rows.append(roots[orders[nearest]])
     return np.array(rows)
-
-
-def _matched(
-    roots: npt.NDArray[np.complex128], before: npt.NDArray[np.complex128]
-) -> npt.NDArray[np.complex128]:
-    orders = [list(order) for order in permutations(range(len(roots)))]
-    distances = [float(np.abs(roots[order] - before).sum()) for order in orders]
-    return roots[orders[int(np.argmin(distances))]]

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from hil_bench import __version__
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
+from hil_bench.cli.verbosity import add_verbosity_arguments
 from hil_bench.errors import HilBenchError
 
 VERBS = {
@@ -22,6 +23,7 @@ VERBS = {
     "run": "run the bench in real time on a CAN bus",
     "check": "check a bench, and print each value with its origin",
     "check-eds": "find what is wrong in EDS files, with line numbers",
+    "analyse": "the paper's analyses, of Table I or of your bench: numbers, tables, figures",
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",
@@ -73,7 +75,7 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    _add_output_arguments(parser, verbose=0, quiet=False)
+    add_verbosity_arguments(parser, verbose=0, quiet=False)
     subparsers = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
     called = next((argument for argument in arguments if not argument.startswith("-")), None)
     for verb, summary in VERBS.items():
@@ -81,28 +83,12 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
             importlib.import_module(f"hil_bench.cli.{verb.replace('-', '_')}").add_parser(
                 subparsers
             )
-            _add_output_arguments(
+            add_verbosity_arguments(
                 subparsers.choices[verb], verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS
             )
         else:
             subparsers.add_parser(verb, help=summary)
     return parser
-
-
-def _add_output_arguments(
-    parser: argparse.ArgumentParser, *, verbose: int | str, quiet: bool | str
-) -> None:
-    """Let -v and -q stand before the verb and after it."""
-    parser.add_argument(
-        "-v",
-        "--verbose",
-        action="count",
-        default=verbose,
-        help="say more; twice: all, with the traceback of an error",
-    )
-    parser.add_argument(
-        "-q", "--quiet", action="store_true", default=quiet, help="say nothing but errors"
-    )
 
 
 def _set_up_logging(verbosity: int, *, quiet: bool) -> None:

@@ -61,13 +61,41 @@ def pack(parameters: PlantParameters, options: PlantOptions, dt: float) -> Seque
 @kernel
 def unpack(row: Floats) -> Constants:
     """Return the constants in their groups."""
+    return unpack_lane(row, 0, 1)
+
+
+@kernel
+def unpack_lane(row: Floats, first: int, stride: int) -> Constants:
+    """Return the constants of one plant among several, whose first is at `first`, in their groups.
+
+    Args:
+        row: of all plants; each constant of all of them, then the next constant.
+        first: index of the plant's first constant.
+        stride: how many places lie between two constants of a plant.
+    """
+    f, s = first, stride
     return (
-        (row[0], row[1], row[2], row[3]),
-        (row[4], row[5]),
-        (row[6], row[7], row[8], row[9]),
-        (row[10], row[11], row[12], row[13]),
-        (row[14], row[15], row[16], row[17], row[18]),
-        (row[19], row[20], row[21], row[22], row[23], row[24], row[25]),
-        (row[26], row[27], row[28], row[29], row[30], row[31]),
-        (row[32], row[33], row[34]),
+        (row[f], row[f + s], row[f + 2 * s], row[f + 3 * s]),
+        (row[f + 4 * s], row[f + 5 * s]),
+        (row[f + 6 * s], row[f + 7 * s], row[f + 8 * s], row[f + 9 * s]),
+        (row[f + 10 * s], row[f + 11 * s], row[f + 12 * s], row[f + 13 * s]),
+        (row[f + 14 * s], row[f + 15 * s], row[f + 16 * s], row[f + 17 * s], row[f + 18 * s]),
+        (
+            row[f + 19 * s],
+            row[f + 20 * s],
+            row[f + 21 * s],
+            row[f + 22 * s],
+            row[f + 23 * s],
+            row[f + 24 * s],
+            row[f + 25 * s],
+        ),
+        (
+            row[f + 26 * s],
+            row[f + 27 * s],
+            row[f + 28 * s],
+            row[f + 29 * s],
+            row[f + 30 * s],
+            row[f + 31 * s],
+        ),
+        (row[f + 32 * s], row[f + 33 * s], row[f + 34 * s]),
     )

@@ -1,7 +1,6 @@
 """Friction of the piston: the Stribeck curve, eq. (13), with tanh(gain v) for the sign."""
 
-import math
-
+from hil_bench.plant.elementary import exp, log, tanh
 from hil_bench.plant.kernel import kernel
 
 FrictionConstants = tuple[float, float, float, float, float, float]
@@ -22,9 +21,9 @@ def weaken(speed: float, friction: FrictionConstants) -> tuple[float, float]:
         (F_s - F_c) exp(-power) [N] and power = (speed / chi)^delta [-].
     """
     _, weakening, _, log_chi, delta, _ = friction
-    exponent = delta * (math.log(speed) - log_chi)
-    power = math.exp(_WEAKENED if exponent > _WEAKENED else exponent)
-    return weakening * math.exp(-power), power
+    exponent = delta * (log(speed) - log_chi)
+    power = exp(_WEAKENED if exponent > _WEAKENED else exponent)
+    return weakening * exp(-power), power
 
 
 @kernel
@@ -38,7 +37,7 @@ def linearise_friction(v: float, friction: FrictionConstants) -> tuple[float, fl
     speed = CREEP if speed < CREEP else speed
     stribeck, power = weaken(speed, friction)
     level = F_c + stribeck
-    sign = math.tanh(gain * speed)
+    sign = tanh(gain * speed)
     sign_secant = sign / speed
     rise = gain * (1.0 - sign * sign) * level if sign < 1.0 else 0.0
     fall = sign_secant * stribeck * power * delta

@@ -36,13 +36,22 @@ class Floats(Protocol):
 
 def kernel(function: _Kernel) -> _Kernel:
     """Return the function compiled where Numba is present, and unchanged where it is not."""
+    # forceinline: left to itself the compiler passes the larger kernels every constant in memory.
+    return _compile(function, {"forceinline": True})
+
+
+def long_kernel(function: _Kernel) -> _Kernel:
+    """Return the function as `kernel` does; other threads run meanwhile."""
+    return _compile(function, {"nogil": True})
+
+
+def _compile(function: _Kernel, options: dict[str, Any]) -> _Kernel:
     if not IS_COMPILED:
         return function
-    # forceinline: left to itself the compiler passes the larger kernels every constant in memory.
     try:
-        compiled = numba.njit(cache=True, error_model="numpy", forceinline=True)(function)
+        compiled = numba.njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # no directory to cache in: a read-only or zipped installation
-        compiled = numba.njit(error_model="numpy", forceinline=True)(function)
+        compiled = numba.njit(error_model="numpy", **options)(function)
     return cast("_Kernel", compiled)
 
 

@@ -30,16 +30,15 @@ def linearise_flow(
         The flow [m³/s], its secant |Q / dp| and its tangent |dQ / dP|, both [m³/(s Pa)].
     """
     K, P_S, P_T, transition_squared, signed = orifice
-    if opening == 0.0:
-        return 0.0, 0.0, 0.0
     drop = P_S - pressure if opening > 0.0 else pressure - P_T
     square = drop * drop
     total = square + transition_squared
-    if total == 0.0 or (drop < 0.0 and signed == 0.0):
-        return 0.0, 0.0, 0.0
-    gain = opening * K / math.sqrt(math.sqrt(total))
+    is_blocked = total == 0.0 or (drop < 0.0 and signed == 0.0)
+    total = 1.0 if is_blocked else total
+    gain = 0.0 if is_blocked else opening * K / math.sqrt(math.sqrt(total))
     secant = abs(gain)
-    return gain * drop, secant, secant * (1.0 - 0.5 * square / total)
+    # + 0.0: a closed orifice passes 0, never -0
+    return gain * drop + 0.0, secant, secant * (1.0 - 0.5 * square / total)
 
 
 @kernel

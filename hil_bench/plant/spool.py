@@ -70,8 +70,8 @@ def orifice_state(nu: float, opening: OpeningConstants) -> float:
     Both are given for each direction, as the paper suggests for "more specific DCV assemblies".
     """
     alpha, beta, alpha_negative, beta_negative = opening
-    if nu > 0.0:
-        z = nu - beta
-        return 0.0 if z <= 0.0 else alpha if z > alpha else z
-    z = nu + beta_negative
-    return 0.0 if z >= 0.0 else -alpha_negative if z < -alpha_negative else z
+    limit = alpha if nu > 0.0 else alpha_negative
+    z = abs(nu) - (beta if nu > 0.0 else beta_negative)
+    z = 0.0 if z < 0.0 else z
+    z = limit if z > limit else z
+    return z if nu > 0.0 else 0.0 - z

@@ -1,0 +1,122 @@
+"""Many plants at once: the bench's solver on blocks of plants, side by side in vector registers.
+
+A block holds one number of each plant, then the next number: so the compiler turns the very kernels
+of a single plant into vector instructions, and each plant of a batch gives the same bits as alone.
+A block stays in the processor's first cache for all steps of a run.
+"""
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.plant.constants import pack, unpack_lane
+from hil_bench.plant.implicit_midpoint import move_cylinder
+from hil_bench.plant.kernel import Floats, kernel, long_kernel
+from hil_bench.plant.options import PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.spool import move_spool, orifice_state
+from hil_bench.plant.state import PlantState
+
+LANES = 16
+"""Plants in a block: two registers of eight, so that one hides the latency of the other."""
+
+SEEN = ("x", "v", "P_A", "P_B", "z")
+"""What a batch shows of each plant, as in `hil_bench.plant.state.PlantOutput`."""
+
+_STATES = len(PlantState._fields)
+_SETPOINT = _STATES  # its place in the block, after the states
+_CONSTANTS = _STATES + 1
+
+Values = npt.NDArray[np.float64]
+
+PlantSet = Sequence[tuple[PlantParameters, PlantOptions, PlantState]]
+"""What each plant is, and where it starts."""
+
+
+def pack_block(plants: PlantSet, dt: float) -> Values:
+    """Return a block of at most `LANES` plants; what is left is filled with the last one.
+
+    Args:
+        plants: without extensions.
+        dt: step [s].
+    """
+    rows = [[*state, 0.0, *pack(parameters, options, dt)] for parameters, options, state in plants]
+    rows += [rows[-1]] * (LANES - len(rows))
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).T).reshape(-1)
+
+
+@kernel
+def move_lane(block: Floats, lane: int) -> tuple[float, float, float, float, float, float]:
+    """Return the states of one plant of a block one step later."""
+    constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+    nu, nu_dot = block[4 * LANES + lane], block[5 * LANES + lane]
+    moved, moved_dot = move_spool(nu, nu_dot, block[_SETPOINT * LANES + lane], constants[3])
+    z_middle = orifice_state(0.5 * (nu + moved), constants[2])
+    x, v = block[lane], block[LANES + lane]
+    P_A, P_B = block[2 * LANES + lane], block[3 * LANES + lane]
+    x, v, P_A, P_B = move_cylinder((x, v, P_A, P_B), z_middle, 0.0, constants)
+    return x, v, P_A, P_B, moved, moved_dot
+
+
+@kernel
+def show_block(block: Floats, seen: Floats, row: int) -> None:
+    """Write what is seen of each plant of a block as a row of `seen`."""
+    for lane in range(LANES):
+        constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+        place = row * len(SEEN) * LANES + lane
+        for field in range(4):
+            seen[place + field * LANES] = block[field * LANES + lane]
+        seen[place + 4 * LANES] = orifice_state(block[4 * LANES + lane], constants[2])
+
+
+@long_kernel
+def run_block(block: Floats, setpoints: Floats, seen: Floats, steps: int, every: int) -> None:
+    """Run a block of plants under set-points of their own, in place.
+
+    Args:
+        block: as `pack_block` gives it.
+        setpoints: u [m] of each plant for the first step, then for the next, and so on.
+        seen: takes, after each `every`-th step, each field of `SEEN` of all plants.
+        steps: how many.
+        every: steps between two rows.
+    """
+    for step in range(steps):
+        for lane in range(LANES):
+            block[_SETPOINT * LANES + lane] = setpoints[step * LANES + lane]
+        for lane in range(LANES):
+            x, v, P_A, P_B, nu, nu_dot = move_lane(block, lane)
+            block[lane], block[LANES + lane] = x, v
+            block[2 * LANES + lane], block[3 * LANES + lane] = P_A, P_B
+            block[4 * LANES + lane], block[5 * LANES + lane] = nu, nu_dot
+        if (step + 1) % every == 0:
+            show_block(block, seen, (step + 1) // every - 1)
+
+
+def run_plants(plants: PlantSet, setpoints: Values, *, dt: float, every: int = 1) -> Values:
+    """Run at most `LANES` plants on the linearly implicit midpoint rule.
+
+    Args:
+        plants: without extensions; their parameters, options and states are not checked here.
+        setpoints: u [m] of each plant, shape (plants, steps).
+        dt: step [s].
+        every: steps between two rows.
+
+    Returns:
+        The fields of `SEEN` after each `every`-th step, shape (plants, steps // every, 5).
+    """
+    steps = setpoints.shape[1]
+    block = pack_block(plants, dt)
+    lanes = np.empty((steps, LANES))
+    lanes[:, : len(plants)] = setpoints.T
+    lanes[:, len(plants) :] = setpoints[-1, :, np.newaxis]
+    seen = np.empty((steps // every, len(SEEN), LANES))
+    run_block(
+        cast("Floats", block),
+        cast("Floats", lanes.reshape(-1)),
+        cast("Floats", seen.reshape(-1)),
+        steps,
+        every,
+    )
+    return np.ascontiguousarray(seen[:, :, : len(plants)].transpose(2, 0, 1))

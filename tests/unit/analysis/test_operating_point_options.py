@@ -1,0 +1,24 @@
+"""What the trim does not know, it refuses."""
+
+import pytest
+
+from hil_bench.analysis.errors import OperatingPointError
+from hil_bench.analysis.operating_point import find_operating_point
+from hil_bench.plant import PlantOptions, PlantParameters
+from hil_bench.plant.extensions import LuGreFriction, SupplyUnit
+from hil_bench.plant.loads import ConstantLoad
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        PlantOptions(bristles=LuGreFriction()),
+        PlantOptions(supply=SupplyUnit()),
+        PlantOptions(loads=(ConstantLoad(10.0),)),
+    ],
+)
+def test_options_with_states_or_loads_of_their_own_are_refused(
+    table_1: PlantParameters, options: PlantOptions
+) -> None:
+    with pytest.raises(OperatingPointError, match="give what acts on the rod as the load F_L"):
+        find_operating_point(table_1, options, velocity=0.1)

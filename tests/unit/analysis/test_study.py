@@ -1,0 +1,112 @@
+"""What a study leaves: text, JSON values, CSV, PNG and SVG, the same bytes each time."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_bench.analysis import errors
+from hil_bench.analysis.errors import require_extra
+from hil_bench.analysis.linear_studies import (
+    linearisation_study,
+    operating_points_study,
+    root_locus_study,
+)
+from hil_bench.analysis.operating_point import find_operating_point
+from hil_bench.analysis.study import Fact, Study, make_table, write_study
+from hil_bench.errors import ConfigError
+from hil_bench.plant import PlantOptions, PlantParameters
+from hil_bench.recording.channels import Channel
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "plain"),
+    [
+        (0.5, "0.5", 0.5),
+        (-50.0 + 444.6j, "-50 + 444.6j", [-50.0, 444.6]),
+        (-50.0 - 444.6j, "-50 - 444.6j", [-50.0, -444.6]),
+        (-3.0 + 0.0j, "-3", [-3.0, 0.0]),
+        (math.inf, "inf", None),
+    ],
+)
+def test_a_fact_is_read_by_people_and_by_programs(value: complex, text: str, plain: object) -> None:
+    fact = Fact("something", value, "-")
+
+    assert fact.text == text
+    assert fact.plain == plain
+
+
+def test_a_table_is_written_with_names_units_and_all_digits(tmp_path: Path) -> None:
+    table = make_table({Channel("a", "m"): [0.1, 1.0 / 3.0], Channel("b", "-"): [1.0, 2.0]})
+    write_study(Study(title="", facts=[], tables={"name": table}, figures={}), tmp_path)
+
+    lines = (tmp_path / "name.csv").read_text(encoding="utf-8").splitlines()
+    assert lines == ["a,b", "m,-", "0.1,1.0", "0.3333333333333333,2.0"]
+
+
+def test_the_same_study_writes_the_same_bytes(table_1: PlantParameters, tmp_path: Path) -> None:
+    written = []
+    for name in ("once", "again"):
+        directory = tmp_path / name
+        directory.mkdir()
+        for study in (root_locus_study(table_1), operating_points_study(table_1)):
+            write_study(study, directory)
+        written.append({path.name: path.read_bytes() for path in directory.iterdir()})
+
+    assert written[0] == written[1]
+    stems = ("root-locus", "frequency-response-linear")
+    assert written[0].keys() == {
+        f"{stem}.{suffix}" for stem in stems for suffix in ("csv", "png", "svg")
+    }
+    for content in written[0].values():
+        assert b"matplotlib.org" not in content
+        assert b"<dc:date>" not in content
+
+
+def test_a_figure_that_cannot_be_written_is_one_line(
+    table_1: PlantParameters, tmp_path: Path
+) -> None:
+    (tmp_path / "root-locus.png").mkdir()
+    with pytest.raises(ConfigError, match=r"root-locus\.png: cannot be written: Is a directory"):
+        write_study(root_locus_study(table_1), tmp_path)
+
+
+def test_the_facts_of_a_linearisation_are_those_of_the_closed_forms(
+    table_1: PlantParameters,
+) -> None:
+    point = find_operating_point(table_1, velocity=0.1)
+    study = linearisation_study(table_1, point, PlantOptions.paper())
+    facts = {fact.name: fact.value for fact in study.facts}
+
+    # Q_L = A v with A = 4.85e-3 m², v = 0.1 m/s; K from eq. (7): C_q = Q_L / z in steady motion of
+    # the reduced model, whose z is not quite the full model's.
+    assert facts["reduced: flow gain C_q (21), printed"] == pytest.approx(
+        math.sqrt(2.0) * facts["reduced: flow gain C_q (21), consistent"].real
+    )
+    assert facts["reduced: flow gain C_q (21), consistent"] == pytest.approx(
+        4.85e-4 / facts["full-order: orifice state"].real, rel=0.02
+    )
+
+
+def test_the_linearisation_of_a_closed_valve_has_no_response_to_draw(
+    table_1: PlantParameters, tmp_path: Path
+) -> None:
+    point = find_operating_point(table_1, velocity=0.0)
+    study = linearisation_study(table_1, point, PlantOptions.paper())
+    write_study(study, tmp_path)
+
+    names = study.tables["linearisation"].dtype.names
+    assert names is not None
+    assert not [name for name in names if name.startswith("full-order")]
+    assert np.isfinite(study.tables["linearisation"]["frequency"]).all()
+
+
+def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _name: None)
+    with pytest.raises(ConfigError) as caught:
+        require_extra("scipy", "a frequency response")
+
+    assert str(caught.value) == (
+        "a frequency response needs scipy; install it with: pip install 'hil-bench[analysis]'"
+    )

@@ -45,10 +45,13 @@ class HostedBus:
         port: the port it listens on.
         channel: as passed in.
         description: the bus in words.
+        has_exact_wait: no, a wait counts milliseconds.
 
     Raises:
         BusError: the address cannot be had.
     """
+
+    has_exact_wait = False
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Device descriptions as data: one EDS file (CiA 306) a device, and where to find it."""
+"""Device descriptions as data: EDS files (CiA 306), register maps, and where to find them."""
 
 from pathlib import Path
 
@@ -14,4 +14,7 @@ ENCODER_406 = Path(__file__).with_name("encoder_406.eds")
 IMITATIONS = Path(__file__).with_name("imitations")
 """Folder of EDS files that imitate classes of real devices, see docs/devices.md."""
 
-__all__ = ["ENCODER_406", "IMITATIONS", "PRESSURE_404", "VALVE_408"]
+REGISTERS = Path(__file__).with_name("registers")
+"""Folder of register maps (TOML), one a device profile by its name, see docs/modbus.md."""
+
+__all__ = ["ENCODER_406", "IMITATIONS", "PRESSURE_404", "REGISTERS", "VALVE_408"]

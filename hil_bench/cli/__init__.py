@@ -28,6 +28,7 @@ VERBS = {
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",
     "devices": "print the device table: node-IDs, profiles, PDOs",
+    "registers": "print the register maps of the Modbus units",
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""
 

@@ -47,8 +47,12 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def load_bench_config(args: argparse.Namespace) -> BenchConfig:
+def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> BenchConfig:
     """Return the configuration with what the command line says of it.
+
+    Args:
+        args: the command line.
+        modbus: as for `load_config`.
 
     Raises:
         ConfigError: the configuration is wrong, or an option is none of classical CAN.
@@ -64,4 +68,5 @@ def load_bench_config(args: argparse.Namespace) -> BenchConfig:
         bitrate=getattr(args, "bitrate", None),
         bus_options=getattr(args, "bus_kwargs", None),
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
+        modbus=modbus,
     )

@@ -4,11 +4,13 @@ import argparse
 import json
 from itertools import groupby
 
+from hil_bench.assembly import build_bench
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import BenchConfig, Setting
+from hil_bench.modbus_binding import ModbusBinding
 
 _EXAMPLES = """\
 examples:
@@ -44,6 +46,8 @@ def run(args: argparse.Namespace) -> int:
     """Check everything that can be checked without a bus, then print it or compare the bus."""
     config = load_bench_config(args)
     read_devices(config)
+    if config.modbus is not None:
+        ModbusBinding(config, build_bench(config))
     if wants_bus(args):
         return check_bus(args, config)
     print(_json_text(config) if args.json else _toml_text(config))

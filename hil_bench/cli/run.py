@@ -15,6 +15,7 @@ from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.loop_summary import frame_lines, load_line, loop_lines, node_lines
+from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
@@ -53,6 +54,8 @@ examples:
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
   hil-bench run -i socketcan -c vcan0 --record run.mf4
+  hil-bench run -i socketcan -c vcan0 --modbus
+                                       the sensors on Modbus TCP too, on port 5020
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -83,6 +86,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port {DEFAULT_PORT})",
     )
     parser.add_argument(
+        "--modbus",
+        action="store_true",
+        help="serve Modbus even where bench.toml has no [modbus]",
+    )
+    parser.add_argument(
         "--strict-timing",
         action="store_true",
         help=f"end with exit code {ExitCode.TIMING} if a tick overran",
@@ -109,9 +117,15 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the bench until it is told to stop, or its bus is lost."""
+    """Run the bench until it is told to stop, or its bus is lost.
+
+    Raises:
+        ConfigError: Modbus in lock-step.
+    """
     check_arguments(args)
-    config = load_bench_config(args)
+    config = load_bench_config(args, modbus=args.modbus)
+    if args.lockstep and config.modbus is not None:
+        raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
     bench = build_bench(config)
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
@@ -120,10 +134,11 @@ def run(args: argparse.Namespace) -> int:
             opened = open_recording(args, config, bench, is_real_time=True)
             recording = stack.enter_context(opened)
         bus = stack.enter_context(open_bus(args, config))
-        print(introduction(config, bus), flush=True)
+        modbus = stack.enter_context(open_modbus(config, bench))
+        print(introduction(config, bus, modbus), flush=True)
         if args.lockstep:
             return lock_step(args, config, bench, bus, wish)
-        report = run_until_told(args, config, bench, bus, wish, recording)
+        report = run_until_told(args, config, bench, (bus, modbus), wish, recording)
     lines = summary_lines(report, config, bench, bus) + recording_lines(args.record, recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
@@ -210,13 +225,14 @@ def check_hub(hub: HubProcess) -> None:
         raise BusError(f"hub {hub.host}:{hub.port}: its process has ended; start the bench again")
 
 
-def introduction(config: BenchConfig, bus: OpenBus) -> str:
+def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
     """Return what a controller engineer needs to know to join."""
     source = config.path or "built-in bench"
     rate = f"{1e9 / config.tick_ns:g} Hz, {config.steps_per_tick} plant steps a tick"
     lines = [f"bench  {source}, {rate}", f"bus    {bus.transport.description}"]
     if bus.join:
         lines.append(f"join   {bus.join}")
+    lines += modbus.lines
     return "\n".join((*lines, "", device_table(config), ""))
 
 
@@ -224,11 +240,12 @@ def run_until_told(
     args: argparse.Namespace,
     config: BenchConfig,
     bench: Bench,
-    bus: OpenBus,
+    ways_in: tuple[OpenBus, OpenModbus],
     wish: Interruption,
     recording: RecordingSink | None,
 ) -> RunReport:
     """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
+    bus, modbus = ways_in
     realtime = config.realtime
     statistics = TickStatistics(is_shared=True)
     pacer = Pacer(MonotonicClock(), config.tick_ns, overrun=realtime.overrun, statistics=statistics)
@@ -245,12 +262,13 @@ def run_until_told(
 
     def stopped() -> bool:
         bus.check()
+        modbus.check()
         return wish.requested or statistics.ticks + statistics.skipped >= periods
 
-    transport, observers = bus.transport, [publish]
+    transport, observers = bus.transport, [*modbus.observers, publish]
     if recording is not None:
         tap = RecordingTap(transport, recording)
-        transport, observers = tap, [tap.observe, publish]
+        transport, observers = tap, [tap.observe, *observers]
     shown = (*fields, *bus_fields)
     with StatusLine(snapshot, shown, statistics=statistics, wanted=not args.quiet):
         return run_paced(

@@ -10,6 +10,7 @@ from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.chains import check_chains
 from hil_bench.config.document import Document, check_tables, read_document, read_section
 from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, REALTIME_KEYS, TABLES
+from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
 from hil_bench.config.records import BenchConfig, BusConfig, RealtimeConfig, RealtimePolicy
 from hil_bench.config.settings import (
@@ -27,7 +28,7 @@ CONFIG_VARIABLE = "HIL_BENCH_CONFIG"
 SEED_VARIABLE = "HIL_BENCH_SEED"
 
 
-def load_config(
+def load_config(  # noqa: PLR0913 - one for each thing that a command line may say
     path: str | os.PathLike[str] | None = None,
     *,
     seed: int | None = None,
@@ -36,6 +37,7 @@ def load_config(
     bitrate: int | None = None,
     bus_options: Mapping[str, str | int | float | bool] | None = None,
     loop: Mapping[str, object] | None = None,
+    modbus: bool = False,
 ) -> BenchConfig:
     """Return the bench that the command line, the environment and a file describe.
 
@@ -53,6 +55,7 @@ def load_config(
         bitrate: bit rate [bit/s].
         bus_options: further keyword arguments of that interface's bus class.
         loop: keys of ``[bench]`` that say what makes the ticks, such as ``realtime``.
+        modbus: serve Modbus even where the file has no ``[modbus]``.
     """
     file = _choose_file(path)
     document = read_document(file) if file else {}
@@ -64,6 +67,7 @@ def load_config(
     axes = read_axes(document, problems)
     nodes, chains = read_nodes(document, problems)
     given = read_bindings(nodes, axes, problems)
+    served = read_modbus(document, nodes, problems, wanted=modbus)
     problems.raise_any()
 
     _check_timing(bench, problems)
@@ -71,11 +75,15 @@ def load_config(
     bindings = build_bindings(given, nodes, axes, problems)
     check_chains(chains, problems)
     check_nodes(nodes, axes, bindings, problems)
+    if served:
+        resolve_modbus(served, nodes, file.parent if file else Path(), problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
+    problems.raise_any()
+    built_modbus = build_modbus(served, nodes, problems) if served else None
     problems.raise_any()
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
-    tables = (bench, bus, *axes.values(), *members)
+    tables = (bench, bus, *axes.values(), *members, *_tables(served))
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
@@ -88,6 +96,7 @@ def load_config(
             build_node(name, node, bindings[name], chains.get(name), problems)
             for name, node in nodes.items()
         ),
+        modbus=built_modbus,
         settings=tuple(setting for table in tables for setting in table.values()),
         realtime=RealtimeConfig(**convert(bench, REALTIME_KEYS)),
     )
@@ -136,6 +145,10 @@ def _build_bus(bus: Settings) -> BusConfig:
     known = {key.name: bus[key.name].value for key in BUS_KEYS}
     options = {name: setting.value for name, setting in bus.items() if name not in known}
     return BusConfig(**known, options=options)
+
+
+def _tables(modbus: ModbusSettings | None) -> tuple[Settings, ...]:
+    return (modbus.server, *modbus.units.values()) if modbus else ()
 
 
 def _check_timing(bench: Settings, problems: Problems) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
 from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.modbus.register_map import RegisterMap
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -89,6 +90,14 @@ class RealtimeConfig:
     priority: int = 80
     cpu: int | None = None
     overrun: OverrunPolicy = OverrunPolicy.COUNT
+
+
+class Parity(StrEnum):
+    """Parity of a serial line."""
+
+    EVEN = "even"
+    ODD = "odd"
+    NONE = "none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,6 +280,63 @@ class GenericConfig(NodeConfig):
 
 
 @dataclass(frozen=True, slots=True)
+class SerialConfig:
+    """A serial line that Modbus RTU is spoken on.
+
+    Attributes:
+        port: its device file, as in ``/dev/ttyUSB0``; ``pty`` for a new pseudo-terminal.
+        baud_rate: bit rate [bit/s].
+        parity: of each character.
+        stop_bits: of each character.
+    """
+
+    port: str
+    baud_rate: int
+    parity: Parity
+    stop_bits: int
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusUnitConfig:
+    """One device as Modbus clients see it.
+
+    Attributes:
+        name: the unit, as in ``[modbus.units.NAME]``.
+        node: the name of the node that it shows.
+        unit_id: its address, 1 to 247.
+        register_map: what stands where.
+        commands: whether clients may command the device.
+    """
+
+    name: str
+    node: str
+    unit_id: int
+    register_map: RegisterMap
+    commands: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusConfig:
+    """The Modbus server.
+
+    Attributes:
+        is_on_tcp: whether it listens on TCP.
+        host: address to listen on.
+        port: TCP port; 0 for a free one.
+        connections: most connections at a time.
+        serial: the serial line, None for none.
+        units: the devices, each with its unit-ID.
+    """
+
+    is_on_tcp: bool
+    host: str
+    port: int
+    connections: int
+    serial: SerialConfig | None
+    units: tuple[ModbusUnitConfig, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class BenchConfig:
     """A whole bench.
 
@@ -284,6 +350,7 @@ class BenchConfig:
         bus: the CAN bus.
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
+        modbus: the Modbus server, None for none.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
     """
@@ -296,6 +363,7 @@ class BenchConfig:
     bus: BusConfig
     axes: tuple[AxisConfig, ...]
     nodes: tuple[NodeConfig, ...]
+    modbus: ModbusConfig | None
     settings: tuple[Setting, ...]
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
 

@@ -13,8 +13,8 @@ the node's services send the EMCY; so is a control deviation that lasts (`deviat
 error code 0x604E shows it until the fault is reset. A reset is not obeyed while the heartbeat or
 the guarding is still missing.
 
-With 0x604F = 1 the local control word rules, and this device has no local panel: that word is 0,
-which leads to INIT.
+With 0x604F = 1 the local control word and set-point rule (`local_command`). Each change of 0x604F
+leads to INIT.
 """
 
 import math
@@ -22,12 +22,13 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED8, UNSIGNED16
-from hil_bench.canopen_device.emcy import HEARTBEAT, RPDO_TIMEOUT
+from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, RPDO_TIMEOUT
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.demand_generator import DemandGenerator
 from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
+from hil_bench.devices.local_command import LocalCommand
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.devices.valve_state_machine import (
@@ -56,7 +57,10 @@ REFERENCE: Final = 16384
 _SUPERVISION_LOST: Final = (NodeEventKind.HEARTBEAT_LOST, NodeEventKind.GUARDING_LOST)
 _SUPERVISION_RESUMED: Final = (NodeEventKind.HEARTBEAT_RESUMED, NodeEventKind.GUARDING_RESUMED)
 
-_LOCAL_CONTROL_WORD: Final = 0
+LOCAL_TIMEOUT_EMCY: Final = 0x8100
+"""Communication error: the local command's watchdog."""
+
+_NO_CONTROL_WORD: Final = 0
 _LOWEST: Final = -32768
 _HIGHEST: Final = 32767
 
@@ -67,6 +71,7 @@ class ValveDevice:
     Attributes:
         node: the node that carries it on the bus.
         full_opening: spool position of 100 % [m].
+        local: what commands it while 0x604F is 1.
     """
 
     def __init__(self, node: Node, full_opening: float) -> None:
@@ -85,6 +90,7 @@ class ValveDevice:
             )
         self.node = node
         self.full_opening = full_opening
+        self.local = LocalCommand()
         self._machine = ValveStateMachine()
         self._lost_heartbeats: set[int] = set()
         self._bind_control()
@@ -132,10 +138,11 @@ class ValveDevice:
         """
         if self.node.events:
             self._hear_events()
-        if self.node.state is not NmtState.OPERATIONAL:
+        if self._local.value:
+            self._watch_local(now)
+        elif self.node.state is not NmtState.OPERATIONAL:
             self._machine.deactivate()  # heard already, unless a flood pushed the event out
-        setpoint = self._setpoint if self._follows_bus() else self._hold_setpoint
-        demand = self._generator.generate(setpoint.value, now)
+        demand = self._generator.generate(self._present_setpoint(), now)
         self._demand.value = demand
         return demand * self._metres
 
@@ -171,10 +178,44 @@ class ValveDevice:
             status |= DEVIATION_BIT
         return status
 
-    def _follows_bus(self) -> bool:
-        return self._machine.state is ValveState.ACTIVE and self._mode.value == SETPOINT_BY_BUS
+    def _present_setpoint(self) -> int:
+        if self._machine.state is ValveState.ACTIVE:
+            if self._local.value:
+                return self.local.setpoint
+            if self._mode.value == SETPOINT_BY_BUS:
+                return int(self._setpoint.value)
+        return int(self._hold_setpoint.value)
+
+    def receive_local(self, control_word: int | None, setpoint: float | None, now: int) -> None:
+        """Take a local command; what is None stays as it is.
+
+        Args:
+            control_word: as that of 0x6040.
+            setpoint: spool set-point as fraction of full opening.
+            now: bench time [ns].
+
+        Raises:
+            SdoAbort: 0800 0022, 0x604F is not 1.
+        """
+        if not self._local.value:
+            raise SdoAbort(*abort_codes.DEVICE_STATE)
+        self.local.received_at = now
+        if setpoint is not None:
+            increments = setpoint * self._reference.value
+            self.local.setpoint = saturate(increments, _LOWEST, _HIGHEST, unknown=0)
+        if control_word is not None:
+            self.local.control_word = control_word
+            self._hear_events()
+            self._obey(control_word)
+
+    def _watch_local(self, now: int) -> None:
+        if self._machine.state is ValveState.ACTIVE and self.local.is_late(now):
+            self.node.emcy.raise_error(LOCAL_TIMEOUT_EMCY, COMMUNICATION)
+            self._fault(LOCAL_TIMEOUT_EMCY)
 
     def _start(self) -> None:
+        self.local.restart()
+        self._was_local = bool(self._local.value)
         self._machine.start()
         self._lost_heartbeats.clear()
         self._scale(self._reference.value)
@@ -194,7 +235,7 @@ class ValveDevice:
         if kind is NodeEventKind.RPDO_RECEIVED:
             return  # the most frequent one; the hook of the control word has seen to it
         if kind is NodeEventKind.STATE_CHANGED:
-            if detail != NmtState.OPERATIONAL:
+            if detail != NmtState.OPERATIONAL and not self._local.value:
                 self._machine.deactivate()
         elif kind is NodeEventKind.RESET_NODE:
             self._start()
@@ -219,19 +260,22 @@ class ValveDevice:
 
     def _change_control(self, local: int) -> None:
         self._hear_events()
-        if local:
-            self._obey(_LOCAL_CONTROL_WORD)
+        if bool(local) != self._was_local:
+            self._was_local = bool(local)
+            self.local.restart()
+            self._obey(_NO_CONTROL_WORD)
 
     def _obey(self, control_word: int) -> None:
         had_fault = self._machine.state in FAULT_STATES
         self._machine.receive(
             control_word,
-            may_activate=self.node.state is NmtState.OPERATIONAL,
+            may_activate=bool(self._local.value) or self.node.state is NmtState.OPERATIONAL,
             may_reset=not self._lost_heartbeats,
         )
         if had_fault and self._machine.state not in FAULT_STATES:
             self._error_code.value = 0
             self._monitor.restart()
+            self.node.emcy.clear_error(LOCAL_TIMEOUT_EMCY)
 
 
 def _check_reference(reference: int) -> None:

@@ -19,6 +19,7 @@ from hil_bench.config.keys import (
     SINK_KEYS,
     SOURCE_KEYS,
 )
+from hil_bench.config.modbus import MODBUS_KEYS, UNIT_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 
@@ -32,6 +33,8 @@ TABLES = (
     SOURCE_KEYS,
     SINK_KEYS,
     *CHAIN_KEYS.values(),
+    MODBUS_KEYS,
+    UNIT_KEYS,
 )
 ALL_KEYS = {key.name: key for keys in TABLES for key in keys}
 ROWS = {

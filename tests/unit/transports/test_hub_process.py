@@ -159,7 +159,7 @@ def test_a_bad_channel_name_is_a_bus_error():
 
 def test_ctrl_c_is_left_to_the_parent():
     with HubProcess(port=0) as hub:
-        os.kill(hub._process.pid, signal.SIGINT)
+        os.kill(hub._child.pid, signal.SIGINT)
         with socket.create_connection((hub.host, hub.port), timeout=10) as client:
             assert client.recv(256) == b"< hi >"
 

@@ -1,0 +1,91 @@
+"""The Modbus server as verbs start it."""
+
+import contextlib
+import importlib.util
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+from hil_bench.bench import Bench
+from hil_bench.config import BenchConfig, ModbusConfig
+from hil_bench.errors import BusError, ConfigError
+from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.runner import Observer
+
+if TYPE_CHECKING:
+    from hil_bench.transports.modbus.process import Endpoints, ModbusProcess
+
+
+NO_TIME_FOR_MODBUS = (
+    "Modbus clients ask in real time, and bench time would stand while they do; "
+    "leave --modbus and [modbus] out, or --lockstep"
+)
+
+
+def _nothing() -> None:
+    """Nothing can be wrong with a server that is not there."""
+
+
+class OpenModbus(NamedTuple):
+    """The Modbus server, where there is one.
+
+    Attributes:
+        lines: where clients find it.
+        observers: its part of each tick.
+        check: raises a `BusError` when it is gone.
+    """
+
+    lines: Sequence[str] = ()
+    observers: Sequence[Observer] = ()
+    check: Callable[[], None] = _nothing
+
+
+@contextlib.contextmanager
+def open_modbus(config: BenchConfig, bench: Bench) -> Iterator[OpenModbus]:
+    """Start the Modbus server of the configuration.
+
+    Yields:
+        The server; one without anything where the configuration has none.
+    """
+    if config.modbus is None:
+        yield OpenModbus()
+        return
+    require_pymodbus()
+    from hil_bench.transports.modbus.process import ModbusProcess  # noqa: PLC0415 - an extra
+
+    binding = ModbusBinding(config, bench)
+    with ModbusProcess(binding.plan) as server:
+        lines = endpoint_lines(config.modbus, server.endpoints)
+        yield OpenModbus(lines, [binding.exchange], partial(check_process, server))
+
+
+def require_pymodbus() -> None:
+    """Say which extra is missing, where it is.
+
+    Raises:
+        ConfigError: pymodbus is not installed.
+    """
+    if importlib.util.find_spec("pymodbus") is None:
+        raise ConfigError("Modbus needs pymodbus: pip install 'hil-bench[modbus]'")
+
+
+def check_process(server: "ModbusProcess") -> None:
+    """Notice that the server's process is gone.
+
+    Raises:
+        BusError: it is.
+    """
+    if not server.alive:
+        raise BusError("modbus: the server's process has ended; start the bench again")
+
+
+def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
+    """Return where clients find the server, a line a way in, and its units."""
+    lines = []
+    if endpoints.port is not None:
+        lines.append(f"modbus TCP {config.host}:{endpoints.port}")
+    if config.serial is not None:
+        line = f"{config.serial.baud_rate} bit/s, parity {config.serial.parity}"
+        lines.append(f"modbus RTU {endpoints.serial_port}, {line}")
+    units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
+    return [*lines, f"units  {units}"]

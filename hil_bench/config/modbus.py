@@ -1,0 +1,196 @@
+"""The tables ``[modbus]`` and ``[modbus.units.NAME]``: which devices are on Modbus too, and how."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from device_profiles import REGISTERS
+from hil_bench.canopen_device.nmt import UNCONFIGURED
+from hil_bench.config.document import Document, give, read_named_sections, read_section
+from hil_bench.config.records import ModbusConfig, ModbusUnitConfig, Parity, Profile, SerialConfig
+from hil_bench.config.register_maps import load_register_map
+from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
+from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, text
+from hil_bench.errors import ConfigError
+from hil_bench.modbus.data_types import WordOrder
+from hil_bench.units import Unit
+
+HIGHEST_UNIT_ID = 247
+"""Of a device (MODBUS over Serial Line V1.02, 2.2); higher ones are reserved."""
+
+_SENSORS = {Profile.PRESSURE_404, Profile.ENCODER_406}
+_BIT_RATE = Unit("bit/s", "")
+
+MODBUS_KEYS = (
+    Key("tcp", boolean, True),
+    Key("host", text, "127.0.0.1"),
+    Key("port", integer(0, 65535), 5020),
+    Key("connections", integer(1, 1000), 64),
+    Key("serial_port", text),
+    Key("baud_rate", integer(300, 4_000_000), 19200, _BIT_RATE),
+    Key("parity", choice(Parity), Parity.EVEN),
+    Key("stop_bits", integer(1, 2), 1),
+)
+
+UNIT_KEYS = (
+    Key("node", text),
+    Key("unit_id", integer(1, HIGHEST_UNIT_ID)),
+    Key("registers", text),
+    Key("word_order", choice(WordOrder)),
+    Key("commands", boolean, False),
+)
+
+
+class ModbusSettings(NamedTuple):
+    """What ``[modbus]`` gives.
+
+    Attributes:
+        server: the table itself.
+        units: the tables of the units, by name.
+    """
+
+    server: Settings
+    units: dict[str, Settings]
+
+
+def read_modbus(
+    document: Document, nodes: Mapping[str, Settings], problems: Problems, *, wanted: bool
+) -> ModbusSettings | None:
+    """Return the settings of ``[modbus]``; None where there is none and none is wanted.
+
+    A table without units has every sensor as one.
+    """
+    if "modbus" not in document and not wanted:
+        return None
+    given = read_section(document, "modbus", problems)
+    units = given.pop("units", None)
+    server = read_table("modbus", given, MODBUS_KEYS, problems)
+    if units is None:
+        sensors = [name for name, node in nodes.items() if _is_sensor(node)]
+        sections = {
+            name: give(f"modbus.units.{name}", {}, Origin.DEFAULT, problems) for name in sensors
+        }
+    else:
+        tables = {"modbus.units": units.value}
+        sections = read_named_sections(tables, "modbus.units", problems)
+    return ModbusSettings(
+        server,
+        {
+            name: read_table(f"modbus.units.{name}", section, UNIT_KEYS, problems)
+            for name, section in sections.items()
+        },
+    )
+
+
+def resolve_modbus(
+    modbus: ModbusSettings, nodes: Mapping[str, Settings], base: Path, problems: Problems
+) -> None:
+    """Fill in what a unit takes from its node, and note what does not fit together."""
+    server = modbus.server
+    if not server["tcp"].value and server["serial_port"].value is None:
+        right = "give tcp = true, or a serial_port"
+        problems.add(problems.place("modbus", "tcp"), f"false leaves no way in; {right}")
+    if not modbus.units:
+        right = "give it a node, as in [modbus.units.pressure_a]"
+        problems.add(problems.place("modbus.units"), f"there is no unit; {right}")
+    for name, unit in modbus.units.items():
+        _resolve_unit(name, unit, nodes, base, problems)
+    _check_unit_ids(modbus.units, problems)
+
+
+def build_modbus(
+    modbus: ModbusSettings, nodes: Mapping[str, Settings], problems: Problems
+) -> ModbusConfig:
+    """Return the record of checked settings; problems of register maps are noted."""
+    values = {key: setting.value for key, setting in modbus.server.items()}
+    tcp, serial_port = values.pop("tcp"), values.pop("serial_port")
+    serial = {key: values.pop(key) for key in ("baud_rate", "parity", "stop_bits")}
+    units = [
+        _build_unit(name, unit, nodes[unit["node"].value]["profile"].value, problems)
+        for name, unit in modbus.units.items()
+    ]
+    return ModbusConfig(
+        is_on_tcp=tcp,
+        serial=None if serial_port is None else SerialConfig(port=serial_port, **serial),
+        units=tuple(unit for unit in units if unit is not None),
+        **values,
+    )
+
+
+def _is_sensor(node: Settings) -> bool:
+    return "profile" in node and node["profile"].value in _SENSORS
+
+
+def _resolve_unit(
+    name: str, unit: Settings, nodes: Mapping[str, Settings], base: Path, problems: Problems
+) -> None:
+    table = f"modbus.units.{name}"
+    if unit["node"].value is None:
+        unit["node"] = unit["node"]._replace(value=name)
+    wanted = unit["node"].value
+    node = nodes.get(wanted)
+    if node is None:
+        given = unit["node"].origin is not Origin.DEFAULT
+        place = problems.place(table, "node" if given else "")
+        right = f"the nearest is {find_nearest(wanted, nodes)}"
+        problems.add(place, f"there is no node {describe(wanted)}; {right}")
+        return
+    _resolve_unit_id(table, unit, node, problems)
+    profile = node["profile"].value
+    registers = unit["registers"].value
+    if registers is None and profile is Profile.GENERIC:
+        wrong = f"missing, as {wanted} has no device profile"
+        problems.add(problems.place(table, "registers"), f"{wrong}; give a register map")
+    path = REGISTERS / f"{profile}.toml" if registers is None else base / registers
+    unit["registers"] = unit["registers"]._replace(value=str(path))
+    if unit["commands"].value and profile is not Profile.VALVE_408:
+        wrong = f"true is for {Profile.VALVE_408}, and {wanted} is {profile}"
+        problems.add(problems.place(table, "commands"), f"{wrong}; leave it out")
+
+
+def _resolve_unit_id(table: str, unit: Settings, node: Settings, problems: Problems) -> None:
+    if unit["unit_id"].value is not None:
+        return
+    node_id = node["node_id"].value
+    if node_id == UNCONFIGURED:
+        right = f"give one from 1 to {HIGHEST_UNIT_ID}"
+        problems.add(problems.place(table, "unit_id"), f"missing, as the node has no ID; {right}")
+    else:
+        unit["unit_id"] = unit["unit_id"]._replace(value=node_id)
+
+
+def _check_unit_ids(units: Mapping[str, Settings], problems: Problems) -> None:
+    owners: dict[int, str] = {}
+    used = {unit["unit_id"].value for unit in units.values()}
+    free = min(set(range(1, HIGHEST_UNIT_ID + 1)) - used, default=None)
+    right = f"a server has room for {HIGHEST_UNIT_ID}" if free is None else f"{free} is free"
+    for name, unit in units.items():
+        unit_id = unit["unit_id"].value
+        owner = owners.setdefault(unit_id, name)
+        if owner != name and unit_id is not None:
+            place = problems.place(f"modbus.units.{name}", "unit_id")
+            problems.add(place, f"{unit_id} is taken by modbus.units.{owner}; {right}")
+
+
+def _build_unit(
+    name: str, unit: Settings, profile: Profile, problems: Problems
+) -> ModbusUnitConfig | None:
+    place = problems.place(f"modbus.units.{name}", "registers")
+    try:
+        register_map = load_register_map(
+            Path(unit["registers"].value), word_order=unit["word_order"].value
+        )
+    except ConfigError as error:
+        for line in str(error).splitlines():
+            problems.add(place, line)
+        return None
+    if register_map.profile != profile:
+        wrong = f"{register_map.source} is for {register_map.profile}"
+        problems.add(place, f"{wrong}; give a map for {profile}")
+    return ModbusUnitConfig(
+        name=name,
+        node=unit["node"].value,
+        unit_id=unit["unit_id"].value,
+        register_map=register_map,
+        commands=unit["commands"].value,
+    )

@@ -1,0 +1,171 @@
+"""What another bus than CANopen may read of a device, and write: its quantities, by name, in SI.
+
+They are computed from the device's objects as they stand, so that two buses never tell two values:
+what CANopen sends as steps or in bar, is metres and pascal here. Any object can be had too, as its
+own number.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Final, NamedTuple
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.datatypes import (
+    BooleanType,
+    DataType,
+    IntegerType,
+    RealType,
+)
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.devices.encoder_406 import POSITION_UNITS, SPEED_UNITS
+from hil_bench.devices.pressure_404 import (
+    NEGATIVE_OVERLOAD,
+    NOT_VALID,
+    POSITIVE_OVERLOAD,
+    UNITS,
+    ZERO,
+)
+from hil_bench.devices.valve_408 import REFERENCE, ValveDevice
+from hil_bench.devices.valve_state_machine import FAULT_STATES, RESET_BIT, ValveState
+from hil_bench.errors import ConfigError, SdoAbort
+
+_ACTIVATE: Final = 0b0111
+_DISABLE: Final = 0b0001
+_WIDEST: Final = 32  # bits of an integer that a float surely holds, and two registers too
+
+
+class Quantity(NamedTuple):
+    """One quantity of a device.
+
+    Attributes:
+        unit: symbol of its SI unit, ``-`` for a number, a truth value or an object.
+        read: returns its present value; NaN where there is none.
+        write: sets it at a bench time [ns], or raises `SdoAbort`; None where nobody may.
+    """
+
+    unit: str
+    read: Callable[[], float]
+    write: Callable[[float, int], None] | None = None
+
+
+def object_quantity(object_dictionary: ObjectDictionary, index: int, subindex: int) -> Quantity:
+    """Return an object as a quantity.
+
+    Raises:
+        ConfigError: there is none, or it is no number of at most 32 bits.
+    """
+    variable = object_dictionary.find(index, subindex)
+    name = f"object 0x{index:04X}.{subindex:02X}"
+    if variable is None:
+        raise ConfigError(f"{name} is not in {object_dictionary.source}; give one that is")
+    data_type = variable.data_type
+    if not isinstance(data_type, BooleanType | IntegerType | RealType) or data_type.bits > _WIDEST:
+        raise ConfigError(f"{name} is a {data_type}; a number of at most {_WIDEST} bits is right")
+    write = partial(_write_object, variable) if variable.access.writable else None
+    return Quantity("-", lambda: math.nan if variable.value is None else variable.value, write)
+
+
+def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Quantity]:
+    """Return the quantities of a pressure transducer (CiA 404)."""
+    od = object_dictionary
+    value, unit = od.variable(0x6130, 1), od.variable(0x6131, 1)
+    status, zero = od.variable(0x6150, 1), od.find(0x6125, 1)
+    quantities = {
+        "pressure": Quantity("Pa", lambda: value.value * UNITS[unit.value]),
+        "valid": _bit(status, NOT_VALID, inverted=True),
+        "over_range": _bit(status, POSITIVE_OVERLOAD),
+        "under_range": _bit(status, NEGATIVE_OVERLOAD),
+    }
+    if zero is not None:
+        quantities["zero"] = Quantity("-", lambda: 0.0, partial(_pull, partial(zero.write, ZERO)))
+    return quantities
+
+
+def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Quantity]:
+    """Return the quantities of a position sensor (CiA 406)."""
+    od = object_dictionary
+    position = od.find(0x6004) or od.variable(0x6020, 1)
+    step, alarms = od.variable(0x6005, 1), od.find(0x6503)
+    quantities = {
+        "position": Quantity("m", lambda: position.value * step.value / POSITION_UNITS),
+        "valid": Quantity("-", lambda: float(alarms is None or not alarms.value)),
+    }
+    speed = od.find(0x6030, 1)
+    if speed is not None:
+        speed_step = od.find(0x6005, 2)
+        quantities["speed"] = Quantity(
+            "m/s", lambda: speed.value * (speed_step.value if speed_step else 1) / SPEED_UNITS
+        )
+    return quantities
+
+
+def valve_quantities(valve: ValveDevice) -> Mapping[str, Quantity]:
+    """Return the quantities of a proportional valve (CiA 408); commands need 0x604F = 1."""
+    od = valve.node.object_dictionary
+    actual, demand, reference = od.variable(0x6301, 1), od.find(0x6310, 1), od.find(0x6311, 1)
+    local = valve.local
+
+    def fraction(increments: float) -> float:
+        return increments / (reference.value if reference else REFERENCE)
+
+    return {
+        "spool_position": Quantity("-", lambda: fraction(actual.value)),
+        "spool_demand": Quantity("-", lambda: fraction(demand.value) if demand else math.nan),
+        "active": Quantity("-", lambda: float(valve.state is ValveState.ACTIVE)),
+        "fault": Quantity("-", lambda: float(valve.state in FAULT_STATES)),
+        "spool_setpoint": Quantity(
+            "-",
+            lambda: fraction(local.setpoint),
+            lambda value, now: valve.receive_local(None, value, now),
+        ),
+        "control_word": Quantity(
+            "-",
+            lambda: local.control_word,
+            lambda value, now: valve.receive_local(int(value), None, now),
+        ),
+        "enable": Quantity(
+            "-",
+            lambda: float(valve.state is ValveState.ACTIVE),
+            lambda value, now: valve.receive_local(_ACTIVATE if value else _DISABLE, None, now),
+        ),
+        "reset": Quantity("-", lambda: 0.0, partial(_reset, valve)),
+        "watchdog": Quantity("s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)),
+    }
+
+
+def _reset(valve: ValveDevice, value: float, now: int) -> None:
+    """Reset a fault of the valve, which stays disabled, where a client switches the coil on."""
+    if value:
+        # The device acts on the edge of the bit, so it must have seen it low before.
+        valve.receive_local(_DISABLE, 0.0, now)
+        valve.receive_local(_DISABLE | RESET_BIT, 0.0, now)
+        valve.receive_local(_DISABLE, 0.0, now)
+
+
+def _set_watchdog(valve: ValveDevice, time: float, now: int) -> None:
+    valve.local.watchdog = round(time * 1e9)
+    valve.local.received_at = now
+
+
+def _bit(variable: Variable, mask: int, *, inverted: bool = False) -> Quantity:
+    return Quantity("-", lambda: float(bool(variable.value & mask) != inverted))
+
+
+def _write_object(variable: Variable, value: float, _now: int) -> None:
+    """Write an object as the bus does.
+
+    Raises:
+        SdoAbort: its data type does not hold the value.
+    """
+    data_type: DataType = variable.data_type
+    number: float = value if isinstance(data_type, RealType) else round(value)
+    if data_type.low is not None and not data_type.low <= number <= (data_type.high or 0):
+        raise SdoAbort(*abort_codes.VALUE)
+    variable.write(number)
+
+
+def _pull(act: Callable[[], None], value: float, _now: int) -> None:
+    """Act where a client switches a coil on; off does nothing."""
+    if value:
+        act()

@@ -1,0 +1,108 @@
+"""Writes of Modbus clients on their way to the loop, and its answers, in shared memory.
+
+One process posts, the loop takes; neither ever waits. The mailbox is bounded: when it is full, the
+poster says so to its client. Each entry has a number and a check sum, so that one that is half
+written is seen as not yet there, whatever order the machine's caches deliver stores in.
+
+The memory has no name in the file system, so nothing is left behind however either process ends.
+"""
+
+import ctypes
+import multiprocessing
+import struct
+import zlib
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from hil_bench.modbus.unit_image import Assignment
+
+SLOTS: Final = 16
+"""Orders that may wait for the loop."""
+
+MOST_ASSIGNMENTS: Final = 128
+"""Values of one order: a request carries at most 123 registers; coils are refused beyond that."""
+
+_HEAD: Final = struct.Struct("<QII")  # number, count or code, check sum of number, count and body
+_PAIR: Final = struct.Struct("<Hd")
+_SLOT: Final = _HEAD.size + MOST_ASSIGNMENTS * _PAIR.size
+_NUMBER: Final = struct.Struct("<Q")
+
+
+class Order(NamedTuple):
+    """What one write request asks for.
+
+    Attributes:
+        number: counts from 1.
+        assignments: in the order of their addresses.
+    """
+
+    number: int
+    assignments: list[Assignment]
+
+
+class Mailbox:
+    """Orders one way, answers the other; hand it to the other process as it is started."""
+
+    def __init__(self) -> None:
+        self._orders = multiprocessing.RawArray(ctypes.c_char, SLOTS * _SLOT)
+        self._answers = multiprocessing.RawArray(ctypes.c_char, SLOTS * _HEAD.size)
+        self._posted = 0
+        self._answered = 0
+        self._taken = 0
+
+    def post(self, assignments: Sequence[Assignment]) -> int | None:
+        """Leave an order and return its number; None where there is no room."""
+        while self._answered < self._posted and self.answer_of(self._answered + 1) is not None:
+            pass  # each answer that is there makes room, whether anybody waits for it or not
+        if self._posted - self._answered >= SLOTS or len(assignments) > MOST_ASSIGNMENTS:
+            return None
+        self._posted += 1
+        self._write_order(self._posted, assignments)
+        return self._posted
+
+    def withdraw(self, number: int) -> None:
+        """Empty an order that nobody waits for any longer; the loop may have taken it already."""
+        self._write_order(number, ())
+
+    def answer_of(self, number: int) -> int | None:
+        """Return the loop's answer to an order, 0 or an exception code; None while there is none.
+
+        The loop answers orders in their order.
+        """
+        offset = number % SLOTS * _HEAD.size
+        found, code, check_sum = _HEAD.unpack_from(self._answers, offset)
+        if found != number or check_sum != _check_sum(number, code, b""):
+            return None
+        self._answered = max(self._answered, number)
+        return int(code)
+
+    def take(self) -> Order | None:
+        """Return the next order, or None where there is none."""
+        number = self._taken + 1
+        offset = number % SLOTS * _SLOT
+        if _NUMBER.unpack_from(self._orders, offset)[0] != number:
+            return None
+        _, count, check_sum = _HEAD.unpack_from(self._orders, offset)
+        start = offset + _HEAD.size
+        body = memoryview(self._orders)[start : start + count * _PAIR.size].tobytes()
+        if count > MOST_ASSIGNMENTS or check_sum != _check_sum(number, count, body):
+            return None
+        self._taken = number
+        return Order(number, [Assignment(*pair) for pair in _PAIR.iter_unpack(body)])
+
+    def answer(self, number: int, code: int) -> None:
+        """Leave the answer to an order: 0, or an exception code."""
+        offset = number % SLOTS * _HEAD.size
+        check_sum = _check_sum(number, code, b"")
+        _HEAD.pack_into(self._answers, offset, number, code, check_sum)
+
+    def _write_order(self, number: int, assignments: Sequence[Assignment]) -> None:
+        body = b"".join(_PAIR.pack(*assignment) for assignment in assignments)
+        offset = number % SLOTS * _SLOT
+        struct.pack_into(f"{len(body)}s", self._orders, offset + _HEAD.size, body)
+        count = len(assignments)
+        _HEAD.pack_into(self._orders, offset, number, count, _check_sum(number, count, body))
+
+
+def _check_sum(number: int, count: int, body: bytes) -> int:
+    return zlib.crc32(_HEAD.pack(number, count, 0) + body)

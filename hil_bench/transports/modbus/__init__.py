@@ -1,0 +1,1 @@
+"""The Modbus server: frames, requests, connections, and the process that they live in."""

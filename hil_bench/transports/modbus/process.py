@@ -1,0 +1,153 @@
+"""The Modbus server in a process of its own: nothing a client does can hold a tick up."""
+
+import asyncio
+import contextlib
+import errno
+import time
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import NamedTuple, Protocol, Self
+
+from hil_bench.config import ModbusConfig
+from hil_bench.errors import BusError
+from hil_bench.modbus.mailbox import Mailbox
+from hil_bench.modbus.unit_image import UnitImage
+from hil_bench.transports.child_process import ChildProcess
+from hil_bench.transports.modbus.connections import ConnectionPool
+from hil_bench.transports.modbus.register_server import RegisterServer, RowSource
+from hil_bench.transports.modbus.serial_line import SerialLine
+
+_POLL = 0.0005
+"""Time between two looks for the loop's answer to a write [s]."""
+_WATCH = 0.1
+"""Time between two looks whether the loop lives [s]."""
+_LISTEN_BACKLOG = 128
+_REASONS = {
+    errno.EADDRINUSE: "the port is in use; give another port, or end the program that has it",
+    errno.EACCES: "ports below 1024 are for root; give another port",
+    errno.EADDRNOTAVAIL: "this machine has no such address; give 127.0.0.1 or one that it has",
+}
+
+
+class Plan(Protocol):
+    """What is served, and where."""
+
+    @property
+    def config(self) -> ModbusConfig:
+        """Where the server listens."""
+
+    @property
+    def units(self) -> Mapping[int, UnitImage]:
+        """The units by unit-ID."""
+
+    @property
+    def rows(self) -> RowSource:
+        """Where the values come from."""
+
+    @property
+    def mailbox(self) -> Mailbox:
+        """Where writes go."""
+
+
+class Endpoints(NamedTuple):
+    """Where clients find the server.
+
+    Attributes:
+        port: TCP port, None where it is not on TCP.
+        serial_port: device file of the serial line, None where there is none.
+    """
+
+    port: int | None
+    serial_port: str | None
+
+
+class ModbusProcess:
+    """A running server, as a context manager.
+
+    It ends with the `with` block, and when its parent process dies; Ctrl-C is left to the parent.
+
+    Args:
+        plan: what it serves, and where.
+
+    Attributes:
+        endpoints: where clients find it, within the `with` block.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.endpoints = Endpoints(None, None)
+        self._child = ChildProcess(
+            _run,
+            (plan.config, plan.units, plan.rows, plan.mailbox),
+            name="hil-bench-modbus",
+            label="modbus",
+        )
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process runs."""
+        return self._child.alive
+
+    def __enter__(self) -> Self:
+        """Start the process and wait until clients may connect; `BusError` where none can."""
+        self.endpoints = Endpoints(*self._child.start())
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc_value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._child.stop()
+
+
+def _run(
+    config: ModbusConfig,
+    units: Mapping[int, UnitImage],
+    rows: RowSource,
+    mailbox: Mailbox,
+    connection: Connection,
+) -> None:
+    """Serve in this process, which is the child; tell the parent where, or why not."""
+    server = RegisterServer(units, rows, mailbox, time.monotonic)
+    try:
+        asyncio.run(serve(config, server, connection))
+    except BusError as error:
+        connection.send(str(error))
+
+
+async def serve(config: ModbusConfig, server: RegisterServer, connection: Connection) -> None:
+    """Serve until the process ends; `BusError` where the port cannot be had."""
+    pool = ConnectionPool(server, config.connections)
+    port = await _listen(config, pool) if config.is_on_tcp else None
+    line = SerialLine(config.serial, server) if config.serial else None
+    connection.send((port, line.name if line else None))
+    write_waits = asyncio.Event()
+    server.on_wait = write_waits.set
+    while True:
+        server.poll()
+        if server.is_waiting:
+            await asyncio.sleep(_POLL)
+            continue
+        write_waits.clear()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(write_waits.wait(), _WATCH)
+
+
+async def _listen(config: ModbusConfig, pool: ConnectionPool) -> int:
+    """Listen on TCP and return the port.
+
+    Raises:
+        BusError: it cannot be had.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        listener = await loop.create_server(
+            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG
+        )
+    except OSError as error:
+        reason = _REASONS.get(error.errno or 0, f"cannot be had: {error.strerror or error}")
+        raise BusError(f"modbus {config.host}:{config.port}: {reason}") from None
+    port: int = listener.sockets[0].getsockname()[1]
+    return port

@@ -1,0 +1,76 @@
+"""`hil-bench registers`."""
+
+import csv
+
+from hil_bench.cli import main
+
+
+def test_the_table_names_each_unit_and_register(capsys):
+    assert main(["registers"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("unit")] == [
+        "unit 2  pressure_a  pressure_404",
+        "unit 3  pressure_b  pressure_404",
+        "unit 4  position  encoder_406",
+    ]
+    (pressure,) = [line.split() for line in lines[:12] if " 30001 " in line]
+    assert pressure[:8] == ["0", "30001", "pressure", "float32", "bar", "1", "r", "big"]
+
+
+def test_csv_has_a_line_a_register(capsys, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text('[modbus.units.valve]\nunit_id = 9\nword_order = "little"\n')
+    assert main(["registers", str(path), "--csv"]) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    by_name = {row["name"]: row for row in rows}
+    assert by_name["spool_setpoint"] == {
+        "unit_id": "9",
+        "unit": "valve",
+        "table": "holding_registers",
+        "address": "0",
+        "reference": "40001",
+        "name": "spool_setpoint",
+        "type": "float32",
+        "count": "2",
+        "word_order": "little",
+        "unit_of_measure": "-",
+        "scale": "1",
+        "access": "r",  # commands are not allowed
+        "description": "Spool set-point as fraction of full opening",
+    }
+    assert by_name["enable"]["type"] == "bit"
+    assert by_name["enable"]["scale"] == ""
+
+
+def test_commands_that_are_allowed_show_as_such(capsys, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text("[modbus.units.valve]\ncommands = true\n")
+    assert main(["registers", str(path), "--csv"]) == 0
+    rows = csv.DictReader(capsys.readouterr().out.splitlines())
+    assert {row["access"] for row in rows if row["table"] == "coils"} == {"rw"}
+
+
+def test_a_wrong_file_is_2(capsys, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text("[modbus]\nport = -1\n")
+    assert main(["registers", str(path)]) == 2
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {path}:modbus.port: -1 is out of range; "
+        "give an integer from 0 to 65535\n"
+    )
+
+
+def test_check_finds_a_map_that_does_not_fit_its_device(capsys, tmp_path):
+    (tmp_path / "map.toml").write_text(
+        '[device]\nprofile = "encoder_406"\nvendor_name = "m"\nproduct_code = "c"\n'
+        'revision = "1"\n[coils.x]\naddress = 0\nsource = "pressures"\n'
+    )
+    path = tmp_path / "bench.toml"
+    path.write_text('[modbus.units.position]\nregisters = "map.toml"\n')
+    assert main(["check", str(path)]) == 2
+    assert '"pressures" is unknown; give an object or one of "position"' in capsys.readouterr().err
+
+
+def test_lock_step_leaves_no_time_for_modbus(capsys):
+    assert main(["run", "-i", "virtual", "-c", "x", "--lockstep", "--modbus"]) == 2
+    assert "Modbus clients ask in real time" in capsys.readouterr().err

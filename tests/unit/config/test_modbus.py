@@ -1,0 +1,168 @@
+"""The tables [modbus] and [modbus.units.NAME]."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from device_profiles import REGISTERS
+from hil_bench.config import ModbusConfig, Origin, Parity, SerialConfig, load_config
+from hil_bench.errors import ConfigError
+from hil_bench.modbus.data_types import WordOrder
+
+Write = Callable[[str], Path]
+
+
+def load(path: Path) -> ModbusConfig:
+    config = load_config(path).modbus
+    assert config is not None
+    return config
+
+
+def problems(path: Path) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    return [line.removeprefix("bench.toml:") for line in str(caught.value).splitlines()]
+
+
+def test_without_the_table_there_is_no_server() -> None:
+    assert load_config().modbus is None
+
+
+@pytest.mark.parametrize("text", ["[modbus]\n", ""])
+def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
+    config = load_config(write(text), modbus=True).modbus
+    assert config is not None
+    units = [(unit.unit_id, unit.name, unit.node, unit.commands) for unit in config.units]
+    assert units == [
+        (2, "pressure_a", "pressure_a", False),
+        (3, "pressure_b", "pressure_b", False),
+        (4, "position", "position", False),
+    ]
+    assert (config.is_on_tcp, config.host, config.port) == (True, "127.0.0.1", 5020)
+    assert config.connections == 64
+    assert config.serial is None
+
+
+def test_all_keys(write: Write) -> None:
+    config = load(
+        write(
+            """
+            [modbus]
+            tcp = false
+            host = "0.0.0.0"
+            port = 502
+            connections = 3
+            serial_port = "/dev/ttyUSB0"
+            baud_rate = 9600
+            parity = "none"
+            stop_bits = 2
+            [modbus.units.v]
+            node = "valve"
+            unit_id = 17
+            word_order = "little"
+            commands = true
+            """
+        )
+    )
+    assert config.is_on_tcp is False
+    assert (config.host, config.port, config.connections) == ("0.0.0.0", 502, 3)  # noqa: S104
+    assert config.serial == SerialConfig("/dev/ttyUSB0", 9600, Parity.NONE, 2)
+    (unit,) = config.units
+    assert (unit.name, unit.node, unit.unit_id, unit.commands) == ("v", "valve", 17, True)
+    orders = {register.word_order for register in unit.register_map.registers if register.count > 1}
+    assert orders == {WordOrder.LITTLE}
+
+
+def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
+    config = load_config(write("[modbus]\nport = 1502\n[modbus.units.position]\n"))
+    settings = {(s.table, s.key.name): (s.value, s.origin) for s in config.settings}
+    assert settings["modbus", "port"] == (1502, Origin.FILE)
+    assert settings["modbus", "host"] == ("127.0.0.1", Origin.DEFAULT)
+    assert settings["modbus.units.position", "unit_id"] == (4, Origin.DEFAULT)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("modbus = 1", "modbus: 1 is not a table; write it as [modbus]"),
+        (
+            "[modbus]\nunits = 1",
+            "modbus.units: 1 is not a table; write it as [modbus.units]",
+        ),
+        (
+            "[modbus.units]\nx = 1",
+            "modbus.units.x: 1 is not a table; write it as [modbus.units.NAME]",
+        ),
+        (
+            "[modbus]\nunits = {}",
+            "modbus.units: there is no unit; give it a node, as in [modbus.units.pressure_a]",
+        ),
+        ("[modbus]\nprt = 1", "modbus.prt: unknown key; the nearest known key is port"),
+        (
+            "[modbus]\nport = 70000",
+            "modbus.port: 70000 is out of range; give an integer from 0 to 65535",
+        ),
+        (
+            "[modbus]\ntcp = false",
+            "modbus.tcp: false leaves no way in; give tcp = true, or a serial_port",
+        ),
+        (
+            "[modbus.units.presure_a]",
+            'modbus.units.presure_a: there is no node "presure_a"; the nearest is pressure_a',
+        ),
+        (
+            '[modbus.units.a]\nnode = "posn"',
+            'modbus.units.a.node: there is no node "posn"; the nearest is position',
+        ),
+        (
+            "[modbus.units.position]\nunit_id = 248",
+            "modbus.units.position.unit_id: 248 is out of range; give an integer from 1 to 247",
+        ),
+        (
+            "[modbus.units.position]\nunit_id = 2\n[modbus.units.pressure_a]",
+            "modbus.units.pressure_a.unit_id: 2 is taken by modbus.units.position; 1 is free",
+        ),
+        (
+            "[modbus.units.position]\ncommands = true",
+            (
+                "modbus.units.position.commands: true is for valve_408, and position is "
+                "encoder_406; leave it out"
+            ),
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(write: Write, text: str, line: str) -> None:
+    path = write(text)
+    assert problems(path) == [line]
+
+
+def test_a_node_without_an_id_needs_a_unit_id(write: Write) -> None:
+    path = write(
+        """
+        [nodes.valve]
+        profile = "valve_408"
+        node_id = 1
+        [nodes.position]
+        profile = "encoder_406"
+        node_id = "unconfigured"
+        serial_number = 5
+        [modbus]
+        """
+    )
+    assert problems(path) == [
+        "modbus.units.position.unit_id: missing, as the node has no ID; give one from 1 to 247"
+    ]
+
+
+def test_a_map_for_another_profile_is_refused(write: Write) -> None:
+    other = REGISTERS / "encoder_406.toml"
+    path = write(f"[modbus.units.pressure_a]\nregisters = '{other}'\n")
+    wrong = f"modbus.units.pressure_a.registers: {other} is for encoder_406"
+    assert problems(path) == [f"{wrong}; give a map for pressure_404"]
+
+
+def test_problems_of_a_map_name_the_map_too(write: Write) -> None:
+    path = write('[modbus.units.pressure_a]\nregisters = "missing.toml"\n')
+    (line,) = problems(path)
+    assert line.startswith("modbus.units.pressure_a.registers: missing.toml: cannot be read")

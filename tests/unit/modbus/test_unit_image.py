@@ -1,0 +1,139 @@
+"""What a unit shows of a row, and what may be written."""
+
+import pickle
+
+import pytest
+
+from hil_bench.modbus.data_types import DATA_TYPES
+from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
+from hil_bench.modbus.register_map import (
+    Access,
+    Identification,
+    Register,
+    RegisterMap,
+    Table,
+)
+from hil_bench.modbus.unit_image import Assignment, UnitImage
+from hil_bench.units import BAR, MILLISECOND
+
+FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]
+INPUTS, HOLDING, COILS = Table.INPUT_REGISTERS, Table.HOLDING_REGISTERS, Table.COILS
+
+MAP = RegisterMap(
+    "map.toml",
+    "pressure_404",
+    Identification("maker", "code", "1.0"),
+    (
+        Register(name="on", table=COILS, address=0, source="on", access=Access.WRITE),
+        Register(name="go", table=COILS, address=1, source="go", access=Access.COMMAND),
+        Register(name="p", table=INPUTS, address=10, source="p", data_type=FLOAT32, unit=BAR),
+        Register(
+            name="q", table=INPUTS, address=12, source="p", data_type=INT16, unit=BAR, scale=0.01
+        ),
+        Register(name="far", table=INPUTS, address=20, source="p", data_type=UINT16),
+        Register(
+            name="set",
+            table=HOLDING,
+            address=0,
+            source="set",
+            data_type=FLOAT32,
+            access=Access.COMMAND,
+            low=-1.0,
+            high=1.0,
+        ),
+        Register(
+            name="time",
+            table=HOLDING,
+            address=2,
+            source="t",
+            data_type=UINT16,
+            unit=MILLISECOND,
+            access=Access.WRITE,
+        ),
+        Register(name="fixed", table=HOLDING, address=3, source="f", data_type=UINT16),
+    ),
+)
+FIRST = 5  # somebody else's five values stand before
+ROW = [9.0] * FIRST + [1.0, 0.0, 150e5, 150e5, 7.0, 0.5, 0.25, 3.0]
+
+
+def image(*, commands=True):
+    # As the server's process gets it.
+    return pickle.loads(pickle.dumps(UnitImage(MAP, FIRST, commands=commands)))  # noqa: S301
+
+
+def refusal(act):
+    with pytest.raises(ModbusException) as caught:
+        act()
+    return caught.value.code
+
+
+def test_values_are_read_in_their_units():
+    # 150 bar is 43160000 as a float, and 15000 times 0.01 bar.
+    assert image().read(INPUTS, 10, 3, 1, ROW) == [0x4316, 0x0000, 15000]
+    assert image().read(COILS, 0, 2, 1, ROW) == [1, 0]
+    assert image().read(HOLDING, 2, 2, 1, ROW) == [250, 3]
+
+
+def test_a_new_row_shows_new_values_and_the_same_row_the_same():
+    unit = image()
+    unit.read(INPUTS, 12, 1, 1, ROW)
+    changed = [*ROW[:7], 1e5, 1e5, *ROW[9:]]
+    assert unit.read(INPUTS, 12, 1, 1, changed) == [15000]
+    assert unit.read(INPUTS, 12, 1, 2, changed) == [100]
+
+
+@pytest.mark.parametrize(
+    ("address", "count"),
+    [(10, 1), (11, 1), (11, 2), (9, 3), (12, 2), (12, 9), (13, 1), (65535, 2), (0, 1)],
+)
+def test_half_a_value_or_none_is_an_illegal_address(address, count):
+    code = refusal(lambda: image().read(INPUTS, address, count, 1, ROW))
+    assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+
+
+def test_a_write_assigns_what_stands_there_in_si():
+    assert image().parse_write(HOLDING, 0, [0x3F00, 0, 100]) == [
+        Assignment(FIRST + 5, 0.5),
+        Assignment(FIRST + 6, pytest.approx(0.1)),
+    ]
+    assert image().parse_write(COILS, 0, [0, 1]) == [
+        Assignment(FIRST, 0.0),
+        Assignment(FIRST + 1, 1.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "address", "words"),
+    [
+        (HOLDING, 0, [0x3F00]),
+        (HOLDING, 1, [0, 100]),
+        (HOLDING, 2, [100, 1]),
+        (HOLDING, 3, [1]),
+        (HOLDING, 7, [1]),
+        (COILS, 1, [1, 1]),
+    ],
+)
+def test_a_write_of_half_a_value_or_of_what_is_fixed_is_an_illegal_address(table, address, words):
+    code = refusal(lambda: image().parse_write(table, address, words))
+    assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+
+
+@pytest.mark.parametrize("words", [[0x3F80, 0x0001], [0x7FC0, 0], [0x7F80, 0], [0xFF80, 0]])
+def test_a_value_out_of_range_or_none_is_an_illegal_value(words):
+    # Just above 1.0, NaN, and both infinities.
+    code = refusal(lambda: image().parse_write(HOLDING, 0, words))
+    assert code is ExceptionCode.ILLEGAL_DATA_VALUE
+
+
+def test_commands_need_permission():
+    without = image(commands=False)
+    for table, address, words in ((HOLDING, 0, [0, 0]), (COILS, 1, [1])):
+        code = refusal(lambda t=table, a=address, w=words: without.parse_write(t, a, w))
+        assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+    assert without.parse_write(COILS, 0, [1]) == [Assignment(FIRST, 1.0)]
+
+
+def test_the_older_notation_tells_the_table_by_its_first_digit():
+    references = {register.name: register.reference for register in MAP.registers}
+    assert (references["on"], references["p"], references["set"]) == (1, 30011, 40001)

@@ -1,0 +1,147 @@
+"""The server in its own process, behind a loop that is this test."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from support.bus_side import BusSide
+
+from hil_bench.config import load_config
+from hil_bench.errors import BusError
+from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.transports.modbus.process import ModbusProcess
+
+READ = bytes.fromhex("0001 0000 0006 02 04 0000 0004")
+
+
+def make_binding(tmp_path, port=0, extra=""):
+    path = tmp_path / "bench.toml"
+    path.write_text(f"[modbus]\nport = {port}\n{extra}\n")
+    config = load_config(path)
+    side = BusSide(config)
+    return side, ModbusBinding(config, side.bench)
+
+
+@contextlib.contextmanager
+def ticking(side, binding):
+    """A loop beside the test, as fast as it can."""
+    ended = threading.Event()
+
+    def tick():
+        side.tick()
+        binding.exchange(side.bench, side.now)
+
+    def loop():
+        while not ended.wait(0.0005):
+            tick()
+
+    tick()  # so that there are values from the first request on
+    thread = threading.Thread(target=loop)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def ask(port, request, size):
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        connection.sendall(request)
+        connection.settimeout(30)
+        data = b""
+        while len(data) < size and (piece := connection.recv(size - len(data))):
+            data += piece
+    return data
+
+
+def test_values_and_writes_cross_the_process(tmp_path):
+    side, binding = make_binding(tmp_path, extra='serial_port = "pty"')
+    with ModbusProcess(binding.plan) as server, ticking(side, binding):
+        port = server.endpoints.port
+        assert Path(server.endpoints.serial_port).exists()
+        assert server.alive
+        write = bytes.fromhex("0002 0000 0006 02 06 0001 0007")
+        assert ask(port, write, 12) == write
+        back = ask(port, bytes.fromhex("0003 0000 0006 02 03 0001 0001"), 11)
+        assert back == bytes.fromhex("0003 0000 0005 02 03 02 0007")
+        first, second = (int.from_bytes(ask(port, READ, 17)[13:], "big") for _ in range(2))
+        assert 0 < first <= second
+    assert not server.alive
+
+
+def test_the_server_lives_on_where_the_loop_publishes_nothing(tmp_path):
+    _, binding = make_binding(tmp_path)
+    with ModbusProcess(binding.plan) as server:
+        answer = ask(server.endpoints.port, READ, 9)
+        assert answer == bytes.fromhex("0001 0000 0003 02 84 04")
+
+
+def test_a_port_in_use_is_a_line(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        _, binding = make_binding(tmp_path, port)
+        with pytest.raises(BusError) as caught, ModbusProcess(binding.plan):
+            pass
+    assert str(caught.value) == (
+        f"modbus 127.0.0.1:{port}: the port is in use; "
+        "give another port, or end the program that has it"
+    )
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        ('host = "192.0.2.1"', "modbus 192.0.2.1:0: this machine has no such address"),
+        ('serial_port = "/dev/nothing"', "modbus serial port /dev/nothing: cannot be opened"),
+    ],
+)
+def test_what_cannot_be_had_is_a_line(tmp_path, extra, message):
+    _, binding = make_binding(tmp_path, extra=extra)
+    with pytest.raises(BusError) as caught, ModbusProcess(binding.plan):
+        pass
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+def test_ctrl_c_is_left_to_the_parent(tmp_path):
+    side, binding = make_binding(tmp_path)
+    with ModbusProcess(binding.plan) as server, ticking(side, binding):
+        os.kill(server._child.pid, signal.SIGINT)
+        assert len(ask(server.endpoints.port, READ, 17)) == 17
+
+
+PARENT = """
+import sys
+from hil_bench.assembly import build_bench
+from hil_bench.config import load_config
+from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.transports.modbus.process import ModbusProcess
+
+if __name__ == "__main__":
+    config = load_config(sys.argv[1])
+    with ModbusProcess(ModbusBinding(config, build_bench(config)).plan) as server:
+        print(server.endpoints.port, flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_the_server_ends_with_its_parent(tmp_path):
+    make_binding(tmp_path)
+    program = tmp_path / "parent.py"
+    program.write_text(PARENT)
+    command = [sys.executable, str(program), str(tmp_path / "bench.toml")]
+    with subprocess.Popen(  # noqa: S603 - our own program
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as parent:
+        port = int(parent.stdout.readline())
+        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+            parent.kill()
+            connection.settimeout(30)
+            assert connection.recv(1) == b""  # closed, as the process is gone

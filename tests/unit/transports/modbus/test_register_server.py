@@ -1,0 +1,118 @@
+"""Which response a request gets, and when."""
+
+import pytest
+
+from hil_bench.modbus.mailbox import SLOTS
+from hil_bench.modbus.unit_image import Assignment
+from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT
+
+READ = bytes.fromhex("04 0000 0002")
+WRITE = bytes.fromhex("06 0000 FFFE")
+
+
+def ask(rig, unit_id, pdu):
+    """The responses so far, in a list that later ones join."""
+    responses = []
+    rig.server.handle(unit_id, pdu, responses.append)
+    return responses
+
+
+def test_a_read_is_answered_at_once_from_the_newest_row(rig):
+    assert ask(rig, 1, READ) == [bytes.fromhex("04 04 0001 0002")]
+    assert ask(rig, 2, READ) == [bytes.fromhex("04 04 FFFF FFFF")]
+    rig.tick(1.0, 0.0, 2.0, 0.0)
+    assert ask(rig, 2, READ) == [bytes.fromhex("04 04 0000 0002")]
+
+
+@pytest.mark.parametrize(
+    ("unit_id", "pdu", "response"),
+    [
+        (1, "09 0000 0001", "89 01"),
+        (1, "04 0000 0001", "84 02"),
+        (1, "06 0001 0001", "86 02"),
+        (1, "04 0000 0000", "84 03"),
+        (3, "04 0000 0002", "84 0B"),
+        (0, "04 0000 0002", "84 0B"),
+        (1, "2B 0E 04 00", "2B 0E 04 82 00 00 01 00 05 6D616B6572"),
+        (1, "2B 0F 04 00", "AB 01"),
+        (1, "01 0000 0001", "81 02"),
+    ],
+)
+def test_other_requests_are_answered_at_once_too(rig, unit_id, pdu, response):
+    assert ask(rig, unit_id, bytes.fromhex(pdu)) == [bytes.fromhex(response)]
+
+
+def test_a_write_is_answered_when_the_loop_has_taken_it(rig):
+    responses = ask(rig, 2, WRITE)
+    rig.server.poll()
+    assert responses == []
+    assert rig.server.is_waiting
+    # Unit 2 has the second half of the row.
+    assert rig.tick().assignments == [Assignment(3, -2.0)]
+    rig.server.poll()
+    assert responses == [WRITE]
+    assert not rig.server.is_waiting
+
+
+@pytest.mark.parametrize("code", [3, 4])
+def test_what_the_device_refuses_is_refused(rig, code):
+    responses = ask(rig, 1, WRITE)
+    rig.tick(code=code)
+    rig.server.poll()
+    assert responses == [bytes([0x86, code])]
+
+
+def test_writes_are_answered_in_their_order(rig):
+    responses = []
+    for value in range(3):
+        rig.server.handle(1, bytes([6, 0, 0, 0, value]), responses.append)
+    for answered in range(1, 4):
+        rig.tick()
+        rig.server.poll()
+        assert [response[4] for response in responses] == list(range(answered))
+
+
+def test_more_writes_than_there_is_room_for_are_told_busy(rig):
+    waiting = [ask(rig, 1, WRITE) for _ in range(SLOTS)]
+    assert ask(rig, 1, WRITE) == [bytes.fromhex("86 06")]
+    rig.tick()
+    rig.server.poll()
+    assert waiting[0] == [WRITE]
+    assert ask(rig, 1, WRITE) == []
+
+
+def test_a_write_that_the_loop_leaves_is_refused_and_not_obeyed_later(rig):
+    responses = ask(rig, 1, WRITE)
+    rig.now += ANSWER_TIMEOUT - 0.01
+    rig.server.poll()
+    assert responses == []
+    rig.now += 0.02
+    rig.server.poll()
+    assert responses == [bytes.fromhex("86 04")]
+    assert rig.tick().assignments == []
+    rig.server.poll()
+    assert responses == [bytes.fromhex("86 04")]
+
+
+def test_without_a_row_there_is_no_value(rig):
+    rig.row = None
+    assert ask(rig, 1, READ) == [bytes.fromhex("84 04")]
+    assert ask(rig, 1, WRITE) == [bytes.fromhex("86 04")]
+
+
+def test_a_loop_that_stands_still_gives_no_values_until_it_moves(rig):
+    rig.server.poll()
+    rig.now += 0.49
+    assert ask(rig, 1, READ)[0][0] == 4
+    rig.now += 0.02
+    assert ask(rig, 1, READ) == [bytes.fromhex("84 04")]
+    rig.tick()
+    assert ask(rig, 1, READ)[0][0] == 4
+
+
+def test_a_loop_that_stood_still_while_nobody_asked_is_found_out_too(rig):
+    rig.now += 0.4
+    rig.tick()
+    rig.server.poll()  # the process looks from time to time
+    rig.now += 0.6
+    assert ask(rig, 1, READ) == [bytes.fromhex("84 04")]

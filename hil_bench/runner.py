@@ -131,11 +131,14 @@ class _Bus:
         return held + self._transport.receive(limit - len(held))
 
     def send(self, frames: Sequence[Frame]) -> None:
-        """Send frames, and listen to the identifiers that have changed meanwhile."""
-        self._transport.send(frames)
+        """Listen to the identifiers that have changed meanwhile, and send frames.
+
+        In this order: a master that has the answer may use the new identifier at once.
+        """
         if self._bench.routes is not self._routes:
             self._routes = self._bench.routes
             self._transport.listen_to(self._routes)
+        self._transport.send(frames)
 
     def serve(self, now: int) -> None:
         """Answer SDO requests until shortly before the next tick.

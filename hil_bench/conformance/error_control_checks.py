@@ -125,8 +125,9 @@ def consumer_waits(dut: DeviceUnderTest) -> None:
     """Watch a node-ID that never sends."""
     producer = watched_producer(dut)
     with dut.setting(CONSUMER, 1, producer << 16 | 100):
-        if dut.wire.take(dut.is_emergency, 0.5) is not None:
-            raise Deviation("EMCY before the first heartbeat")
+        arrival = dut.wire.take(dut.is_emergency, 0.5)
+        if arrival is not None:
+            raise Deviation(f"EMCY {arrival.frame.data.hex(' ')} before the first heartbeat")
 
 
 @CHAPTER.check("7.5.2.19", "watching one node twice aborts with 0604 0043h", Impact.WRITE)

@@ -26,6 +26,7 @@ class ScriptedTransport:
         self.sent = []
         self.filters = []
         self.batches = []
+        self.heard_at_answer = 0
 
     def receive(self, limit):
         if self.lost_after is not None and len(self.batches) >= self.lost_after:
@@ -36,6 +37,8 @@ class ScriptedTransport:
 
     def send(self, frames):
         self.sent += frames
+        if any(frame.can_id == 0x581 for frame in frames):
+            self.heard_at_answer = len(self.filters)
 
     def listen_to(self, can_ids):
         self.filters.append(frozenset(can_ids))
@@ -119,6 +122,8 @@ def test_the_bus_is_asked_for_new_identifiers_when_they_change():
     run(transport, ticks=5)
     assert len(transport.filters) == 2
     assert transport.filters[1] - transport.filters[0] == {0x705}
+    # Who has the answer may use the new identifier: it is listened to by then.
+    assert transport.heard_at_answer == 2
     assert {0x000, 0x080, 0x201, 0x601, 0x602, 0x603, 0x604} <= transport.filters[0]
 
 

@@ -194,9 +194,10 @@ def build_sensor(config: NodeConfig, node: Node, chain: MeasuringChain | None) -
     match config:
         case PressureConfig():
             device = PressureDevice(node, config.span)
-            return PressureMeasurement(device, config.source, stages)
+            return PressureMeasurement(device, config.source, stages, name=config.name)
         case EncoderConfig():
             speed_stages = () if chain is None else (chain.speed,)
-            return PositionMeasurement(EncoderDevice(node), stages, speed_stages)
+            encoder = EncoderDevice(node)
+            return PositionMeasurement(encoder, stages, speed_stages, name=config.name)
         case _:
             raise ConfigError(f"nodes.{config.name}: profile {config.profile} is not a sensor")

@@ -12,6 +12,7 @@ A frame that one node of the bench sends is heard by the other nodes of the benc
 as on a wire.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -37,13 +38,20 @@ class PressureMeasurement:
         device: the transducer.
         source: "P_A" or "P_B".
         stages: what the pressure passes on its way; without any the transducer is ideal.
+        name: of the transducer, for recordings.
 
     Attributes:
         stages: as passed in; others may take their place at any time.
+        name: as passed in.
+        measured: the pressure that was published last [Pa].
     """
 
-    def __init__(self, device: PressureDevice, source: str, stages: Iterable[Stage] = ()) -> None:
+    def __init__(
+        self, device: PressureDevice, source: str, stages: Iterable[Stage] = (), *, name: str = ""
+    ) -> None:
         self.stages = tuple(stages)
+        self.name = name
+        self.measured = math.nan
         self._device = device
         self._field = PlantOutput._fields.index(source)
 
@@ -52,6 +60,7 @@ class PressureMeasurement:
         pressure = output[self._field]
         for stage in self.stages:
             pressure = stage(pressure)
+        self.measured = pressure
         self._device.publish(pressure, now)
 
 
@@ -62,10 +71,14 @@ class PositionMeasurement:
         device: the position sensor.
         stages: what the position passes on its way; without any the sensor is ideal.
         speed_stages: what the speed passes, after the position.
+        name: of the sensor, for recordings.
 
     Attributes:
         stages: as passed in; others may take their place at any time.
         speed_stages: as passed in, likewise.
+        name: as passed in.
+        measured: the position that was published last [m].
+        measured_speed: the speed that was published last [m/s].
     """
 
     def __init__(
@@ -73,9 +86,13 @@ class PositionMeasurement:
         device: EncoderDevice,
         stages: Iterable[Stage] = (),
         speed_stages: Iterable[Stage] = (),
+        *,
+        name: str = "",
     ) -> None:
         self.stages = tuple(stages)
         self.speed_stages = tuple(speed_stages)
+        self.name = name
+        self.measured = self.measured_speed = math.nan
         self._device = device
 
     def __call__(self, output: PlantOutput, now: int) -> None:
@@ -85,6 +102,7 @@ class PositionMeasurement:
             position = stage(position)
         for stage in self.speed_stages:
             speed = stage(speed)
+        self.measured, self.measured_speed = position, speed
         self._device.publish(position, speed, now)
 
 
@@ -147,12 +165,19 @@ class Bench:
         axes: the cylinders, at least one.
         nodes: every CANopen node on the bus.
         steps: plant steps in one tick, one or more.
+
+    Attributes:
+        pressures: the pressure transducers of all axes.
+        positions: the position sensors of all axes.
     """
 
     def __init__(self, axes: Sequence[Axis], nodes: Sequence[Node], *, steps: int) -> None:
         self.axes = tuple(axes)
         self.nodes = tuple(nodes)
         self.commands = [0.0] * len(self.axes)
+        sensors = [sensor for axis in self.axes for sensor in axis.sensors]
+        self.pressures = tuple(s for s in sensors if isinstance(s, PressureMeasurement))
+        self.positions = tuple(s for s in sensors if isinstance(s, PositionMeasurement))
         self.unrouted = 0
         self._steps = steps
         self._routes: dict[int, tuple[Handler, ...]] = {}

@@ -13,7 +13,10 @@ The module loads in every pytest run of its environment, so it imports nothing o
 fixture asks.
 """
 
+import re
 from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -46,6 +49,7 @@ _OPTIONS = {
     ),
     "channel": ("NAME", "channel of that interface"),
     "seed": ("N", "seed of all random generators of the bench"),
+    "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
 }
 
 
@@ -93,6 +97,9 @@ def pytest_runtest_makereport(
         return report
     if call.when == "call" and report.failed and bench is not None:
         report.sections.append((f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench)))
+    path = _recording_path(item)
+    if call.when == "call" and report.failed and path is not None and path.exists():
+        report.sections.append(("recording of this test", str(path)))
     return report
 
 
@@ -106,13 +113,16 @@ def hil_config(pytestconfig: pytest.Config) -> "BenchConfig":
 
 
 @pytest.fixture
-def bench(hil_config: "BenchConfig", pytestconfig: pytest.Config) -> "Iterator[VirtualBench]":
+def bench(
+    request: pytest.FixtureRequest, hil_config: "BenchConfig", pytestconfig: pytest.Config
+) -> "Iterator[VirtualBench]":
     """A fresh bench in virtual time."""
     if _option(pytestconfig, "interface"):
         pytest.skip("needs the virtual bench, which --hil-interface turns off")
-    from hil_bench.virtual_bench import VirtualBench
+    from hil_bench.virtual_bench import NO_RECORDING, VirtualBench
 
-    with VirtualBench(hil_config) as virtual:
+    path = _make_recording_path(request.node)
+    with VirtualBench(hil_config, record=path or NO_RECORDING) as virtual:
         yield virtual
 
 
@@ -136,13 +146,15 @@ def network(
     """The drivers' network on that bus, which sends a heartbeat."""
     from drivers import Network
 
+    path = None
     if _option(pytestconfig, "interface"):
         network = Network(can_bus)
+        path = _make_recording_path(request.node)
     else:
         virtual = request.getfixturevalue("bench")
         network = Network(can_bus, clock=virtual.now)
         virtual.pump = network.pump
-    with network:
+    with network, _record_frames(network, path):
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         yield network
 
@@ -186,6 +198,41 @@ def position(network: "Network", hil_config: "BenchConfig") -> "PositionSensor":
     driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
     _start(network, driver, node.node_id)
     return driver
+
+
+@contextmanager
+def _record_frames(network: "Network", path: Path | None) -> Iterator[None]:
+    """Record what passes a physical bus, as the drivers see it, for the time of the block.
+
+    Yields:
+        Nothing.
+    """
+    if path is None:
+        yield
+        return
+    from hil_bench.recording.network_tap import NetworkTap
+    from hil_bench.recording.recorder import RecordingPlan
+    from hil_bench.recording.recorder_process import RecorderProcess
+
+    with RecorderProcess(RecordingPlan((path,), ())) as recording:
+        network.observe = NetworkTap(recording, network.now).observe
+        yield
+
+
+def _make_recording_path(item: pytest.Item) -> Path | None:
+    """Return where to record a test, its folder made; None where that is not asked for."""
+    path = _recording_path(item)
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def _recording_path(item: pytest.Item) -> Path | None:
+    """Return where the recording of a test is; None where none is asked for."""
+    folder = _option(item.config, "record")
+    if folder is None:
+        return None
+    return Path(folder) / f"{re.sub(r'[^A-Za-z0-9_.=-]+', '_', item.nodeid)}.mf4"
 
 
 def _option(config: pytest.Config, name: str) -> str | None:

@@ -1,6 +1,7 @@
 """What is recorded of a bench: one row of SI values a tick.
 
-The spool is in fractions of the valve's full opening, as on the bus.
+First what each axis does, then what each of its sensors measures, with the sensor's errors, delay
+and noise. The spool is in fractions of the valve's full opening, as on the bus.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,12 +30,17 @@ AXIS_QUANTITIES = (
 
 
 def bench_channels(bench: Bench) -> tuple[Channel, ...]:
-    """Return the channels of a row of `sample`, named `AXIS.QUANTITY`."""
-    return tuple(
+    """Return the channels of a row of `sample`: `AXIS.QUANTITY`, then `SENSOR.measured`."""
+    channels = [
         Channel(f"{axis.name}.{quantity}", unit)
         for axis in bench.axes
         for quantity, unit in AXIS_QUANTITIES
-    )
+    ]
+    channels += [Channel(f"{sensor.name}.measured", "Pa") for sensor in bench.pressures]
+    for position in bench.positions:
+        channels.append(Channel(f"{position.name}.measured", "m"))
+        channels.append(Channel(f"{position.name}.measured_speed", "m/s"))
+    return tuple(channels)
 
 
 def sample(bench: Bench) -> list[float]:
@@ -43,6 +49,9 @@ def sample(bench: Bench) -> list[float]:
     for axis, u in zip(bench.axes, bench.commands, strict=True):
         output, full = axis.plant.output, axis.valve.full_opening
         row += (output.x, output.v, output.P_A, output.P_B, u / full, output.nu / full)
+    row += [sensor.measured for sensor in bench.pressures]
+    for position in bench.positions:
+        row += (position.measured, position.measured_speed)
     return row
 
 

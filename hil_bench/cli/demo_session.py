@@ -13,6 +13,7 @@ import numpy as np
 
 from drivers import (
     ControllerParameters,
+    CycleRecord,
     DriverError,
     MotionProfile,
     Network,
@@ -108,13 +109,14 @@ class DemoSession:
             else None
         )
         self._setpoint_at: Callable[[float], float] = no_setpoint
+        self._cycle: CycleRecord | None = None
         setpoint = Channel(f"{config.axes[0].name}.position_setpoint", "m")
         self.bench = VirtualBench(
             config,
             recorded_time=duration + _SET_UP_TIME,
             logged_frames=_LOGGED_FRAMES,
             pacer=self._pacer,
-            stimuli={setpoint: self._setpoint},
+            stimuli={setpoint: self._setpoint, **self._seen_by_controller()},
             record=recording,
         )
         self.bench.observers.append(self._publish)
@@ -149,6 +151,22 @@ class DemoSession:
         """Return the set-point of the motion at a bench time [m]."""
         return self._setpoint_at(time)
 
+    def _seen_by_controller(self) -> dict[Channel, Callable[[float], float]]:
+        """Return channels of what the controller last got from its drivers."""
+        axis = self._config.axes[0].name
+        return {
+            Channel(f"{axis}.{name}_seen", unit): partial(self._seen, field)
+            for name, unit, field in (
+                ("position", "m", "position"),
+                ("P_A", "Pa", "pressure_a"),
+                ("P_B", "Pa", "pressure_b"),
+                ("spool_position", "-", "spool_position"),
+            )
+        }
+
+    def _seen(self, field: str, _time: float) -> float:
+        return math.nan if self._cycle is None else float(getattr(self._cycle, field))
+
     def _publish(self, time: float) -> None:
         """Show the present values to the status line."""
         axes = bench_status_row(self.bench.bench)
@@ -165,6 +183,7 @@ class DemoSession:
                     start = network.now() - record.time
                     self._setpoint_at = partial(setpoint_position, profile, start)
                 cycles += 1
+                self._cycle = record
                 if stopped():
                     break
             self._setpoint_at = no_setpoint

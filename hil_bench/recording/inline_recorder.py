@@ -66,10 +66,14 @@ class InlineRecorder:
     def append_row(self, values: Sequence[float]) -> None:
         """Record a row: time [s], then a value a channel in its SI unit."""
         self._recorder.append_row(self._row.pack(*values))
-        if values[0] >= self._block_end:
-            self._block_end = values[0] + BLOCK_PERIOD
-            self._recorder.write_block()
+        self._end_block(values[0])
 
     def append_frames(self, frames: Sequence[Frame], now: int, *, is_received: bool) -> None:
         """Record frames at a time [ns] that we received, or else sent."""
         self._recorder.append_frames([LoggedFrame(frame, now, is_received) for frame in frames])
+        self._end_block(now * 1e-9)
+
+    def _end_block(self, time: float) -> None:
+        if time >= self._block_end:
+            self._block_end = time + BLOCK_PERIOD
+            self._recorder.write_block()

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from hil_bench.errors import WaitTimeoutError
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
 
 pytest_plugins = ["pytester"]
 
@@ -109,3 +111,20 @@ def test_loading_it_imports_nothing_of_weight():
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert done.stdout == "['hil_bench', 'hil_bench.pytest_plugin']\n"
+
+
+def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
+    pytester.makepyfile(
+        "def test_moves(bench, valve):\n    valve.enable()\n    bench.run(0.5)\n    assert False\n"
+        "def test_rests(bench):\n    bench.run(0.01)\n"
+    )
+    result = pytester.runpytest_subprocess("--hil-record=results")
+    result.assert_outcomes(failed=1, passed=1)
+    result.stdout.fnmatch_lines(["*recording of this test*", "results/*test_moves.mf4"])
+    name = f"{test_each_test_is_recorded_and_a_failed_one_names_the_file.__name__}.py_test_"
+    moves, rests = (
+        pytester.path / "results" / f"{name}{which}.mf4" for which in ("moves", "rests")
+    )
+    assert len(read_recording(rests)) == 10
+    assert read_recording(moves)["time"][-1] > 0.5
+    assert 0x201 in {logged.frame.can_id for logged in read_frames(moves)}

@@ -19,5 +19,10 @@ def test_a_row_has_a_value_a_channel_in_si_units():
         "axis1.P_B": output.P_B,
         "axis1.spool_setpoint": 0.5,  # 8192 of 16384
         "axis1.spool_position": output.nu / 1.3e-3,  # of alpha + beta (Table I)
+        # The built-in bench has ideal sensors.
+        "pressure_a.measured": output.P_A,
+        "pressure_b.measured": output.P_B,
+        "position.measured": output.x,
+        "position.measured_speed": output.v,
     }
     assert row == pytest.approx(expected, rel=1e-12)

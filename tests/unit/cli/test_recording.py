@@ -60,7 +60,9 @@ def test_a_demo_is_recorded_on_one_time_base(tmp_path, monkeypatch, capsys):
             ["--record", "x.csv", "--trigger", "axis9.P_A > 3"],
             (
                 'trigger "axis9.P_A > 3": no signal axis9.P_A; there are time, axis1.position, '
-                "axis1.speed, axis1.P_A, axis1.P_B, axis1.spool_setpoint, axis1.spool_position"
+                "axis1.speed, axis1.P_A, axis1.P_B, axis1.spool_setpoint, axis1.spool_position, "
+                "pressure_a.measured, pressure_b.measured, position.measured, "
+                "position.measured_speed"
             ),
         ),
     ],

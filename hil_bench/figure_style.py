@@ -4,6 +4,7 @@ from typing import Any
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#9A9A9A"
+PURPLE, SKY, BLACK = "#CC79A7", "#56B4E9", "#222222"
 
 STYLE: dict[Any, Any] = {
     "axes.edgecolor": "#444444",

@@ -5,6 +5,7 @@ The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``
 panel is in the display unit that belongs to its channels' SI unit.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,13 +15,14 @@ import numpy.typing as npt
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from hil_bench.recording.channels import TIME, Recording, recording_channels
-from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
+from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DISPLAY_UNITS = {"m": MILLIMETRE, "Pa": BAR, "-": PERCENT}  # by the symbol of the SI unit
+DISPLAY_UNITS = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
+"""In which unit a figure shows a quantity, by the symbol of the SI unit."""
 
 
 class _Curve(NamedTuple):
@@ -77,24 +79,37 @@ def plot_result(recording: Recording, path: Path, *, title: str = "") -> None:
     """Write a recording as a picture; the suffix of `path` is its format.
 
     Raises:
-        ConfigError: matplotlib is not installed, the recording has nothing to draw, or the file
-            cannot be written.
+        ConfigError: the recording has nothing to draw.
     """
     axes = _axis_names(recording)
     if not axes:
         raise ConfigError(f"{path}: the recording has no axis to plot; record its channels")
+    save_figure(lambda: _draw(recording, axes, title), path)
+
+
+def save_figure(draw: Callable[[], "Figure"], path: Path) -> None:
+    """Draw a figure in our style and write it; the suffix of `path` is its format.
+
+    Raises:
+        ConfigError: matplotlib is not installed, or the file cannot be written.
+    """
     try:
         import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
     except ImportError:
         right = "install it with: pip install 'hil-bench[plot]'"
         raise ConfigError(f"{path}: a plot needs matplotlib; {right}") from None
     with mpl.rc_context(STYLE):
-        figure = _draw(recording, axes, title)
+        figure = draw()
         try:
             figure.savefig(path, dpi=150)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ConfigError(f"{path}: cannot be written: {reason}; give a .png file") from None
+
+
+def has_axis(recording: Recording) -> bool:
+    """Return whether a recording has what `plot_result` draws."""
+    return bool(_axis_names(recording))
 
 
 def _draw(recording: Recording, axes: list[str], title: str) -> "Figure":
@@ -150,7 +165,7 @@ def _lines(recording: Recording, axis: str, panel: _Panel) -> list[_Line]:
         names = [f"{axis}.{quantity}" for quantity in (curve.quantity, curve.minus) if quantity]
         if all(name in units for name in names):
             symbol = units[names[0]]
-            unit = _DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
+            unit = DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
             values = recording[names[0]] - (recording[names[1]] if curve.minus else 0.0)
             lines.append(_Line(curve, values / unit.factor, unit))
     return lines

@@ -1,0 +1,100 @@
+"""`hil-bench plot`: a recording as a picture."""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import TIME, Recording
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.recording.frame_plot import plot_frames
+from hil_bench.recording.frames import read_frames
+from hil_bench.recording.plot import has_axis, plot_result
+from hil_bench.recording.signal_plot import plot_signals
+
+_EXAMPLES = """\
+examples:
+  hil-bench plot run.mf4                                   run.png: motion, pressures, spool
+  hil-bench plot run.mf4 --signals "axis1.P_*" -o p.svg    chosen signals
+  hil-bench plot run.mf4 --frames                          the traffic on the bus
+  hil-bench plot bus.log
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "plot",
+        description="Draw a recording: the motion of its axes, chosen signals, or the traffic on\n"
+        "the bus where it has no signals.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="PICTURE", help=".png, .svg or .pdf (FILE.png)"
+    )
+    parser.add_argument(
+        "--signals",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help='draw these signals, a panel a unit: "axis1.P_*"; again for more',
+    )
+    parser.add_argument("--frames", action="store_true", help="draw the traffic on the bus")
+    parser.add_argument(
+        "--from", type=float, default=-np.inf, metavar="S", dest="begin", help="leave out before"
+    )
+    parser.add_argument(
+        "--to", type=float, default=np.inf, metavar="S", dest="end", help="leave out after"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw the recording and print where."""
+    path = args.output or args.recording.with_suffix(".png")
+    title = args.recording.name
+    if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
+        _plot_frames(args, path, title)
+    else:
+        recording = _cut(read_recording(args.recording), args)
+        if args.signals or not has_axis(recording):
+            plot_signals(recording, path, patterns=args.signals, title=title)
+        else:
+            plot_result(recording, path, title=title)
+    print(path)
+    return ExitCode.DONE
+
+
+def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:
+    """Draw the traffic.
+
+    Raises:
+        ConfigError: signals are asked for too.
+    """
+    if args.signals:
+        raise ConfigError(f"--signals: {args.recording} is drawn as frames; give one or the other")
+    frames = [
+        logged
+        for logged in read_frames(args.recording)
+        if args.begin <= logged.now * 1e-9 <= args.end
+    ]
+    plot_frames(frames, path, title=title)
+
+
+def _cut(recording: Recording, args: argparse.Namespace) -> Recording:
+    """Return the rows within --from and --to.
+
+    Raises:
+        ConfigError: there are none.
+    """
+    times = recording[TIME.name]
+    rows: Recording = recording[(times >= args.begin) & (times <= args.end)]
+    if not len(rows):
+        reach = f"{times[0]:g} to {times[-1]:g} s" if len(times) else "no rows at all"
+        raise ConfigError(f"{args.recording}: no rows to draw; it has {reach}")
+    return rows

@@ -1,0 +1,194 @@
+"""`hil-bench replay`: recorded frames back on a bus, or recorded set-points into the plant."""
+
+import argparse
+import contextlib
+import json
+import math
+import re
+from dataclasses import asdict
+from pathlib import Path
+
+import can
+
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interruption
+from hil_bench.config import BenchConfig
+from hil_bench.errors import BusError, ConfigError
+from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import message_of, read_frames
+from hil_bench.recording.trigger import quantity
+from hil_bench.replay import (
+    COMPARED,
+    Deviation,
+    Direction,
+    compare_recordings,
+    drive_plant,
+    play_frames,
+)
+from hil_bench.transports.opening import open_can_bus
+from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
+
+_DISPLAY = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
+
+_EXAMPLES = """\
+examples:
+  hil-bench replay run.mf4 -i socketcan -c vcan0                       all frames, as recorded
+  hil-bench replay run.mf4 -i socketcan -c vcan0 --frames received     of a bench's recording:
+                                                                       what its controller sent
+  hil-bench replay run.csv --virtual bench.toml                        set-points into the plant
+  hil-bench replay run.csv --virtual --tolerance "position=0.5 mm"
+"""
+
+_TOLERANCE = re.compile(r"\s*([^=\s]+)\s*=\s*(\S+?)\s*([A-Za-z%/]*)\s*")
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "replay",
+        description="Put the frames of a recording back on a bus with their timing; or, with\n"
+        "--virtual, drive the plant of a bench with the recorded spool set-points and compare.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
+    add_bench_arguments(parser)
+    parser.add_argument(
+        "--frames",
+        choices=[direction.value for direction in Direction],
+        default=Direction.ALL.value,
+        help="of these, as seen by who recorded them (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--speed", type=_speed, default=1.0, metavar="X", help="times as fast (1), or max"
+    )
+    virtual = parser.add_argument_group("set-points into the plant")
+    virtual.add_argument(
+        "--virtual",
+        action="store_true",
+        help="no bus: drive the plant of the bench with the recorded spool set-points, in virtual "
+        "time, and compare; exit code 1 where a deviation is out of tolerance",
+    )
+    virtual.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help='largest deviation that is right, as in "position=0.5 mm" or "axis1.P_A=3 bar"; '
+        "without: position 1 mm, pressures 2 bar, spool position 2 %%",
+    )
+    virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the recording.
+
+    Raises:
+        ConfigError: --virtual and a bus.
+    """
+    if args.virtual and ("interface" in args or "channel" in args):
+        raise ConfigError("--virtual needs no bus; give either --virtual or -i and -c")
+    config = load_bench_config(args)
+    return drive(args, config) if args.virtual else play(args, config)
+
+
+def play(args: argparse.Namespace, config: BenchConfig) -> int:
+    """Put the frames on the bus.
+
+    Raises:
+        ConfigError: there are none.
+        BusError: the bus was lost.
+    """
+    direction = Direction(args.frames)
+    frames = [logged for logged in read_frames(args.recording) if direction.includes(logged)]
+    if not frames:
+        raise ConfigError(f"{args.recording}: has no frames to play; .csv holds signals only")
+    with contextlib.ExitStack() as stack:
+        wish = stack.enter_context(interruption())
+        settings = config.bus
+        bus, what = open_can_bus(
+            settings.interface, settings.channel, settings.bitrate, settings.options
+        )
+        stack.enter_context(bus)
+        try:
+            report = play_frames(
+                frames,
+                lambda logged: bus.send(message_of(logged)),
+                MonotonicClock(),
+                speed=args.speed,
+                stopped=lambda: wish.requested,
+            )
+        except (can.CanError, OSError) as error:
+            raise BusError(f"{what}: {error}") from error
+    print(
+        f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "
+        f"at most {report.latest * 1e3:.1f} ms late"
+    )
+    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+
+
+def drive(args: argparse.Namespace, config: BenchConfig) -> int:
+    """Drive the plant and compare."""
+    recorded = read_recording(args.recording)
+    tolerances = dict(_tolerance(text) for text in args.tolerance)
+    deviations = compare_recordings(recorded, drive_plant(config, recorded), tolerances)
+    if args.json:
+        print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
+    else:
+        print("\n".join((_HEAD, *map(_line, deviations))))
+    is_right = all(deviation.is_within for deviation in deviations)
+    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+_HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"
+
+
+def _line(deviation: Deviation) -> str:
+    unit = _DISPLAY.get(deviation.unit, Unit(deviation.unit, ""))
+    numbers = [
+        f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)
+    ]
+    verdict = "not judged"
+    if deviation.tolerance is not None:
+        verdict = "passed" if deviation.is_within else "FAILED"
+        verdict = f"{unit.from_si(deviation.tolerance):g} {unit.symbol}: {verdict}"
+    time = f"{deviation.time:.3f} s"
+    return f"{deviation.channel:24} {numbers[0]:>12} {numbers[1]:>12} {time:>10}   {verdict}"
+
+
+def _tolerance(text: str) -> tuple[str, float]:
+    """Return the channel and the tolerance in its SI unit.
+
+    Raises:
+        ConfigError: the text is none.
+    """
+    match = _TOLERANCE.fullmatch(text)
+    right = '"position=0.5 mm" is the form'
+    if match is None:
+        raise ConfigError(f'--tolerance "{text}": {right}')
+    name, value, symbol = match.groups()
+    unit = COMPARED.get(name.rpartition(".")[2])
+    if unit is None:
+        raise ConfigError(f'--tolerance "{text}": {", ".join(COMPARED)} are compared')
+    tolerance = quantity(text, value, symbol, unit)
+    if not 0 <= tolerance < math.inf:
+        raise ConfigError(f'--tolerance "{text}": {right}')
+    return name, tolerance
+
+
+def _speed(text: str) -> float:
+    """Return a speed.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        speed = math.inf if text == "max" else float(text)
+    except ValueError:
+        speed = math.nan
+    if not speed > 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: a positive number or max is right")
+    return speed

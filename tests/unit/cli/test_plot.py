@@ -1,0 +1,59 @@
+"""`hil-bench plot`; what the pictures look like was looked at."""
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.virtual_bench import RecordingWish, VirtualBench
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plot")
+    paths = tuple(folder / f"run{suffix}" for suffix in (".mf4", ".csv", ".log"))
+    with VirtualBench(record=RecordingWish(paths)) as bench:
+        bench.run(0.05)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("arguments", "texts"),
+    [
+        (["run.mf4"], ["Pressure [bar]", "Spool [%]"]),
+        (["run.csv", "--signals", "axis1.P_*"], ["axis1.P_A", "axis1.P_B", "[bar]"]),
+        (["run.mf4", "--frames"], ["0x704", "Frames [1/s]"]),
+        (["run.log"], ["0x701", "CAN identifier"]),
+    ],
+)
+def test_each_kind_is_drawn(folder, tmp_path, monkeypatch, capsys, arguments, texts):
+    monkeypatch.setitem(__import__("matplotlib").rcParams, "svg.fonttype", "none")
+    picture = tmp_path / "x.svg"
+    name, *options = arguments
+    assert main(["plot", str(folder / name), "-o", str(picture), *options]) == 0
+    assert capsys.readouterr().out == f"{picture}\n"
+    drawn = picture.read_text(encoding="utf-8")
+    for text in texts:
+        assert text in drawn
+
+
+def test_it_goes_beside_the_recording(folder):
+    assert main(["plot", str(folder / "run.mf4")]) == 0
+    assert (folder / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run.csv", "--signals", "axis9.*"], "no signal fits axis9.*; the recording has axis1.po"),
+        (["run.csv", "--from", "9"], "run.csv: no rows to draw; it has 0.001 to 0.05 s"),
+        (["run.log", "--from", "9"], "run.png: the recording has no frames to plot"),
+        (["run.log", "--signals", "x"], "run.log is drawn as frames; give one or the other"),
+        (["run.mf4", "-o", "x.xyz"], "x.xyz: cannot be written: "),
+    ],
+)
+def test_what_cannot_be_drawn(folder, arguments, message, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert main(["plot", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("hil-bench: error: ")
+    assert message in error
+    assert error.count("\n") == 1

@@ -1,0 +1,93 @@
+"""`hil-bench replay`."""
+
+import json
+
+import can
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.realtime.clock import VirtualClock
+from hil_bench.virtual_bench import VirtualBench
+
+
+@pytest.fixture(scope="module")
+def run_mf4(tmp_path_factory):
+    path = tmp_path_factory.mktemp("replay") / "run.mf4"
+    with VirtualBench(record=path) as bench:
+        bench.bus.send(can.Message(arbitration_id=0, data=[1, 0], is_extended_id=False))
+        bench.run(0.05)
+    return path
+
+
+def test_frames_go_back_on_a_bus(run_mf4, monkeypatch, capsys):
+    monkeypatch.setattr("hil_bench.cli.replay.MonotonicClock", VirtualClock)
+    with can.Bus(interface="virtual", channel="test_replay") as listener:
+        bus = ["-i", "virtual", "-c", "test_replay"]
+        assert main(["replay", str(run_mf4), *bus, "--frames", "received"]) == 0
+        message = listener.recv(1.0)
+        assert listener.recv(0.0) is None
+    assert (message.arbitration_id, bytes(message.data)) == (0, b"\x01\x00")
+    assert capsys.readouterr().out == (
+        "1 of 1 frames on virtual test_replay in 0.0 s, at most 0.0 ms late\n"
+    )
+
+
+def test_set_points_drive_the_plant(run_mf4, capsys):
+    assert main(["replay", str(run_mf4), "--virtual"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[1].split() == (
+        ["axis1.position", "0", "mm", "0", "mm", "0.001", "s", "1", "mm:", "passed"]
+    )
+    assert len(out) == 6
+
+
+def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
+    other = tmp_path / "bench.toml"
+    other.write_text("[plant.axis1]\ninternal_leakage_l_min_bar = 0.1\n")
+    arguments = ["--virtual", "--tolerance", "P_A=0.001 bar", "--json"]
+    assert main(["replay", str(run_mf4), str(other), *arguments]) == 1
+    verdicts = {d["channel"]: d["is_within"] for d in json.loads(capsys.readouterr().out)}
+    assert not verdicts["axis1.P_A"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["--virtual", "-i", "virtual"],
+            "--virtual needs no bus; give either --virtual or -i and -c",
+        ),
+        (
+            ["--virtual", "--tolerance", "position"],
+            '--tolerance "position": "position=0.5 mm" is the form',
+        ),
+        (
+            ["--virtual", "--tolerance", "load=1"],
+            '--tolerance "load=1": position, speed, P_A, P_B, spool_position are compared',
+        ),
+        (
+            ["--virtual", "--tolerance", "position=-1 mm"],
+            '--tolerance "position=-1 mm": "position=0.5 mm" is the form',
+        ),
+        (
+            ["--virtual", "--tolerance", "position=1 bar"],
+            '"position=1 bar": bar is no unit of it; give one of m, mm',
+        ),
+    ],
+)
+def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, capsys):
+    assert main(["replay", str(run_mf4), *arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+
+
+def test_a_speed_that_is_none(run_mf4, capsys):
+    assert main(["replay", str(run_mf4), "--speed", "0"]) == 2
+    assert "'0': a positive number or max is right" in capsys.readouterr().err
+
+
+def test_signals_alone_are_nothing_for_a_bus(tmp_path, capsys):
+    path = tmp_path / "run.csv"
+    with VirtualBench(record=path) as bench:
+        bench.run(0.01)
+    assert main(["replay", str(path), "-i", "virtual", "-c", "x"]) == 2
+    assert 'no log of frames has the suffix ".csv"' in capsys.readouterr().err

@@ -1,0 +1,142 @@
+"""Frames on a bus with their timing, set-points into the plant."""
+
+import numpy as np
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import load_config
+from hil_bench.errors import ConfigError
+from hil_bench.realtime.clock import VirtualClock
+from hil_bench.recording.channels import Channel, recording_dtype
+from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.replay import Direction, compare_recordings, drive_plant, play_frames
+from hil_bench.virtual_bench import VirtualBench
+
+FRAMES = [
+    LoggedFrame(Frame(number), 5_000_000_000 + number * 1_000_000, bool(number % 2))
+    for number in range(4)
+]
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, float("inf")])
+def test_frames_are_sent_at_their_times_from_the_first_on(speed):
+    clock, sent = VirtualClock(1_000), []
+    report = play_frames(
+        FRAMES, lambda logged: sent.append((logged.frame.can_id, clock.now())), clock, speed=speed
+    )
+    assert sent == [(number, 1_000 + round(number * 1_000_000 / speed)) for number in range(4)]
+    assert (report.frames, report.latest) == (4, 0.0)
+
+
+def test_a_slow_bus_is_told():
+    clock = VirtualClock()
+    report = play_frames(FRAMES, lambda _logged: clock.advance(3_000_000), clock)
+    # Frames of 1 ms distance that take 3 ms each: the fourth comes 9 ms after the first, not 3 ms.
+    assert report.latest == pytest.approx(6e-3)
+
+
+def test_it_stops_when_told():
+    sent = []
+    report = play_frames(FRAMES, sent.append, VirtualClock(), stopped=lambda: len(sent) == 2)
+    assert report.frames == 2
+
+
+@pytest.mark.parametrize(
+    ("direction", "expected"), [("received", [1, 3]), ("sent", [0, 2]), ("all", [0, 1, 2, 3])]
+)
+def test_a_direction_is_that_of_who_recorded(direction, expected):
+    chosen = [f.frame.can_id for f in FRAMES if Direction(direction).includes(f)]
+    assert chosen == expected
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """The built-in bench with its spool moved by hand: valve to 40 %, back, to -30 %."""
+    with VirtualBench() as bench:
+        bench.run(0.05)
+        for number, fraction in enumerate((0.4, 0.0, -0.3)):
+            axis = bench.bench.axes[0]
+            axis.valve.command = lambda _now, u=fraction * axis.valve.full_opening: u
+            bench.run(0.1 + 0.05 * number)
+        return bench.signals
+
+
+def test_the_same_plant_does_the_same_to_the_last_bit(recorded):
+    simulated = drive_plant(load_config(), recorded)
+    assert np.ptp(recorded["axis1.position"]) > 1e-3
+    deviations = compare_recordings(recorded, simulated, {})
+    assert [d.channel.rpartition(".")[2] for d in deviations] == [
+        "position",
+        "speed",
+        "P_A",
+        "P_B",
+        "spool_position",
+    ]
+    assert [d.maximum for d in deviations] == [0.0] * 5
+    assert all(d.is_within for d in deviations)
+
+
+def test_it_goes_on_from_the_middle_of_a_motion(recorded):
+    later = recorded[120:]
+    (position, *_) = compare_recordings(later, drive_plant(load_config(), later), {})
+    # The spool's velocity alone is not recorded; its lag is some milliseconds at most.
+    assert position.maximum < 1e-4
+
+
+def test_another_plant_is_out_of_tolerance(recorded, tmp_path):
+    file = tmp_path / "bench.toml"
+    file.write_text("[plant.axis1]\nbulk_modulus_mpa = 40\nsupply_pressure_bar = 130\n")
+    deviations = compare_recordings(recorded, drive_plant(load_config(file), recorded), {})
+    pressure = next(d for d in deviations if d.channel == "axis1.P_A")
+    assert not pressure.is_within
+    assert pressure.maximum > 2e5
+
+
+def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
+    simulated = drive_plant(load_config(), recorded)
+    simulated["axis1.position"] += 2e-3
+    for name in ("position", "axis1.position"):
+        (deviation, *_) = compare_recordings(recorded, simulated, {name: 3e-3})
+        assert (deviation.maximum, deviation.tolerance) == pytest.approx((2e-3, 3e-3))
+        assert deviation.is_within
+    (deviation, *_) = compare_recordings(recorded, simulated, {})
+    assert not deviation.is_within
+    with pytest.raises(ConfigError, match=r"^tolerance for axis9\.position: not compared; P_A, "):
+        compare_recordings(recorded, simulated, {"axis9.position": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rows: rows[:1], "the recording has 1 rows of signals; 2 or more are right"),
+        (
+            lambda rows: rows[["time", "axis1.position"]],
+            "the recording has no spool set-point; it must have axis1.spool_setpoint",
+        ),
+        (
+            lambda rows: rows[["time", "axis1.spool_setpoint"]],
+            "the recording has no axis1.position; it must have one to begin with",
+        ),
+        (
+            lambda rows: rows[::-1],
+            "the recording's time goes back; a recording in the order of time is right",
+        ),
+    ],
+)
+def test_a_recording_that_lacks_what_is_needed(recorded, change, message):
+    with pytest.raises(ConfigError) as caught:
+        drive_plant(load_config(), change(recorded))
+    assert str(caught.value) == message
+
+
+def test_a_recording_without_pressures_begins_at_rest(recorded):
+    channels = [
+        Channel("time", "s"),
+        Channel("axis1.position", "m"),
+        Channel("axis1.spool_setpoint", "-"),
+    ]
+    rows = np.zeros(len(recorded), dtype=recording_dtype(channels))
+    for channel in channels:
+        rows[channel.name] = recorded[channel.name]
+    (position,) = compare_recordings(rows, drive_plant(load_config(), rows), {})
+    assert position.maximum < 1e-6

@@ -7,11 +7,11 @@
 from hil_bench.bench import (
     Axis,
     Bench,
+    Measurement,
     PositionMeasurement,
     PressureMeasurement,
-    Publish,
+    QuantityMeasurement,
     SpoolCommand,
-    quantity_publisher,
 )
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
@@ -37,6 +37,8 @@ from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.errors import ConfigError, EdsError
+from hil_bench.fault_points import find_fault_points, schedule_faults
+from hil_bench.faults.faults import Faults
 from hil_bench.measurement.chain import MeasuringChain
 from hil_bench.measurement.noise import random_stream
 from hil_bench.plant.models import plant_at_rest
@@ -73,7 +75,10 @@ def build_bench(config: BenchConfig) -> Bench:
     nodes = {node.name: build_node(node) for node in config.nodes}
     commands = build_commands(config, nodes)
     axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
-    return Bench(axes, list(nodes.values()), steps=config.steps_per_tick)
+    points = find_fault_points(axes, nodes, config.nodes)
+    faults = Faults(points, tick_ns=config.tick_ns, seed=config.seed)
+    schedule_faults(faults, config.faults)
+    return Bench(axes, list(nodes.values()), steps=config.steps_per_tick, faults=faults)
 
 
 def build_node(config: NodeConfig) -> Node:
@@ -130,7 +135,7 @@ def build_axis(
         if node.axis == axis.name and not isinstance(node, ValveConfig)
     ]
     sources = [
-        build_source(source, nodes[node.name], valve.full_opening)
+        build_source(source, node.name, nodes[node.name], valve.full_opening)
         for node in config.nodes
         for source in node.sources
         if source.axis == axis.name
@@ -164,7 +169,7 @@ def build_sink(config: SinkConfig, node: Node, watch: CommandWatch) -> SpoolSink
     )
 
 
-def build_source(config: SourceConfig, node: Node, full_opening: float) -> Publish:
+def build_source(config: SourceConfig, owner: str, node: Node, full_opening: float) -> Measurement:
     """Return what hands a quantity of the plant to an object of a node."""
     is_spool = config.quantity is Quantity.SPOOL_POSITION
     source = QuantitySource(
@@ -174,7 +179,8 @@ def build_source(config: SourceConfig, node: Node, full_opening: float) -> Publi
         offset=config.offset,
         delta=config.delta,
     )
-    return quantity_publisher(source, _OUTPUTS[config.quantity])
+    name = f"{owner}.{config.name}"
+    return QuantityMeasurement(source, _OUTPUTS[config.quantity], name=name)
 
 
 def build_chain(node: NodeConfig, config: BenchConfig) -> MeasuringChain | None:
@@ -184,7 +190,7 @@ def build_chain(node: NodeConfig, config: BenchConfig) -> MeasuringChain | None:
     return MeasuringChain(node.chain, config.tick_ns, random_stream(config.seed, node.name))
 
 
-def build_sensor(config: NodeConfig, node: Node, chain: MeasuringChain | None) -> Publish:
+def build_sensor(config: NodeConfig, node: Node, chain: MeasuringChain | None) -> Measurement:
     """Return what hands the plant's quantities to one sensor, by its chain if it has one.
 
     Raises:

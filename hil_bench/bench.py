@@ -13,8 +13,8 @@ as on a wire.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame, Handler
@@ -22,13 +22,10 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.devices.bound_objects import QuantitySource
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
+from hil_bench.faults.faults import Faults
+from hil_bench.faults.signal_path import SignalPath, Stage
 from hil_bench.plant.state import PlantInput, PlantOutput
 from hil_bench.plant.stepping import Plant
-
-Publish = Callable[[PlantOutput, int], None]
-
-Stage = Callable[[float], float]
-"""A part of what lies between the plant and a sensor's objects, such as a measuring chain."""
 
 
 class PressureMeasurement:
@@ -41,7 +38,7 @@ class PressureMeasurement:
         name: of the transducer, for recordings.
 
     Attributes:
-        stages: as passed in; others may take their place at any time.
+        path: that way.
         name: as passed in.
         measured: the pressure that was published last [Pa].
     """
@@ -49,7 +46,7 @@ class PressureMeasurement:
     def __init__(
         self, device: PressureDevice, source: str, stages: Iterable[Stage] = (), *, name: str = ""
     ) -> None:
-        self.stages = tuple(stages)
+        self.path = SignalPath(stages)
         self.name = name
         self.measured = math.nan
         self._device = device
@@ -58,7 +55,7 @@ class PressureMeasurement:
     def __call__(self, output: PlantOutput, now: int) -> None:
         """Publish the pressure of this tick [ns]."""
         pressure = output[self._field]
-        for stage in self.stages:
+        for stage in self.path.stages:
             pressure = stage(pressure)
         self.measured = pressure
         self._device.publish(pressure, now)
@@ -74,8 +71,8 @@ class PositionMeasurement:
         name: of the sensor, for recordings.
 
     Attributes:
-        stages: as passed in; others may take their place at any time.
-        speed_stages: as passed in, likewise.
+        path: the way of the position.
+        speed_path: the way of the speed.
         name: as passed in.
         measured: the position that was published last [m].
         measured_speed: the speed that was published last [m/s].
@@ -89,8 +86,8 @@ class PositionMeasurement:
         *,
         name: str = "",
     ) -> None:
-        self.stages = tuple(stages)
-        self.speed_stages = tuple(speed_stages)
+        self.path = SignalPath(stages)
+        self.speed_path = SignalPath(speed_stages)
         self.name = name
         self.measured = self.measured_speed = math.nan
         self._device = device
@@ -98,22 +95,42 @@ class PositionMeasurement:
     def __call__(self, output: PlantOutput, now: int) -> None:
         """Publish position and speed of this tick [ns]."""
         position, speed = output.x, output.v
-        for stage in self.stages:
+        for stage in self.path.stages:
             position = stage(position)
-        for stage in self.speed_stages:
+        for stage in self.speed_path.stages:
             speed = stage(speed)
         self.measured, self.measured_speed = position, speed
         self._device.publish(position, speed, now)
 
 
-def quantity_publisher(source: QuantitySource, output_name: str) -> Publish:
-    """Return what hands the plant's output of a name, such as "P_A", to an object."""
-    field = PlantOutput._fields.index(output_name)
+class QuantityMeasurement:
+    """What hands the plant's output of a name, such as "P_A", to an object.
 
-    def publish(output: PlantOutput, now: int) -> None:  # noqa: ARG001 - it has no delay
-        source.publish(output[field])
+    Args:
+        source: the object.
+        output_name: of the plant's output.
+        name: of the object, as in ``NODE.0x6401.01``.
 
-    return publish
+    Attributes:
+        path: the way of the quantity.
+        name: as passed in.
+    """
+
+    def __init__(self, source: QuantitySource, output_name: str, *, name: str = "") -> None:
+        self.path = SignalPath()
+        self.name = name
+        self._source = source
+        self._field = PlantOutput._fields.index(output_name)
+
+    def __call__(self, output: PlantOutput, now: int) -> None:  # noqa: ARG002 - it has no delay
+        """Publish the quantity of this tick [ns]."""
+        quantity = output[self._field]
+        for stage in self.path.stages:
+            quantity = stage(quantity)
+        self._source.publish(quantity)
+
+
+Measurement = PressureMeasurement | PositionMeasurement | QuantityMeasurement
 
 
 class SpoolCommand(Protocol):
@@ -140,17 +157,21 @@ class Axis:
         valve: the device that commands the spool.
         sensors: what to call with the plant's new quantities, one a sensor.
         load: external load force F_L [N], constant.
+        command_path: what the spool set-point passes between valve and spool.
     """
 
     name: str
     plant: Plant
     valve: SpoolCommand
-    sensors: tuple[Publish, ...]
+    sensors: tuple[Measurement, ...]
     load: float = 0.0
+    command_path: SignalPath = field(default_factory=SignalPath)
 
     def advance(self, now: int, steps: int) -> float:
         """Move the axis on by `steps` plant steps and return the spool set-point used [m]."""
         u = self.valve.command(now)
+        for stage in self.command_path.stages:
+            u = stage(u)
         output = self.plant.step(PlantInput(u, self.load), steps)
         self.valve.publish(output.nu, now)
         for publish in self.sensors:
@@ -165,15 +186,24 @@ class Bench:
         axes: the cylinders, at least one.
         nodes: every CANopen node on the bus.
         steps: plant steps in one tick, one or more.
+        faults: what may go wrong; without it nothing can.
 
     Attributes:
         pressures: the pressure transducers of all axes.
         positions: the position sensors of all axes.
     """
 
-    def __init__(self, axes: Sequence[Axis], nodes: Sequence[Node], *, steps: int) -> None:
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        nodes: Sequence[Node],
+        *,
+        steps: int,
+        faults: Faults | None = None,
+    ) -> None:
         self.axes = tuple(axes)
         self.nodes = tuple(nodes)
+        self.faults = faults or Faults()
         self.commands = [0.0] * len(self.axes)
         sensors = [sensor for axis in self.axes for sensor in axis.sensors]
         self.pressures = tuple(s for s in sensors if isinstance(s, PressureMeasurement))
@@ -182,6 +212,7 @@ class Bench:
         self._steps = steps
         self._routes: dict[int, tuple[Handler, ...]] = {}
         self._merged: list[Mapping[int, Handler]] = []
+        self._lines = self.faults.lines
         self._overheard: frozenset[int] = frozenset()
         self._timeless: frozenset[int] = frozenset()
         self._heard: list[Frame] = []
@@ -190,6 +221,7 @@ class Bench:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
         for node in self.nodes:
             node.start(now)
+        self.faults.start(now)
         self._merge_routes()
 
     @property
@@ -218,10 +250,18 @@ class Bench:
         Returns:
             The frames that the nodes send, in the order they would reach the bus.
         """
+        if now >= self.faults.due:
+            self.faults.advance(now)
+            self._join_lines()
         self._take(frames, now)
+        for hold in self.faults.holds:
+            hold()
         for number, axis in enumerate(self.axes):
             self.commands[number] = axis.advance(now, self._steps)
-        return self._send(now)
+        sent: list[Frame] = []
+        for babble in self.faults.babbles:
+            babble(sent.append)
+        return self._send(now, sent)
 
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Do what a tick does, but leave plant and devices where they are: no time passes.
@@ -236,7 +276,7 @@ class Bench:
             The frames that the nodes send, in the order they would reach the bus.
         """
         self._take(frames, now)
-        return self._send(now)
+        return self._send(now, [])
 
     def _take(self, frames: Sequence[Frame], now: int) -> None:
         """Receive frames, and act on deadlines that have passed."""
@@ -245,23 +285,44 @@ class Bench:
             if now >= node.deadline:
                 node.expire(now)
 
-    def _send(self, now: int) -> list[Frame]:
-        """Return what the nodes send: PDOs, then what has time."""
-        nodes = self.nodes
-        sent: list[Frame] = []
-        for node in nodes:
-            node.transmit_pdos(now, sent.append)
-        for node in nodes:
-            if now >= node.deadline:
-                node.serve(now, sent.append)
+    def _send(self, now: int, sent: list[Frame]) -> list[Frame]:
+        """Return `sent` and what the nodes send: PDOs, then what has time."""
+        if self._lines:
+            self._send_by_lines(now, sent)
+        else:
+            for node in self.nodes:
+                node.transmit_pdos(now, sent.append)
+            for node in self.nodes:
+                if now >= node.deadline:
+                    node.serve(now, sent.append)
         if self._routes_changed():
             self._merge_routes()
         overheard = self._overheard
         self._heard = [frame for frame in sent if frame.can_id in overheard]
         return sent
 
+    def _send_by_lines(self, now: int, sent: list[Frame]) -> None:
+        """Send as `_send` does, each node by its line where that has a fault."""
+        emits = [
+            line.sender(now, sent.append) if (line := self._lines.get(node)) else sent.append
+            for node in self.nodes
+        ]
+        for node, emit in zip(self.nodes, emits, strict=True):
+            node.transmit_pdos(now, emit)
+        for node, emit in zip(self.nodes, emits, strict=True):
+            if now >= node.deadline:
+                node.serve(now, emit)
+
+    def _join_lines(self) -> None:
+        """Let the frames of nodes with a fault on their line go that way."""
+        if self.faults.lines is not self._lines:
+            self._lines = self.faults.lines
+            self._merge_routes()
+
     def _receive(self, frames: Sequence[Frame], now: int) -> None:
         """Hand what came from the bus, and what our own nodes sent last, to who listens."""
+        for line in self._lines.values():
+            line.deliver(now)
         for frame in self._heard:
             self._dispatch(frame, now)
         for frame in frames:
@@ -279,9 +340,11 @@ class Bench:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""
         self._merged = [node.routes for node in self.nodes]
         routes: dict[int, tuple[Handler, ...]] = {}
-        for table in self._merged:
+        for node, table in zip(self.nodes, self._merged, strict=True):
+            line = self._lines.get(node)
             for can_id, handler in table.items():
-                routes[can_id] = (*routes.get(can_id, ()), handler)
+                taker = handler if line is None else line.guard(handler)
+                routes[can_id] = (*routes.get(can_id, ()), taker)
         self._routes = routes
         # A node routes what it sends itself too, so a second handler is another node's.
         self._overheard = frozenset(

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
     from drivers.device import Device
     from hil_bench.config import BenchConfig, NodeConfig
+    from hil_bench.faults.faults import Faults
     from hil_bench.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
@@ -124,6 +125,12 @@ def bench(
     path = _make_recording_path(request.node)
     with VirtualBench(hil_config, record=path or NO_RECORDING) as virtual:
         yield virtual
+
+
+@pytest.fixture
+def faults(bench: "VirtualBench") -> "Faults":
+    """What makes things go wrong on the bench: ``faults.freeze("pressure_a")``."""
+    return bench.faults
 
 
 @pytest.fixture

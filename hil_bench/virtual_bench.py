@@ -15,6 +15,7 @@ from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import WaitTimeoutError
+from hil_bench.faults.faults import Faults
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
@@ -131,6 +132,11 @@ class VirtualBench:
     def recording(self) -> RecordingReport | None:
         """What the files of `record` hold; None without such files."""
         return None if self._recording is None else self._recording.report
+
+    @property
+    def faults(self) -> Faults:
+        """What makes things go wrong: ``bench.faults.freeze("pressure_a")``."""
+        return self.bench.faults
 
     @property
     def signals(self) -> Recording:

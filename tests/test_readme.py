@@ -24,10 +24,10 @@ def test_the_python_runs(snippet, capsys):
     assert 50.0 <= position < 55.0
 
 
-def test_the_test_passes(pytester):
-    (snippet,) = re.findall(r"^```py\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
-    pytester.makepyfile(snippet)
-    pytester.runpytest_subprocess().assert_outcomes(passed=1)
+def test_the_tests_pass(pytester):
+    snippets = re.findall(r"^```py\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+    pytester.makepyfile("\n".join(snippets))
+    pytester.runpytest_subprocess().assert_outcomes(passed=len(snippets))
 
 
 @pytest.mark.parametrize("command", COMMANDS)

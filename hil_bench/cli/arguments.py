@@ -1,6 +1,8 @@
 """Arguments that name a bench: its file, its seed, its bus."""
 
 import argparse
+import tomllib
+from collections.abc import Sequence
 
 from can.cli import add_bus_arguments
 
@@ -47,6 +49,44 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_fault_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add `--fault`, which `load_bench_config` reads."""
+    parser.add_argument(
+        "--fault",
+        nargs="+",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="KIND TARGET [KEY=VALUE ...]: a table of [[faults]] in one line, as in "
+        "'freeze pressure_a at_s=2 for_s=1'; may be given again (docs/faults.md)",
+    )
+
+
+def parse_fault(words: Sequence[str]) -> dict[str, object]:
+    """Return the table of `[[faults]]` that the words of `--fault` stand for.
+
+    Raises:
+        ConfigError: they are not KIND TARGET [KEY=VALUE ...].
+    """
+    pairs = [word.partition("=") for word in words[2:]]
+    if len(words) < 2 or "=" in "".join(words[:2]) or not all(sign for _, sign, _ in pairs):
+        right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
+        raise ConfigError(f"--fault {' '.join(words)}: is no fault; {right}")
+    return {
+        "kind": words[0],
+        "target": words[1],
+        **{key: _parse_value(value) for key, _, value in pairs},
+    }
+
+
+def _parse_value(text: str) -> object:
+    """Return a value of TOML, or else the text itself, so that no word needs quotes."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
 def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> BenchConfig:
     """Return the configuration with what the command line says of it.
 
@@ -69,4 +109,5 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         bus_options=getattr(args, "bus_kwargs", None),
         loop={name: getattr(args, name, None) for name in _LOOP_KEYS},
         modbus=modbus,
+        faults=[parse_fault(words) for words in getattr(args, "fault", [])],
     )

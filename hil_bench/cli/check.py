@@ -5,7 +5,7 @@ import json
 from itertools import groupby
 
 from hil_bench.assembly import build_bench
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
 from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.exit_codes import ExitCode
@@ -18,6 +18,7 @@ examples:
   hil-bench check bench.toml
   hil-bench check bench.toml -i socketcan -c can0
   hil-bench check > bench.toml          a file with every key, to begin with
+  hil-bench check bench.toml --fault freeze pressure_a at_s=2     what --fault would do
   hil-bench check bench.toml --json
   hil-bench check bench.toml --bus -i socketcan -c can0           compare the devices with it
   hil-bench check bench.toml --bus -i socketcan -c can0 --apply   and write what differs
@@ -37,6 +38,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
+    add_fault_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
     add_bus_check_arguments(parser)
     parser.set_defaults(run=run)
@@ -58,7 +60,8 @@ def _toml_text(config: BenchConfig) -> str:
     """Return TOML that loads again, each value with its origin as a comment."""
     lines = [f"# {config.path or 'built-in bench'}"]
     for table, settings in groupby(config.settings, key=lambda setting: setting.table):
-        lines += ["", f"[{table}]", *map(_line, settings)]
+        header = "[[faults]]" if table.startswith("faults[") else f"[{table}]"
+        lines += ["", header, *map(_line, settings)]
     return "\n".join(lines)
 
 

@@ -10,7 +10,12 @@ from typing import NamedTuple
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
 from hil_bench.cli import lockstep_run
-from hil_bench.cli.arguments import add_bench_arguments, add_loop_arguments, load_bench_config
+from hil_bench.cli.arguments import (
+    add_bench_arguments,
+    add_fault_arguments,
+    add_loop_arguments,
+    load_bench_config,
+)
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import Interruption, interruption
@@ -29,7 +34,7 @@ from hil_bench.cli.status_line import (
     bus_status,
     bus_status_row,
 )
-from hil_bench.config import BenchConfig
+from hil_bench.config import BenchConfig, FaultConfig
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
@@ -56,6 +61,7 @@ examples:
   hil-bench run -i socketcan -c vcan0 --record run.mf4
   hil-bench run -i socketcan -c vcan0 --modbus
                                        the sensors on Modbus TCP too, on port 5020
+  hil-bench run -i socketcan -c vcan0 --fault freeze pressure_a at_s=10 for_s=2
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
@@ -74,6 +80,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_bench_arguments(parser)
     add_loop_arguments(parser)
+    add_fault_arguments(parser)
     parser.add_argument(
         "--duration", type=float, metavar="S", help="end after S seconds of bench time"
     )
@@ -233,7 +240,14 @@ def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
     if bus.join:
         lines.append(f"join   {bus.join}")
     lines += modbus.lines
+    lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
     return "\n".join((*lines, "", device_table(config), ""))
+
+
+def fault_line(fault: FaultConfig) -> str:
+    """Return what a fault is, and when."""
+    lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
+    return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
 
 
 def run_until_told(

@@ -59,7 +59,7 @@ from hil_bench.units import (
     Unit,
 )
 
-TABLES = ("bench", "bus", "plant", "nodes", "modbus")
+TABLES = ("bench", "bus", "plant", "nodes", "modbus", "faults")
 
 
 def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:

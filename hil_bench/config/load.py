@@ -1,7 +1,7 @@
 """Loading: command line, environment and file to one `BenchConfig`."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from hil_bench.config.axes import build_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.chains import check_chains
 from hil_bench.config.document import Document, check_tables, read_document, read_section
+from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
@@ -38,6 +39,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bus_options: Mapping[str, str | int | float | bool] | None = None,
     loop: Mapping[str, object] | None = None,
     modbus: bool = False,
+    faults: Sequence[Mapping[str, object]] = (),
 ) -> BenchConfig:
     """Return the bench that the command line, the environment and a file describe.
 
@@ -56,6 +58,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         bus_options: further keyword arguments of that interface's bus class.
         loop: keys of ``[bench]`` that say what makes the ticks, such as ``realtime``.
         modbus: serve Modbus even where the file has no ``[modbus]``.
+        faults: tables of ``[[faults]]``, which come to those of the file.
     """
     file = _choose_file(path)
     document = read_document(file) if file else {}
@@ -68,6 +71,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     nodes, chains = read_nodes(document, problems)
     given = read_bindings(nodes, axes, problems)
     served = read_modbus(document, nodes, problems, wanted=modbus)
+    read = read_faults(document, faults, problems)
     problems.raise_any()
 
     _check_timing(bench, problems)
@@ -77,13 +81,14 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     check_nodes(nodes, axes, bindings, problems)
     if served:
         resolve_modbus(served, nodes, file.parent if file else Path(), problems)
+    check_faults(read, find_targets(nodes, axes, bindings), problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
     problems.raise_any()
     built_modbus = build_modbus(served, nodes, problems) if served else None
     problems.raise_any()
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
-    tables = (bench, bus, *axes.values(), *members, *_tables(served))
+    tables = (bench, bus, *axes.values(), *members, *_tables(served), *read)
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
@@ -99,6 +104,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         modbus=built_modbus,
         settings=tuple(setting for table in tables for setting in table.values()),
         realtime=RealtimeConfig(**convert(bench, REALTIME_KEYS)),
+        faults=tuple(build_fault(fault) for fault in read),
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
+from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.modbus.register_map import RegisterMap
 from hil_bench.plant.models import Model
@@ -337,6 +338,25 @@ class ModbusConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class FaultConfig:
+    """A fault that happens by itself.
+
+    Attributes:
+        kind: what goes wrong.
+        target: with what.
+        at: when, in bench time [s].
+        duration: for how long [s]; None for ever.
+        values: what the kind needs to know, by parameter of its verb, in SI.
+    """
+
+    kind: FaultKind
+    target: str
+    at: float
+    duration: float | None
+    values: Mapping[str, float | int | str]
+
+
+@dataclass(frozen=True, slots=True)
 class BenchConfig:
     """A whole bench.
 
@@ -351,6 +371,7 @@ class BenchConfig:
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
         modbus: the Modbus server, None for none.
+        faults: the faults, in the order of the file, those of the command line last.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
     """
@@ -366,6 +387,7 @@ class BenchConfig:
     modbus: ModbusConfig | None
     settings: tuple[Setting, ...]
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
+    faults: tuple[FaultConfig, ...] = ()
 
     @property
     def steps_per_tick(self) -> int:

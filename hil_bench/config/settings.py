@@ -9,7 +9,7 @@ from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.units import ONE, Unit
 
-_PLAIN_NAME = re.compile(r"[A-Za-z0-9_.-]+")
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
 
 
 class Origin(StrEnum):

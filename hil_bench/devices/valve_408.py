@@ -72,6 +72,7 @@ class ValveDevice:
         node: the node that carries it on the bus.
         full_opening: spool position of 100 % [m].
         local: what commands it while 0x604F is 1.
+        enable_input: whether the input that lets the valve be more than DISABLED is on.
     """
 
     def __init__(self, node: Node, full_opening: float) -> None:
@@ -91,6 +92,7 @@ class ValveDevice:
         self.node = node
         self.full_opening = full_opening
         self.local = LocalCommand()
+        self.enable_input = True
         self._machine = ValveStateMachine()
         self._lost_heartbeats: set[int] = set()
         self._bind_control()
@@ -142,6 +144,8 @@ class ValveDevice:
             self._watch_local(now)
         elif self.node.state is not NmtState.OPERATIONAL:
             self._machine.deactivate()  # heard already, unless a flood pushed the event out
+        if not self.enable_input:
+            self._machine.disable()
         demand = self._generator.generate(self._present_setpoint(), now)
         self._demand.value = demand
         return demand * self._metres
@@ -271,6 +275,7 @@ class ValveDevice:
             control_word,
             may_activate=bool(self._local.value) or self.node.state is NmtState.OPERATIONAL,
             may_reset=not self._lost_heartbeats,
+            is_enabled=self.enable_input,
         )
         if had_fault and self._machine.state not in FAULT_STATES:
             self._error_code.value = 0

@@ -29,11 +29,13 @@ Rules:
 2. One control word walks as far as it can, and every state in between is passed.
 3. A reset is the rising edge of R from one control word to the next. The word that resets a fault
    does not lead to ACTIVE; the next word may.
-4. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault
+4. Without the enable input ACTIVE, HOLD and FAULT_HOLD are left at once, and not entered. When
+   the input is back, a new control word is needed.
+5. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault
    never raises the state.
 
 Source: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2 (states, words, transitions and
-rule 2). Rules 1, 3 (second sentence) and 4 are this device's own, as are the words of TR15 and
+rule 2). Rules 1, 3 (second sentence), 4 and 5 are this device's own, as are the words of TR15 and
 TR16 and which of TR12 and TR13 is which; see decision 0003.
 """
 
@@ -139,6 +141,18 @@ FAULT_TARGETS: Final = MappingProxyType(
 """Where a fault leads through FAULT_REACTION (TR8, then TR9, TR12 or TR13)."""
 
 
+DISABLED_BY_INPUT: Final = MappingProxyType(
+    {
+        ValveState.ACTIVE: (ValveState.HOLD, ValveState.DISABLED),
+        ValveState.HOLD: (ValveState.DISABLED,),
+        ValveState.FAULT_HOLD: (ValveState.FAULT_DISABLED,),
+    }
+)
+"""The states that a valve passes when its enable input goes off; in the others it stays."""
+
+_ENABLED_STATES: Final = frozenset({ValveState.HOLD, ValveState.ACTIVE})
+
+
 def next_transition(state: ValveState, control_word: int, *, reset: bool) -> Transition | None:
     """Return the transition that a control word causes in a state, or None where it stays.
 
@@ -158,7 +172,12 @@ def next_transition(state: ValveState, control_word: int, *, reset: bool) -> Tra
 
 
 def walk(
-    state: ValveState, control_word: int, *, reset: bool, may_activate: bool
+    state: ValveState,
+    control_word: int,
+    *,
+    reset: bool,
+    may_activate: bool,
+    is_enabled: bool = True,
 ) -> tuple[ValveState, ...]:
     """Return the states that one control word passes, in order, without the one it starts in.
 
@@ -167,11 +186,14 @@ def walk(
         control_word: value of 0x6040.
         reset: whether this word brought a rising edge of R that counts.
         may_activate: whether ACTIVE may be entered; a reset on the way bars it too.
+        is_enabled: whether the enable input is on; otherwise HOLD is barred as well.
     """
     passed: list[ValveState] = []
     while transition := next_transition(state, control_word, reset=reset):
         may_activate = may_activate and not transition.is_reset
         if transition.target is ValveState.ACTIVE and not may_activate:
+            break
+        if transition.target in _ENABLED_STATES and not is_enabled:
             break
         state = transition.target
         passed.append(state)
@@ -195,7 +217,7 @@ class ValveStateMachine:
         self._is_reset_bit_set = False
 
     def receive(
-        self, control_word: int, *, may_activate: bool, may_reset: bool
+        self, control_word: int, *, may_activate: bool, may_reset: bool, is_enabled: bool = True
     ) -> tuple[ValveState, ...]:
         """Obey a control word that has just arrived and return the states passed.
 
@@ -203,11 +225,15 @@ class ValveStateMachine:
             control_word: value of 0x6040.
             may_activate: whether ACTIVE may be entered now.
             may_reset: whether a fault may be reset now, its cause being gone.
+            is_enabled: whether the enable input is on.
         """
         is_reset_bit_set = bool(control_word & RESET_BIT)
         reset = may_reset and is_reset_bit_set and not self._is_reset_bit_set
         self._is_reset_bit_set = is_reset_bit_set
-        return self._pass(walk(self.state, control_word, reset=reset, may_activate=may_activate))
+        states = walk(
+            self.state, control_word, reset=reset, may_activate=may_activate, is_enabled=is_enabled
+        )
+        return self._pass(states)
 
     def fault(self) -> tuple[ValveState, ...]:
         """React to a fault and return the states passed; none before `start`."""
@@ -221,6 +247,10 @@ class ValveStateMachine:
         if self.state is not ValveState.ACTIVE:
             return ()
         return self._pass((ValveState.HOLD,))
+
+    def disable(self) -> tuple[ValveState, ...]:
+        """Leave ACTIVE and HOLD for DISABLED (TR5, TR6, TR15), and return the states passed."""
+        return self._pass(DISABLED_BY_INPUT.get(self.state, ()))
 
     def _pass(self, states: tuple[ValveState, ...]) -> tuple[ValveState, ...]:
         if states:

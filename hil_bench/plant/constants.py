@@ -22,6 +22,9 @@ SpoolConstants = tuple[float, float]
 StepConstants = tuple[float, float, float, float]
 """(dt [s], m [kg], 1 / (E dt) [1/(Pa s)], lowest chamber pressure [Pa])."""
 
+ORIFICE_P_S = 15
+"""Place of P_S in the row of constants."""
+
 Constants = tuple[
     StepConstants,
     SpoolConstants,

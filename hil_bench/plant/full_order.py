@@ -3,7 +3,7 @@
 import math
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant.constants import pack
+from hil_bench.plant.constants import ORIFICE_P_S, pack
 from hil_bench.plant.extended_constants import ExtensionState, pack_extended
 from hil_bench.plant.extended_euler import advance_extended_euler
 from hil_bench.plant.extended_midpoint import advance_extended_midpoint
@@ -32,6 +32,9 @@ _LARGEST_STEP = {
     Solver.FORWARD_EULER: largest_euler_step,
     Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
+
+
+_P_S = 8  # its place in the state of an extended plant
 
 
 class FullOrderPlant:
@@ -86,6 +89,7 @@ class FullOrderPlant:
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         self._state = make_row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
+        self._supply = (self._state, _P_S) if is_extended else (self._constants, ORIFICE_P_S)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
@@ -106,6 +110,18 @@ class FullOrderPlant:
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
         return self._output
+
+    @property
+    def supply_pressure(self) -> float:
+        """P_S at the valve now [Pa]."""
+        row, place = self._supply
+        return float(row[place])
+
+    @supply_pressure.setter
+    def supply_pressure(self, pressure: float) -> None:
+        require_finite("supply_pressure", pressure, "Pa")
+        row, place = self._supply
+        row[place] = pressure
 
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.

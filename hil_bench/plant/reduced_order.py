@@ -4,6 +4,7 @@ import math
 from collections import deque
 
 from hil_bench.errors import ParameterError
+from hil_bench.plant.constants import ORIFICE_P_S
 from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -11,6 +12,7 @@ from hil_bench.plant.reduced_steps import (
     advance_reduced_euler,
     advance_reduced_midpoint,
     advance_reduced_runge_kutta,
+    change_supply,
     pack_reduced,
 )
 from hil_bench.plant.stability import euler_limit, find_reduced_modes, runge_kutta_limit
@@ -101,6 +103,16 @@ class ReducedOrderPlant:
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
         return self._output
+
+    @property
+    def supply_pressure(self) -> float:
+        """P_S at the valve now [Pa]."""
+        return 2.0 * float(self._constants[ORIFICE_P_S])
+
+    @supply_pressure.setter
+    def supply_pressure(self, pressure: float) -> None:
+        require_finite("supply_pressure", pressure, "Pa")
+        change_supply(self._constants, pressure)
 
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.

@@ -7,7 +7,7 @@ solvers, the friction, the loads and the end stops are those of the full model.
 
 from collections.abc import Sequence
 
-from hil_bench.plant.constants import Constants, unpack
+from hil_bench.plant.constants import ORIFICE_P_S, Constants, unpack
 from hil_bench.plant.extended_constants import SERIES, pack_extended, unpack_extended
 from hil_bench.plant.friction import friction_force
 from hil_bench.plant.implicit_midpoint import (
@@ -22,6 +22,9 @@ from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.orifice import OrificeConstants, linearise_flow
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.spool import orifice_state
+
+_LARGEST_P_L = 3  # places in the row of constants
+_ORIFICE_P_T = ORIFICE_P_S + 1
 
 Motion = tuple[float, float, float]
 """(x, v, P_L), or their rates of change."""
@@ -54,6 +57,13 @@ def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) 
     )
     paper = [float(value) for group in groups for value in group]
     return paper + [row[index] for index in range(len(paper), len(row))]
+
+
+def change_supply(row: Floats, P_S: float) -> None:
+    """Let a row of constants be that of another supply pressure [Pa]."""
+    before = 2.0 * row[ORIFICE_P_S]
+    row[_LARGEST_P_L] += P_S - before
+    row[ORIFICE_P_S], row[_ORIFICE_P_T] = 0.5 * P_S, -0.5 * P_S
 
 
 @kernel

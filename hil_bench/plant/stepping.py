@@ -33,12 +33,15 @@ class Plant(Protocol):
         options: what the paper leaves open.
         solver: of the equations.
         dt: step [s].
+        supply_pressure: P_S at the valve now [Pa]; what is written holds until it is written again,
+            or, with a supply unit, is where the unit goes on from.
     """
 
     parameters: PlantParameters
     options: PlantOptions
     solver: Solver
     dt: float
+    supply_pressure: float
 
     @property
     def state(self) -> PlantState:

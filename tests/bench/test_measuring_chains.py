@@ -53,7 +53,8 @@ def readings(bench, node_id, ticks, index=0x6130):
 
 
 def test_an_ideal_sensor_passes_no_stage():
-    assert all(sensor.stages == () for sensor in build_bench(load_config()).axes[0].sensors)
+    sensors = build_bench(load_config()).axes[0].sensors
+    assert all(sensor.path.stages == () for sensor in sensors)
 
 
 def test_a_transducer_shows_what_its_chain_gives(make_bench):

@@ -41,7 +41,9 @@ def test_each_value_is_shown_with_its_origin(
     assert "moving_mass_kg = 20.0 # default" in lines
 
 
-@pytest.mark.parametrize("example", ["one_axis.toml", "two_axes.toml"])
+@pytest.mark.parametrize(
+    "example", ["one_axis.toml", "two_axes.toml", "real_sensors.toml", "faults.toml"]
+)
 def test_what_check_prints_is_the_same_bench(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], example: str
 ) -> None:
@@ -52,6 +54,7 @@ def test_what_check_prints_is_the_same_bench(
     first, second = load_config(original), load_config(printed)
 
     assert (first.axes, first.nodes, first.bus) == (second.axes, second.nodes, second.bus)
+    assert first.faults == second.faults
     assert (first.tick_ns, first.step_ns, first.seed) == (
         second.tick_ns,
         second.step_ns,

@@ -107,3 +107,15 @@ def test_a_hub_is_hosted_and_joined(capsys):
     out = capsys.readouterr().out
     assert "\nbus    socketcand can0\n" in out
     assert "\njoin   -i socketcand -c can0 --bus-kwargs host=127.0.0.1 port=" in out
+
+
+def test_faults_are_announced(capsys):
+    words = ["--fault", "freeze", "pressure_a", "at_s=2", "for_s=1", "--fault", "stick", "valve"]
+    assert main(["run", *BUS, "--duration", "0.02", *words]) == 0
+    text = capsys.readouterr().out
+    assert "fault  freeze pressure_a at 2 s, for 1 s\nfault  stick valve at 0 s\n" in text
+
+
+def test_a_fault_of_what_is_not_there_is_told(capsys):
+    assert main(["run", *BUS, "--fault", "freeze", "valve"]) == 2
+    assert '"valve" is no sensor; give one of pressure_a' in capsys.readouterr().err

@@ -11,6 +11,7 @@ import pytest
 from hil_bench.assembly import build_node
 from hil_bench.config import Profile, load_config
 from hil_bench.config.chain_keys import CHAIN_KEYS
+from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.keys import (
     AXIS_KEYS,
     BENCH_KEYS,
@@ -33,6 +34,8 @@ TABLES = (
     SOURCE_KEYS,
     SINK_KEYS,
     *CHAIN_KEYS.values(),
+    COMMON_KEYS,
+    *OWN_KEYS.values(),
     MODBUS_KEYS,
     UNIT_KEYS,
 )
@@ -125,6 +128,14 @@ def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, profile: Pr
 
     assert written | ranges == {key.name for key in CHAIN_KEYS[profile]}
     assert all(f"\n# {name} = " in text for name in ranges)
+
+
+def test_the_example_of_faults_loads() -> None:
+    config = load_config(ROOT / "examples" / "faults.toml")
+
+    assert [fault.kind for fault in config.faults] == [
+        *("offset", "break_wire", "stick", "drop_supply", "lose", "reset")
+    ]
 
 
 def test_the_example_of_real_sensors_has_no_ideal_one() -> None:

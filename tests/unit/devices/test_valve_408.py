@@ -487,3 +487,17 @@ def test_a_wrong_data_type_is_refused(make_rig, edited_eds):
     unsigned = REFERENCE.replace("0x0003", "0x0006")
     with pytest.raises(EdsError, match=r"0x6311\.01 \(Value\) is UNSIGNED16; .* INTEGER16"):
         ValveDevice(make_rig(edited_eds(REFERENCE, unsigned)).node, FULL_OPENING)
+
+
+def test_without_its_enable_input_the_valve_is_disabled(active):
+    active.valve.enable_input = False
+    active.tick()
+    assert status(active) == DISABLED
+    assert active.spool == 0.0
+    control(active, 0x0007, 8192)
+    assert status(active) == DISABLED
+    active.valve.enable_input = True
+    active.tick()
+    assert status(active) == DISABLED  # the word that only still stands there does nothing
+    control(active, 0x0007, 8192)
+    assert status(active) == ACTIVE

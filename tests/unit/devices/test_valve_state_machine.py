@@ -180,3 +180,21 @@ def test_deactivation_leaves_active_and_nothing_else(letter):
     expected = "H" if letter == "A" else ""
     assert machine.deactivate() == states(expected)
     assert machine.state is (states(expected) or (LETTERS[letter],))[-1]
+
+
+@pytest.mark.parametrize("letter", LETTERS)
+def test_without_the_enable_input_no_state_above_disabled_stays(letter):
+    machine = in_state(letter)
+    expected = {"A": "HD", "H": "D", "h": "d"}.get(letter, "")
+    assert machine.disable() == states(expected)
+
+
+@pytest.mark.parametrize("letter", [letter for letter in LETTERS if letter not in "AH"])
+def test_without_the_enable_input_no_control_word_leads_above_disabled(letter):
+    passed = walk(LETTERS[letter], 0x000F, reset=True, may_activate=True, is_enabled=False)
+    assert not set(passed) & {ValveState.HOLD, ValveState.ACTIVE}
+
+
+def test_without_the_enable_input_a_valve_may_still_be_initialised():
+    passed = walk(ValveState.INIT, 0x0007, reset=False, may_activate=True, is_enabled=False)
+    assert passed == states("D")

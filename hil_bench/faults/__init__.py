@@ -1,0 +1,1 @@
+"""Faults on purpose: of sensors, valves, supplies and bus connections, in bench time."""

@@ -1,0 +1,76 @@
+"""Refusals of what a fault cannot be given."""
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import TypeVar
+
+from hil_bench.errors import ConfigError
+
+_Point = TypeVar("_Point")
+_Choice = TypeVar("_Choice", bound=StrEnum)
+
+_LARGEST = 1e15
+_LONGEST_S = 1e9
+_HIGHEST_CAN_ID = 0x7FF
+_NS_PER_S = 1_000_000_000
+
+
+def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:
+    """Return what has a name.
+
+    Raises:
+        ConfigError: there is nothing of that name.
+    """
+    if name in known:
+        return known[name]
+    right = f"give one of {', '.join(known)}" if known else "this bench has none"
+    raise ConfigError(f'faults: there is no {what} "{name}"; {right}')
+
+
+def choose(name: str, choices: type[_Choice], value: str) -> _Choice:
+    """Return a member of an enumeration by its value.
+
+    Raises:
+        ConfigError: it has none of that value.
+    """
+    if value in set(choices):
+        return choices(value)
+    known = ", ".join(f'"{choice}"' for choice in choices)
+    raise ConfigError(f'faults: {name} = "{value}" is unknown; give one of {known}')
+
+
+def bounded(name: str, value: float, *, low: float = -_LARGEST, high: float = _LARGEST) -> float:
+    """Return a finite number between two bounds, both included.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not (math.isfinite(value) and low <= value <= high):
+        raise ConfigError(
+            f"faults: {name} = {value:g} is out of range; give a number from {low:g} to {high:g}"
+        )
+    return value
+
+
+def count(name: str, value: int, low: int, high: int) -> int:
+    """Return a whole number between two bounds, both included.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not low <= value <= high:
+        raise ConfigError(
+            f"faults: {name} = {value!r} is out of range; give an integer from {low} to {high}"
+        )
+    return value
+
+
+def identifier(can_id: int | None) -> int | None:
+    """Return an identifier of 11 bits, or None for any; ConfigError where it is neither."""
+    return None if can_id is None else count("can_id", can_id, 0, _HIGHEST_CAN_ID)
+
+
+def to_ns(name: str, seconds: float) -> int:
+    """Return a time [s] in nanoseconds; ConfigError where it is negative or endless."""
+    return round(bounded(name, seconds, low=0.0, high=_LONGEST_S) * _NS_PER_S)

@@ -1,0 +1,189 @@
+"""The effects of faults on the parts of a bench."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
+from hil_bench.canopen_device.node import Node
+from hil_bench.faults.line import Babble, Line, Meeting, silence
+from hil_bench.faults.sensor_stages import SensorStage
+from hil_bench.faults.signal_path import SignalPath, Stage
+from hil_bench.plant.stepping import Plant
+
+_RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
+
+
+class SensorPoint(NamedTuple):
+    """Where a fault gets at a sensor.
+
+    Attributes:
+        value: the way of what it measures.
+        rate: the way of its rate of change, None where it shows none.
+    """
+
+    value: SignalPath
+    rate: SignalPath | None = None
+
+
+class Enabled(Protocol):
+    """A valve with an enable input.
+
+    Attributes:
+        enable_input: whether the input is on.
+    """
+
+    enable_input: bool
+
+
+class SpoolPoint(NamedTuple):
+    """Where a fault gets at a valve.
+
+    Attributes:
+        command: the way of the spool's set-point [m].
+        plant: where the spool is.
+        device: the valve's electronics, None where they have no enable input.
+    """
+
+    command: SignalPath
+    plant: Plant
+    device: Enabled | None = None
+
+
+class SensorEffect:
+    """A stage behind everything else that a sensor's signal passes."""
+
+    def __init__(self, point: SensorPoint, make: Callable[[], SensorStage]) -> None:
+        self._point, self._make = point, make
+        self._stage: SensorStage | None = None
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Put the stage in."""
+        self._stage = self._make()
+        self._point.value.add(self._stage.value)
+        if self._point.rate is not None:
+            self._point.rate.add(self._stage.rate)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Take the stage out."""
+        if self._stage is not None:
+            self._point.value.remove(self._stage.value)
+            if self._point.rate is not None:
+                self._point.rate.remove(self._stage.rate)
+
+
+class SpoolEffect:
+    """A stage between a valve's electronics and its spool.
+
+    Args:
+        point: the valve.
+        make: makes the stage from the spool's position [m] at that time.
+    """
+
+    def __init__(self, point: SpoolPoint, make: Callable[[float], Stage]) -> None:
+        self._point, self._make = point, make
+        self._stage: Stage | None = None
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Put the stage in."""
+        self._stage = self._make(self._point.plant.output.nu)
+        self._point.command.add(self._stage)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Take the stage out."""
+        if self._stage is not None:
+            self._point.command.remove(self._stage)
+
+
+class EnableEffect:
+    """The enable input of a valve is off."""
+
+    def __init__(self, device: Enabled) -> None:
+        self._device = device
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Switch it off."""
+        self._device.enable_input = False
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Switch it on."""
+        self._device.enable_input = True
+
+
+class SupplyEffect:
+    """The supply pressure of an axis is held at another value.
+
+    Args:
+        plant: of the axis.
+        pressure: that value [Pa].
+        holds: what is called before each tick of the plants.
+    """
+
+    def __init__(self, plant: Plant, pressure: float, holds: list[Callable[[], None]]) -> None:
+        self._plant, self._pressure, self._holds = plant, pressure, holds
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Hold the pressure."""
+        self._holds.append(self._hold)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let a constant pressure be what it was; a supply unit fills up by itself."""
+        self._holds.remove(self._hold)
+        if self._plant.options.supply is None:
+            self._plant.supply_pressure = self._plant.parameters.P_S
+
+    def _hold(self) -> None:
+        self._plant.supply_pressure = self._pressure
+
+
+class LineEffect:
+    """A rule for the frames of a node."""
+
+    def __init__(self, line: Line, meeting: Meeting) -> None:
+        self._line, self._meeting = line, meeting
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let the rule count."""
+        self._line.meetings.append(self._meeting)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let it count no more."""
+        self._line.meetings.remove(self._meeting)
+
+
+class ResetEffect:
+    """A node is without power, and then starts anew."""
+
+    def __init__(self, node: Node, line: Line) -> None:
+        self._node = node
+        self._off = LineEffect(line, Meeting(silence))
+
+    def begin(self, now: int) -> None:
+        """Lose everything that is not stored, and say nothing."""
+        self._node.receive(_RESET, now)
+        self._off.begin(now)
+
+    def end(self, now: int) -> None:
+        """Start: the boot-up message follows."""
+        self._off.end(now)
+        self._node.receive(_RESET, now)
+
+
+class BabbleEffect:
+    """A node sends what nobody asked for, in every tick.
+
+    Args:
+        babble: sends it.
+        babbles: what is called in each tick.
+    """
+
+    def __init__(self, babble: Babble, babbles: list[Babble]) -> None:
+        self._babble, self._babbles = babble, babbles
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Begin to send."""
+        self._babbles.append(self._babble)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Stop."""
+        self._babbles.remove(self._babble)

@@ -1,0 +1,94 @@
+"""When faults begin and end."""
+
+from typing import TypedDict
+
+from hil_bench.faults.checks import to_ns
+from hil_bench.faults.fault import Effect, Fault
+from hil_bench.faults.kinds import FaultKind
+
+NEVER = 1 << 63
+
+
+class When(TypedDict, total=False):
+    """When a fault is there.
+
+    Attributes:
+        at: bench time at which it begins [s]; without it, the next tick.
+        duration: how long it lasts [s]; without it, until it is cleared.
+    """
+
+    at: float | None
+    duration: float | None
+
+
+class FaultSchedule:
+    """The faults that are there or are to come; past ones are forgotten.
+
+    Attributes:
+        due: when `advance` has something to do [ns].
+    """
+
+    def __init__(self) -> None:
+        self.due = NEVER
+        self._origin = self._now = 0
+        self._faults: list[Fault] = []
+
+    @property
+    def active(self) -> tuple[Fault, ...]:
+        """The faults that are there now."""
+        return tuple(fault for fault in self._faults if fault.is_active)
+
+    def start(self, now: int) -> None:
+        """Let bench time begin at `now` [ns]."""
+        self._origin = self._now = now
+        self._set_due()
+
+    def advance(self, now: int) -> None:
+        """End and begin what is due at `now` [ns]."""
+        self._now = now
+        time = now - self._origin
+        for fault in self.active:
+            if fault.ends is not None and fault.ends <= time:
+                self._end(fault)
+        for fault in self._faults:
+            if not fault.is_active and (fault.begins is None or fault.begins <= time):
+                self._begin(fault, time)
+        self._set_due()
+
+    def clear(self, fault: Fault | None = None) -> None:
+        """End one fault, or all, those that are to come included."""
+        for each in list(self._faults) if fault is None else [fault]:
+            if each in self._faults:
+                self._end(each)
+        self._set_due()
+
+    def add(self, kind: FaultKind, target: str, effect: Effect, when: When) -> Fault:
+        """Return a new fault, which begins by itself."""
+        at, duration = when.get("at"), when.get("duration")
+        fault = Fault(
+            kind,
+            target,
+            effect,
+            begins=None if at is None else to_ns("at", at),
+            duration=None if duration is None else to_ns("duration", duration),
+            clear=self.clear,
+        )
+        self._faults.append(fault)
+        self._set_due()
+        return fault
+
+    def _begin(self, fault: Fault, time: int) -> None:
+        if fault.begins is None:
+            fault.begins = time
+        fault.effect.begin(self._now)
+        fault.is_active = True
+
+    def _end(self, fault: Fault) -> None:
+        self._faults.remove(fault)
+        if fault.is_active:
+            fault.is_active = False
+            fault.effect.end(self._now)
+
+    def _set_due(self) -> None:
+        times = [fault.ends if fault.is_active else fault.begins or 0 for fault in self._faults]
+        self.due = min((self._origin + time for time in times if time is not None), default=NEVER)

@@ -1,0 +1,182 @@
+# ruff: noqa: E501 - a mistake and its message on one line are easier to compare
+"""The tables [[faults]] and the option --fault."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from device_profiles import VALVE_408
+from hil_bench.assembly import build_bench
+from hil_bench.cli.arguments import parse_fault
+from hil_bench.config import FaultConfig, Origin, load_config
+from hil_bench.config.fault_keys import OWN_KEYS
+from hil_bench.errors import ConfigError
+from hil_bench.faults.kinds import Direction, FaultKind, Reading
+
+Write = Callable[[str], Path]
+
+IO = """
+[plant.axis1]
+[nodes.io]
+eds = "io.eds"
+node_id = 5
+[nodes.io.objects]
+"0x6401.01" = { source = "axis1.P_A", unit = "bar", scale = 100 }
+"0x6411.01" = { sink = "axis1.spool_setpoint" }
+"""
+TWO_SOURCES = IO + '"0x6401.02" = { source = "axis1.position", unit = "mm", scale = 100 }\n'
+
+EXAMPLES = {
+    FaultKind.FREEZE: ("pressure_a", "", {}),
+    FaultKind.OFFSET: ("pressure_a", "offset_bar = 20", {"amount": 20e5}),
+    FaultKind.DRIFT: ("position", "drift_mm_s = 5", {"rate": 5e-3}),
+    FaultKind.NOISE: ("position", "noise_mm = 0.5", {"rms": 0.5e-3}),
+    FaultKind.BREAK_WIRE: ("pressure_a", 'reads = "high"', {"reads": Reading.HIGH}),
+    FaultKind.SLOW: ("valve", "time_constant_ms = 50", {"time_constant": 0.05}),
+    FaultKind.STICK: ("valve", "", {}),
+    FaultKind.DISABLE: ("valve", "", {}),
+    FaultKind.DROP_SUPPLY: ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
+    FaultKind.SILENCE: ("valve", "", {}),
+    FaultKind.RESET: ("valve", "", {}),
+    FaultKind.LOSE: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
+    FaultKind.DELAY: ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": Direction.SENT}),
+    FaultKind.TRUNCATE: ("valve", "length = 4", {"length": 4}),
+    FaultKind.BABBLE: ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
+}  # fmt: skip
+
+
+def fault(kind: str, target: str, more: str = "") -> str:
+    return f'[[faults]]\nkind = "{kind}"\ntarget = "{target}"\n{more}\n'
+
+
+def test_there_is_an_example_of_each_kind() -> None:
+    assert EXAMPLES.keys() == OWN_KEYS.keys() == set(FaultKind)
+
+
+@pytest.mark.parametrize("kind", FaultKind)
+def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
+    target, more, values = EXAMPLES[kind]
+    (found,) = load_config(write(fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))).faults
+    assert found == FaultConfig(kind, target, at=2.0, duration=0.5, values=found.values)
+    assert found.values.keys() == values.keys()
+    for name, value in values.items():
+        expected = value if isinstance(value, str) else pytest.approx(value)
+        assert found.values[name] == expected
+
+
+def test_each_kind_can_be_made_and_happens(write: Write) -> None:
+    text = "".join(fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items())
+    bench = build_bench(load_config(write(text)))
+    bench.start(0)
+    bench.tick([], 1_000_000)
+    assert [each.kind for each in bench.faults.active] == list(FaultKind)
+
+
+def test_without_times_a_fault_is_there_for_ever(write: Write) -> None:
+    (found,) = load_config(write(fault("freeze", "pressure_a"))).faults
+    assert (found.at, found.duration) == (0.0, None)
+
+
+def test_the_settings_name_each_fault(write: Write) -> None:
+    config = load_config(write(fault("freeze", "pressure_a") + fault("stick", "valve")))
+    tables = [setting.table for setting in config.settings if setting.key.name == "kind"]
+    assert tables == ["faults[1]", "faults[2]"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("faults = 3", "faults: 3 is no list; write each fault as [[faults]]"),
+        ("faults = [3]", "faults[1]: 3 is not a table; write it as [[faults]]"),
+        ("[[faults]]\ntarget = 'valve'", 'faults[1].kind: missing; give for example kind = "freeze"'),
+        ("[[faults]]\nkind = 'freeze'", 'faults[1].target: missing; give for example target = "pressure_a"'),
+        (fault("slow", "valve"), "faults[1].time_constant_ms: missing; give for example time_constant_ms = 100"),
+        (fault("freeze", "valve", "at_s = -1"), "faults[1].at_s: -1 is out of range; give a number in s from 0 to 1e+06"),
+        (fault("freeze", "valve", "length = 1"), "faults[1].length: unknown key; the nearest known key is kind"),
+        (fault("freeze", "valve"), 'faults[1].target: "valve" is no sensor; give one of pressure_a, pressure_b, position'),
+        (fault("stick", "pressure_a"), 'faults[1].target: "pressure_a" is no valve; give one of valve'),
+        (fault("slow", "axis1", "time_constant_ms = 1"), 'faults[1].target: "axis1" is no sensor or valve; give one of pressure_a, pressure_b, position, valve'),
+        (fault("drop_supply", "valve", "pressure_bar = 1"), 'faults[1].target: "valve" is no axis; give one of axis1'),
+        (fault("drop_supply", "axis1", "pressure_bar = -1"), "faults[1].pressure_bar: -1 is below tank_pressure_bar = 0; give that or more"),
+        (fault("reset", "axis1"), 'faults[1].target: "axis1" is no node; give one of valve, pressure_a, pressure_b, position'),
+        (fault("offset", "pressure_a"), "faults[1].offset_bar: missing; give offset_bar = 1, for example"),
+        (fault("offset", "pressure_a", "offset_mm = 1"), "faults[1].offset_mm: is not what this sensor measures; give offset_bar"),
+        (fault("drift", "position", "drift_bar_s = 1\ndrift_mm_s = 2"), "faults[1].drift_bar_s: is not what this sensor measures; give drift_mm_s"),
+        (IO + fault("disable", "io"), 'faults[1].target: "io" is no valve with an enable input; this bench has none'),
+        (TWO_SOURCES + fault("freeze", "io"), 'faults[1].target: "io" is no sensor; give one of io.0x6401.01, io.0x6401.02'),
+        (TWO_SOURCES.replace("position", "speed").replace('"mm"', '"m/s"') + fault("offset", "io.0x6401.02", "offset_mm = 1"), 'faults[1].kind: "offset" is for pressures and positions'),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told(write: Write, text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write_io(write, text))
+    assert str(caught.value) == f"bench.toml:{message}"
+
+
+def write_io(write: Write, text: str) -> Path:
+    path = write(text)
+    eds = Path(VALVE_408).parent / "imitations" / "analogue_io_401.eds"
+    Path("io.eds").write_text(eds.read_text(encoding="utf-8"), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        fault("freeze", "io") + fault("stick", "io") + fault("offset", "io", "offset_bar = 1"),
+        fault("freeze", "io.0x6401.01") + fault("slow", "io.0x6411.01", "time_constant_ms = 5"),
+    ],
+)
+def test_bound_objects_may_have_faults(write: Write, faults: str) -> None:
+    bench = build_bench(load_config(write_io(write, IO + faults)))
+    bench.start(0)
+    bench.tick([], 1_000_000)
+    assert len(bench.faults.active) == faults.count("[[faults]]")
+
+
+def test_faults_of_the_command_line_come_to_those_of_the_file(write: Write) -> None:
+    words = ["offset", "pressure_a", "offset_bar=20", "at_s=1"]
+    config = load_config(write(fault("stick", "valve")), faults=[parse_fault(words)])
+    assert [each.kind for each in config.faults] == [FaultKind.STICK, FaultKind.OFFSET]
+    assert config.faults[1].values == {"amount": 20e5}
+    assert config.settings[-1].origin in {Origin.COMMAND_LINE, Origin.DEFAULT}
+
+
+def test_words_need_no_quotes() -> None:
+    assert parse_fault(
+        ["lose", "valve", "direction=sent", "can_id=0x181", "share_percent=2.5"]
+    ) == {
+        "kind": "lose",
+        "target": "valve",
+        "direction": "sent",
+        "can_id": 0x181,
+        "share_percent": 2.5,
+    }
+
+
+@pytest.mark.parametrize(
+    "words", ["freeze", "freeze at_s=1", "freeze pressure_a 2", "kind=freeze x"]
+)
+def test_words_that_are_no_fault_are_told(words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse_fault(words.split())
+    right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
+    assert str(caught.value) == f"--fault {words}: is no fault; {right}"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            "freeze pressure",
+            'faults[1].target: "pressure" is no sensor; give one of pressure_a, pressure_b, position',
+        ),
+        ("freeze pressure_a at=2", "at: unknown key; the nearest known key is at_s"),
+        ("thaw pressure_a", 'kind: "thaw" is unknown; give one of'),
+    ],
+)
+def test_a_mistake_in_the_option_is_told(words: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(faults=[parse_fault(words.split())])
+    assert message in str(caught.value)

@@ -1,0 +1,65 @@
+# ruff: noqa: E501 - a mistake and its message on one line are easier to compare
+"""What the verbs refuse; what they do is in tests/bench/test_faults.py."""
+
+import pytest
+
+from hil_bench.assembly import build_bench
+from hil_bench.config import load_config
+from hil_bench.errors import ConfigError
+from hil_bench.faults.faults import Faults
+
+
+@pytest.fixture(scope="module")
+def faults():
+    return build_bench(load_config()).faults
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "message"),
+    [
+        ("freeze", ("pressure_x",), 'there is no sensor "pressure_x"; give one of pressure_a, pressure_b, position'),
+        ("freeze", ("valve",), 'there is no sensor "valve"; give one of pressure_a, pressure_b, position'),
+        ("stick", ("position",), 'there is no valve "position"; give one of valve'),
+        ("slow", ("axis1", 0.1), 'there is no sensor or valve "axis1"; give one of pressure_a, pressure_b, position, valve'),
+        ("silence", ("axis1",), 'there is no node "axis1"; give one of valve, pressure_a, pressure_b, position'),
+        ("drop_supply", ("valve", 1e5), 'there is no axis "valve"; give one of axis1'),
+        ("drop_supply", ("axis1", -1e5), "pressure = -100000 is out of range; give a number from 0 to 1e+15"),
+        ("offset", ("position", float("nan")), "amount = nan is out of range; give a number from -1e+15 to 1e+15"),
+        ("noise", ("position", -1.0), "rms = -1 is out of range; give a number from 0 to 1e+15"),
+        ("slow", ("position", 0.0), "time_constant = 0 is out of range; give a number from 1e-06 to 1e+06"),
+        ("break_wire", ("position", "zero"), 'reads = "zero" is unknown; give one of "nothing", "low", "high"'),
+        ("lose", ("position", 1.5), "share = 1.5 is out of range; give a number from 0 to 1"),
+        ("delay", ("position", -1.0), "time = -1 is out of range; give a number from 0 to 1e+09"),
+        ("truncate", ("position", 9), "length = 9 is out of range; give an integer from 0 to 8"),
+        ("babble", ("position", 0), "frames_per_tick = 0 is out of range; give an integer from 1 to 1000"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused(faults, verb, arguments, message):
+    with pytest.raises(ConfigError) as caught:
+        getattr(faults, verb)(*arguments)
+    assert str(caught.value) == f"faults: {message}"
+
+
+@pytest.mark.parametrize(
+    ("which", "message"),
+    [
+        ({"direction": "up"}, 'direction = "up" is unknown; give one of "both", "sent", "received"'),
+        ({"can_id": 0x800}, "can_id = 2048 is out of range; give an integer from 0 to 2047"),
+    ],
+)  # fmt: skip
+def test_frames_that_cannot_be_are_refused(faults, which, message):
+    with pytest.raises(ConfigError) as caught:
+        faults.lose("valve", **which)
+    assert str(caught.value) == f"faults: {message}"
+
+
+def test_what_was_refused_left_nothing(faults):
+    assert faults.active == ()
+    with pytest.raises(ConfigError):
+        faults.freeze("valve")
+    assert faults.due > 10**18
+
+
+def test_a_bench_without_points_has_no_faults():
+    with pytest.raises(ConfigError, match='there is no sensor "x"; this bench has none'):
+        Faults().freeze("x")

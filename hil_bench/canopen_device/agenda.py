@@ -39,3 +39,23 @@ class Agenda:
         """Be called at `time` [ns] at the latest."""
         if time < self.due:  # noqa: PLR1730 - a call of min() costs more than all the rest
             self.due = time
+
+
+class PartialAgenda(Agenda):
+    """The agenda of some of a node's services, which brings the whole one forward with it.
+
+    Attributes:
+        whole: the agenda of all.
+    """
+
+    __slots__ = ("whole",)
+
+    def __init__(self, whole: Agenda) -> None:
+        super().__init__()
+        self.whole = whole
+
+    def bring_forward(self, time: int) -> None:
+        """Be called at `time` [ns] at the latest."""
+        if time < self.due:  # noqa: PLR1730 - likewise
+            self.due = time
+        self.whole.bring_forward(time)

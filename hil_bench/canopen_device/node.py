@@ -14,7 +14,7 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 from collections.abc import Collection
 from typing import Any
 
-from hil_bench.canopen_device.agenda import Agenda
+from hil_bench.canopen_device.agenda import Agenda, PartialAgenda
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
@@ -73,11 +73,13 @@ class Node:
         self.routes: Routes = {}
         self.counters = NodeCounters()
         self._agenda = Agenda()
+        # All but SDO, whose requests are most of what wakes a node.
+        self._rest = PartialAgenda(self._agenda)
         self._is_started = False
         self._is_silent = False
         self._services = Services(
             object_dictionary,
-            *(node_id, storage or MemoryStorage(), self._agenda, self.events, self.counters),
+            *(node_id, storage or MemoryStorage(), self._rest, self.events, self.counters),
         )
         self._tpdos = self._services.tpdos
         self.node_id = self._services.node_id
@@ -116,7 +118,7 @@ class Node:
         without node-ID stays silent until LSS gives it one.
         """
         self._is_started = True
-        self._agenda.bring_forward(now)
+        self._rest.bring_forward(now)
 
     def receive(self, frame: Frame, now: int) -> None:
         """Take a frame from the bus: NMT, SYNC, RPDO act at once; SDO requests are queued."""
@@ -126,7 +128,7 @@ class Node:
 
     def expire(self, now: int) -> None:
         """Act on what did not come in time, and produce SYNC where this node does that."""
-        if now < self._agenda.due:
+        if now < self._rest.due:
             return
         if self._is_silent and now >= self._services.lss.silent_until:
             self._is_silent = False
@@ -163,12 +165,17 @@ class Node:
         """Send boot-up, SDO and LSS answers, EMCY and error control, as far as they are due."""
         if now < self._agenda.due or not self._is_started:
             return
+        services, rest = self._services, self._rest
         if self._is_silent:
-            self._agenda.due = self._services.lss.silent_until
+            self._agenda.due = rest.due = services.lss.silent_until
             return
-        if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
-            self._boot(now, emit)
-        self._agenda.due = self._services.serve(now, emit, self.state)
+        if now < rest.due:
+            services.sdo.serve(now, emit)
+        if now >= rest.due:  # or is by now: what was written may ask for more
+            if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
+                self._boot(now, emit)
+            rest.due = services.serve(now, emit, self.state)
+        self._agenda.due = min(rest.due, services.sdo.due)
 
     def _watch_identifiers(self) -> None:
         for variable in self.object_dictionary:
@@ -204,7 +211,7 @@ class Node:
         elif now < self._services.lss.silent_until:
             self._is_silent = True
             self._update_routes()
-            self._agenda.bring_forward(now)
+            self._rest.bring_forward(now)
 
     def _receive_guarding(self, frame: Frame, now: int) -> None:
         """Take a frame with our own error control identifier: the master's request, or a stray."""
@@ -253,7 +260,7 @@ class Node:
         self._services.reset(restored)
         self.node_id = self._services.node_id
         self._update_routes()
-        self._agenda.bring_forward(0)
+        self._rest.bring_forward(0)
         is_whole = command is NmtCommand.RESET_NODE
         kind = NodeEventKind.RESET_NODE if is_whole else NodeEventKind.RESET_COMMUNICATION
         self.events.tell(NodeEvent(kind, 0))
@@ -269,5 +276,5 @@ class Node:
             return
         self.state = state
         self._services.set_state(state)
-        self._agenda.bring_forward(0)
+        self._rest.bring_forward(0)
         self.events.tell(NodeEvent(NodeEventKind.STATE_CHANGED, state))

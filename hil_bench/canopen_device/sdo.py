@@ -74,9 +74,12 @@ class SdoServer:
         self._queue: deque[bytes] = deque()
         self._transfer: Transfer | None = None
 
-    def receive(self, frame: Frame, _now: int) -> None:
-        """Queue a request."""
+    def receive(self, frame: Frame, now: int) -> None:
+        """Take a segment that gets no answer; queue every other request."""
         if not self._counters.is_data(frame) or not self.is_enabled:
+            return
+        transfer = self._transfer
+        if transfer is not None and not self._queue and transfer.absorb(frame.data, now):
             return
         if len(frame.data) < 8:
             self._counters.short_sdo_requests += 1

@@ -42,6 +42,9 @@ _UPLOAD_CONFIRMATION: Final = 2
 _UPLOAD_START: Final = 3
 _UPLOAD_END_RESPONSE: Final = 0xC1
 
+_NUMBERS: Final = [bytes([number]) for number in range(BLOCK_SIZE + 2)]
+"""The first byte of a segment in the midst of a sub-block, by its number."""
+
 _END: Final = struct.Struct("<BH5x")
 _CONFIRMATION: Final = struct.Struct("<BBB5x")
 
@@ -96,6 +99,19 @@ class BlockDownload(Transfer):
         if self._is_complete:
             return command & 0xE3 == _DOWNLOAD_END
         return command != _ABORT
+
+    def absorb(self, request: bytes, now: int) -> bool:
+        """Take a segment in the midst of a sub-block; most are, so this is the quick way."""
+        number = self._acknowledged + 1
+        # Not the first of a sub-block, nor its last, nor that of all, whose bit 7 is set.
+        if not self._is_within or request[:1] != _NUMBERS[number] or number == BLOCK_SIZE:
+            return False
+        if len(request) != 8 or len(self._data) > self._limit:
+            return False
+        self._acknowledged = number
+        self._data += request[1:]
+        self.due = now + TIME_OUT // 2
+        return True
 
     def take(self, request: bytes, now: int) -> bytes | None:  # noqa: D102 - told by the base class
         return self._finish(request) if self._is_complete else self._take_segment(request, now)
@@ -210,8 +226,14 @@ class BlockUpload(Transfer):
             raise SdoAbort(*abort_codes.TIME_OUT)
         end = min(self._block_size, self._count - self._first)
         upto = min(self._sent + SEGMENTS_PER_ROUND, end)
+        start = (self._first + self._sent) * SEGMENT_BYTES
         for number in range(self._sent + 1, upto + 1):
-            yield self._segment(number)
+            segment = self._data[start : start + SEGMENT_BYTES]
+            start += SEGMENT_BYTES
+            if start < len(self._data):
+                yield _NUMBERS[number] + segment
+            else:
+                yield bytes([number | _LAST]) + segment.ljust(SEGMENT_BYTES, b"\0")
         self._sent = upto
         if upto == end:
             self._is_sending = False
@@ -222,13 +244,6 @@ class BlockUpload(Transfer):
         self._sent = 0
         self._is_sending = True
         self.due = 0
-
-    def _segment(self, number: int) -> bytes:
-        position = self._first + number - 1
-        start = position * SEGMENT_BYTES
-        command = number | _LAST if position == self._count - 1 else number
-        segment = self._data[start : start + SEGMENT_BYTES]
-        return bytes([command]) + segment.ljust(SEGMENT_BYTES, b"\0")
 
     def _take_confirmation(self, acknowledged: int, block_size: int, now: int) -> bytes | None:
         if acknowledged > self._sent:

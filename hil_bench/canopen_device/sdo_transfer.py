@@ -25,6 +25,9 @@ _UPLOAD_SEGMENT: Final = 3
 _TOGGLE: Final = 0x10
 _LAST: Final = 0x01
 
+_FULL_SEGMENT: Final = {toggle: bytes([toggle]) for toggle in (0, _TOGGLE)}
+"""The first byte of an upload segment of 7 bytes that others follow, by its toggle bit."""
+
 
 class Transfer(ABC):
     """A transfer under way.
@@ -53,6 +56,14 @@ class Transfer(ABC):
         `SdoAbort` ends the transfer.
         """
 
+    def absorb(self, request: bytes, now: int) -> bool:  # noqa: ARG002 - block downloads use it
+        """Take a request that has no answer and only puts `due` off.
+
+        Returns:
+            Whether it was one; otherwise nothing has happened, and `take` is for it.
+        """
+        return False
+
     def proceed(self, now: int) -> Iterable[bytes]:  # noqa: ARG002 - block transfers use it
         """Return what the server sends by itself when `due` has come.
 
@@ -76,16 +87,24 @@ class SegmentedUpload(Transfer):
     def owns(self, command: int) -> bool:  # noqa: D102 - told by the base class
         return command >> 5 == _UPLOAD_SEGMENT
 
-    def take(self, request: bytes, now: int) -> bytes:  # noqa: D102
-        _check_toggle(request[0], self._toggle)
-        segment = self._data[self._position : self._position + SEGMENT_BYTES]
-        self._position += SEGMENT_BYTES
-        answer = self._toggle | (SEGMENT_BYTES - len(segment)) << 1
-        self._toggle ^= _TOGGLE
+    def take(self, request: bytes, now: int) -> bytes:
+        """Return the next segment.
+
+        Raises:
+            SdoAbort: 0503 0000.
+        """
+        toggle = self._toggle
+        if request[0] & _TOGGLE != toggle:
+            raise SdoAbort(*abort_codes.TOGGLE)
+        begin = self._position
+        end = self._position = begin + SEGMENT_BYTES
+        self._toggle = toggle ^ _TOGGLE
         self.due = now + TIME_OUT
-        if self._position >= len(self._data):
-            answer |= _LAST
-            self.is_over = True
+        segment = self._data[begin:end]
+        if end < len(self._data):
+            return _FULL_SEGMENT[toggle] + segment
+        self.is_over = True
+        answer = toggle | (SEGMENT_BYTES - len(segment)) << 1 | _LAST
         return bytes([answer]) + segment.ljust(SEGMENT_BYTES, b"\0")
 
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil_bench.canopen_device.agenda import NEVER, Agenda, Timed
+from hil_bench.canopen_device.agenda import NEVER, PartialAgenda, Timed
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.error_behaviour import ErrorBehaviour
@@ -42,7 +42,7 @@ class Services:
         object_dictionary: ObjectDictionary,
         node_id: int,
         storage: Storage,
-        agenda: Agenda,
+        agenda: PartialAgenda,
         events: NodeEvents,
         counters: NodeCounters,
     ) -> None:
@@ -60,7 +60,7 @@ class Services:
     def serve(self, now: int, emit: Emit, state: NmtState) -> int:
         """Send what is due; return the earliest time at which a service wants to be called [ns].
 
-        In the order LSS, SDO, EMCY, error control.
+        In the order LSS, SDO, EMCY, error control. The time leaves out SDO, which tells its own.
         """
         self.lss.serve(emit)
         self.sdo.serve(now, emit)
@@ -107,7 +107,7 @@ class Services:
         if node_id != UNCONFIGURED:
             self._object_dictionary.assign_node_id(node_id)
 
-    def _compose(self, agenda: Agenda, events: NodeEvents, counters: NodeCounters) -> None:
+    def _compose(self, agenda: PartialAgenda, events: NodeEvents, counters: NodeCounters) -> None:
         dictionary, node_id, emcy = self._object_dictionary, self.node_id, self.emcy
         window = SynchronousWindow()
         self.startup = Startup(dictionary)
@@ -116,7 +116,7 @@ class Services:
         self.sync = SyncConsumer(dictionary, window, emcy, counters)
         self.sync_producer = SyncProducer(dictionary, agenda)
         self.time = TimeConsumer(dictionary, counters)
-        self.sdo = SdoChannels(dictionary, node_id, agenda, counters)
+        self.sdo = SdoChannels(dictionary, node_id, agenda.whole, counters)
         self.producer = HeartbeatProducer(dictionary, node_id, agenda)
         self.consumer = HeartbeatConsumer(dictionary, agenda, events, emcy, counters)
         self.guarding = NodeGuarding(dictionary, node_id, agenda, events, emcy)
@@ -128,5 +128,5 @@ class Services:
             for index in dictionary.indices(COMMUNICATION_INDICES[Direction.RPDO])
         )
         self.tpdos = TpdoProducer(dictionary, window, counters)
-        self._timed: list[Timed] = [self.sdo, self.lss, emcy, self.producer]
+        self._timed: list[Timed] = [self.lss, emcy, self.producer]
         self._timed += [self.sync_producer, self.consumer, self.guarding, *self.rpdos]

@@ -1,6 +1,6 @@
 """Cost per CANopen service, frames fed directly, beside canopen.LocalNode and durand in one run.
 
-    pip install durand
+    pip install '.[benchmark]'
     python benchmarks/services.py [--repeats N]
 
 Every responder has the same objects, gets the same frames and must give the same answers; the three

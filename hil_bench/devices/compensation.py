@@ -1,12 +1,18 @@
 """What a valve of CiA 408 does to its set-point to make up for cylinder and spool.
 
-Source: Moog ACV CANopen manual B99224-DV018-D-211, sections 7.2.6 (directional gain) and 7.2.8
-(dead band). Which side is A is not in the part of it that was at hand: here a positive set-point
-opens to A.
+Source: Moog ACV CANopen manual B99224-DV018-D-211, sections 7.2.6 (directional gain), 7.2.7
+(characteristic) and 7.2.8 (dead band). Which side is A is not in the part of it that was at hand:
+here a positive set-point opens to A.
 """
 
+from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
+
+CURVE_POINTS: Final = 257
+"""Points of a characteristic, from -16384 to 16384."""
+_CURVE_STEP: Final = 128
+_CURVE_START: Final = -16384
 
 
 class DeadBandType(IntEnum):
@@ -47,6 +53,22 @@ class DeadBand(NamedTuple):
             slope = (self.reference - step) / (self.reference - self.threshold)
             return step + (size - self.threshold) * slope
         return 0.0 if self.kind is DeadBandType.JUMP else size * step / self.threshold
+
+
+def follow_curve(value: float, outputs: Sequence[int]) -> float:
+    """Return a set-point bent by a characteristic, straight between its points.
+
+    Args:
+        value: the set-point [increments].
+        outputs: what comes out at -16384, -16256, ..., 16384; the ends hold beyond them.
+    """
+    place = (value - _CURVE_START) / _CURVE_STEP
+    if place <= 0.0:
+        return outputs[0]
+    if place >= CURVE_POINTS - 1:
+        return outputs[-1]
+    below = int(place)
+    return outputs[below] + (place - below) * (outputs[below + 1] - outputs[below])
 
 
 def apply_directional_gain(value: float, factor: float) -> float:

@@ -1,8 +1,13 @@
 """The demand value generator of a CiA 408 valve: from the set-point to what the spool is told.
 
 In this order: limits 0x6320 and 0x6321, scaling 0x6322 and 0x6323, ramp 0x6330 to 0x6336,
-directional gain 0x6340 and 0x6341, dead band compensation 0x6342 to 0x6345, zero correction 0x6324.
+directional gain 0x6340 and 0x6341, characteristic 0x6346, dead band compensation 0x6342 to 0x6345,
+zero correction 0x6324.
 By their defaults all of them but the limits are off.
+
+The type of the characteristic but 0 is the maker's own, -1: the straight lines between the 257
+points in the maker's objects 0x4348 (inputs -16384 to -128), 0x4349 (0) and 0x434A (128 to 16384).
+A device without them knows type 0 only.
 
 Source: Moog ACV CANopen manual B99224-DV018-D-211, section 7.2 (order, limits, scaling). The types
 of the ramp are those of a firmware made after DS 408 V1.5.2 (Lambda Sistemi): 1 one time, 2 one
@@ -14,7 +19,13 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.devices.compensation import DeadBand, DeadBandType, apply_directional_gain
+from hil_bench.devices.compensation import (
+    CURVE_POINTS,
+    DeadBand,
+    DeadBandType,
+    apply_directional_gain,
+    follow_curve,
+)
 from hil_bench.devices.profile_objects import locate, optional
 from hil_bench.devices.ramp import Ramp, RampTimes
 from hil_bench.devices.saturation import saturate
@@ -24,6 +35,9 @@ _LOWEST: Final = -32768
 _HIGHEST: Final = 32767
 _UNITY: Final = 0x0001_0001
 _MILLISECOND: Final = 1_000_000
+
+_CURVE: Final = (0x4348, 0x4349, 0x434A)
+_CURVE_BY_TABLE: Final = -1
 
 _RAMP_TIMES: Final = range(0x6331, 0x6337)
 _RAMP_TYPES: Final = {
@@ -40,6 +54,7 @@ class DemandGenerator:
 
     Attributes:
         is_limited: whether a limit held the last set-point back.
+        has_ramp: whether the ramp is on.
         ramp: the ramp; it runs while the demand value is on its way.
     """
 
@@ -54,11 +69,12 @@ class DemandGenerator:
         self.ramp = Ramp()
         self._reference = reference
         self._scaled = 0.0
-        self._has_ramp = False
+        self.has_ramp = False
         self._bind_limits(object_dictionary)
         self._bind_scaling(object_dictionary)
         self._bind_ramp(object_dictionary)
         self._bind_compensation(object_dictionary)
+        self._bind_characteristic(object_dictionary)
         reference.add_hook(self._configure)
         self.restart()
 
@@ -75,21 +91,29 @@ class DemandGenerator:
 
     def _bind_ramp(self, od: ObjectDictionary) -> None:
         self._ramp_type = optional(od, 0x6330, 0, INTEGER8)
-        self._check_type(od, self._ramp_type, len(_RAMP_TYPES))
+        self._check_type(od, self._ramp_type, range(len(_RAMP_TYPES)))
         self._ramp_times = {index: optional(od, index, 1, UNSIGNED16) for index in _RAMP_TIMES}
         for time in self._ramp_times.values():
             time.add_hook(self._configure)
 
     def _bind_compensation(self, od: ObjectDictionary) -> None:
         self._gain_type = optional(od, 0x6340, 0, INTEGER8)
-        self._check_type(od, self._gain_type, 2)
+        self._check_type(od, self._gain_type, range(2))
         self._gain_factor = self._bind_factor(od, 0x6341)
         self._dead_band_type = optional(od, 0x6342, 0, INTEGER8)
-        self._check_type(od, self._dead_band_type, len(DeadBandType))
+        self._check_type(od, self._dead_band_type, range(len(DeadBandType)))
         self._side_a, self._side_b = self._bind(od, 0x6343, 1), self._bind(od, 0x6344, 1)
         self._threshold = self._bind(od, 0x6345, 1)
         for size in (self._side_a, self._side_b, self._threshold):
             size.add_check(_check_size)
+
+    def _bind_characteristic(self, od: ObjectDictionary) -> None:
+        self._curve_type = optional(od, 0x6346, 0, INTEGER8)
+        self._curve_points = _find_curve(od) if 0x6346 in od else ()
+        lowest = _CURVE_BY_TABLE if self._curve_points else 0
+        self._check_type(od, self._curve_type, range(lowest, 1))
+        for point in self._curve_points:
+            point.add_hook(self._configure)
 
     def _bind(self, od: ObjectDictionary, index: int, subindex: int) -> Variable:
         variable = optional(od, index, subindex, INTEGER16)
@@ -107,17 +131,19 @@ class DemandGenerator:
         factor.add_hook(self._configure)
         return factor
 
-    def _check_type(self, od: ObjectDictionary, variable: Variable, types: int) -> None:
-        """Let `variable` hold 0 to `types` - 1.
+    def _check_type(self, od: ObjectDictionary, variable: Variable, types: range) -> None:
+        """Let `variable` hold one of `types`.
 
         Raises:
             EdsError: its default is another one.
         """
-        if not 0 <= variable.default < types:
-            raise EdsError(f"{locate(od, variable)} is {variable.default}; 0 to {types - 1} exist")
+        if variable.default not in types:
+            raise EdsError(
+                f"{locate(od, variable)} is {variable.default}; {types[0]} to {types[-1]} exist"
+            )
 
         def check(value: int) -> None:
-            if not 0 <= value < types:
+            if value not in types:
                 raise SdoAbort(*abort_codes.VALUE)
 
         variable.add_check(check)
@@ -140,11 +166,13 @@ class DemandGenerator:
 
     def _shape(self, limited: int, now: int) -> int:
         value = limited * self._scale + self._offset.value
-        if self._has_ramp:
+        if self.has_ramp:
             value = self.ramp.follow(value, now)
         self._scaled = value
         if self._gain_type.value:
             value = apply_directional_gain(value, self._gain)
+        if self._curve:
+            value = follow_curve(value, self._curve)
         if self._dead_band is not None:
             value = self._dead_band.compensate(value)
         return saturate(value + self._zero_correction.value, _LOWEST, _HIGHEST, unknown=0)
@@ -153,11 +181,14 @@ class DemandGenerator:
         self._scale = _quotient(self._factor)
         self._gain = _quotient(self._gain_factor)
         self._dead_band = self._present_dead_band()
+        is_bent = self._curve_type.value == _CURVE_BY_TABLE
+        self._curve = tuple(point.value for point in self._curve_points) if is_bent else ()
         self._configure_ramp()
         self._is_plain = not (
-            self._has_ramp
+            self.has_ramp
             or self._gain_type.value
             or self._dead_band
+            or self._curve
             or self._scale != 1.0
             or self._offset.value
             or self._zero_correction.value
@@ -176,8 +207,8 @@ class DemandGenerator:
         ]
         unit = _MILLISECOND / self._reference.value
         self.ramp.times = RampTimes(*(time * unit for time in milliseconds))
-        had_ramp, self._has_ramp = self._has_ramp, self._ramp_type.value != 0
-        if self._has_ramp != had_ramp:
+        had_ramp, self.has_ramp = self.has_ramp, self._ramp_type.value != 0
+        if self.has_ramp != had_ramp:
             self.ramp.restart(self._scaled)
 
     def _check_upper_limit(self, limit: int) -> None:
@@ -187,6 +218,13 @@ class DemandGenerator:
     def _check_lower_limit(self, limit: int) -> None:
         if limit > self._upper_limit.value:
             raise SdoAbort(*abort_codes.VALUE_TOO_HIGH)
+
+
+def _find_curve(od: ObjectDictionary) -> tuple[Variable, ...]:
+    """The points of a characteristic; none where the maker's objects are something else."""
+    points = tuple(variable for variable in od if variable.index in _CURVE and variable.subindex)
+    is_curve = len(points) == CURVE_POINTS and all(point.data_type is INTEGER16 for point in points)
+    return points if is_curve else ()
 
 
 def _quotient(factor: Variable) -> float:

@@ -147,6 +147,8 @@ class ValveDevice:
         if not self.enable_input:
             self._machine.disable()
         demand = self._generator.generate(self._present_setpoint(), now)
+        if self._machine.state is ValveState.FAULT_REACTION and not self._generator.ramp.is_running:
+            self._machine.end_reaction()
         self._demand.value = demand
         return demand * self._metres
 
@@ -254,7 +256,8 @@ class ValveDevice:
             self._fault(RPDO_TIMEOUT)
 
     def _fault(self, error_code: int) -> None:
-        if self._machine.fault():
+        self._machine.fault(takes_time=self._generator.has_ramp)
+        if self._machine.state in FAULT_STATES:
             self._error_code.value = error_code
 
     def _receive_control_word(self, control_word: int) -> None:

@@ -31,8 +31,10 @@ Rules:
    does not lead to ACTIVE; the next word may.
 4. Without the enable input ACTIVE, HOLD and FAULT_HOLD are left at once, and not entered. When
    the input is back, a new control word is needed.
-5. The fault reaction is to hold and takes no time, so FAULT_REACTION is passed at once. A fault
-   never raises the state.
+5. The fault reaction is to go to the hold set-point. Where that takes time, on a ramp,
+   FAULT_REACTION lasts as long, and nothing is reset; the last control word that comes meanwhile
+   may lower the fault state that follows. Otherwise it is passed at once. A fault never raises the
+   state.
 
 Source: Moog ACV CANopen manual B99224-DV018-D-211, section 5.2 (states, words, transitions and
 rule 2). Rules 1, 3 (second sentence), 4 and 5 are this device's own, as are the words of TR15 and
@@ -210,6 +212,8 @@ class ValveStateMachine:
     def __init__(self) -> None:
         self.state = ValveState.NOT_READY
         self._is_reset_bit_set = False
+        self._after_reaction = ValveState.NOT_READY
+        self._word_in_reaction: int | None = None
 
     def start(self) -> None:
         """Start, or start again: NOT_READY (TR0), then INIT (TR1)."""
@@ -230,17 +234,34 @@ class ValveStateMachine:
         is_reset_bit_set = bool(control_word & RESET_BIT)
         reset = may_reset and is_reset_bit_set and not self._is_reset_bit_set
         self._is_reset_bit_set = is_reset_bit_set
+        if self.state is ValveState.FAULT_REACTION:
+            self._word_in_reaction = control_word
         states = walk(
             self.state, control_word, reset=reset, may_activate=may_activate, is_enabled=is_enabled
         )
         return self._pass(states)
 
-    def fault(self) -> tuple[ValveState, ...]:
-        """React to a fault and return the states passed; none before `start`."""
+    def fault(self, *, takes_time: bool = False) -> tuple[ValveState, ...]:
+        """React to a fault and return the states passed; none before `start` or in a reaction.
+
+        Args:
+            takes_time: whether FAULT_REACTION lasts until `end_reaction`.
+        """
         target = FAULT_TARGETS.get(self.state)
         if target is None:
             return ()
-        return self._pass((ValveState.FAULT_REACTION, target))
+        self._after_reaction, self._word_in_reaction = target, None
+        passed = self._pass((ValveState.FAULT_REACTION,))
+        return passed if takes_time else passed + self.end_reaction()
+
+    def end_reaction(self) -> tuple[ValveState, ...]:
+        """Leave FAULT_REACTION (TR9, TR12 or TR13), and return the states passed."""
+        if self.state is not ValveState.FAULT_REACTION:
+            return ()
+        states: tuple[ValveState, ...] = (self._after_reaction,)
+        if self._word_in_reaction is not None:
+            states += walk(states[0], self._word_in_reaction, reset=False, may_activate=False)
+        return self._pass(states)
 
     def deactivate(self) -> tuple[ValveState, ...]:
         """Leave ACTIVE for HOLD (TR5), without a control word, and return the states passed."""

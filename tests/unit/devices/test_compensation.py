@@ -1,11 +1,17 @@
 """Compensations by themselves, with 10000 for 100 % so that the numbers can be read.
 
-Moog ACV manual, 7.2.6 and 7.2.8: see `hil_bench.devices.compensation`.
+Moog ACV manual, 7.2.6 to 7.2.8: see `hil_bench.devices.compensation`.
 """
 
 import pytest
 
-from hil_bench.devices.compensation import DeadBand, DeadBandType, apply_directional_gain
+from hil_bench.devices.compensation import (
+    CURVE_POINTS,
+    DeadBand,
+    DeadBandType,
+    apply_directional_gain,
+    follow_curve,
+)
 
 SIDES = {"side_a": 2000, "side_b": 4000, "threshold": 100, "reference": 10000}
 JUMP = DeadBand(DeadBandType.JUMP, **SIDES)
@@ -67,3 +73,25 @@ def test_a_threshold_of_100_percent_leaves_what_is_above():
 )
 def test_the_directional_gain_reduces_one_side(factor, value, reduced):
     assert apply_directional_gain(value, factor) == reduced
+
+
+# Half of the input up to 0, a quarter beyond: points at -16384, -16256, ..., 16384.
+BENT = [(-16384 + 128 * n) // (2 if n <= 128 else 4) for n in range(CURVE_POINTS)]
+
+
+@pytest.mark.parametrize(
+    ("value", "bent"),
+    [
+        *((0, 0), (-16384, -8192), (16384, 4096), (-256, -128), (256, 64)),
+        *((64, 16), (-64, -32), (1.0, 0.25)),  # between two points
+        *((-20000, -8192), (20000, 4096)),  # beyond the ends
+    ],
+)
+def test_a_characteristic_is_straight_between_its_points(value, bent):
+    assert follow_curve(value, BENT) == pytest.approx(bent)
+
+
+def test_a_straight_characteristic_changes_nothing():
+    straight = range(-16384, 16385, 128)
+    for value in (-16384, -16383, -1, 0, 127, 129, 9999.5, 16384):
+        assert follow_curve(value, straight) == pytest.approx(value)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from device_profiles import VALVE_408
+from device_profiles import IMITATIONS, VALVE_408
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.object_dictionary import Access
 from hil_bench.devices.valve_408 import ValveDevice
@@ -192,6 +192,46 @@ def test_the_hold_setpoint_is_reached_on_the_ramp(rig):
     assert rig.value(0x6041) == HOLD | RAMP_RUNNING
 
 
+FAULT_REACTION = 0x0007
+
+
+def test_the_fault_reaction_lasts_as_long_as_the_ramp(rig):
+    set_up(rig, x6331=100, x6330=1)
+    rig.write(0x1400, 5, 110, 2)  # RPDO time-out [ms]
+    demand(rig, 8192)
+    rig.tick(109)  # 110 ms after the RPDO
+    assert rig.value(0x6041) == FAULT_REACTION | RAMP_RUNNING
+    assert rig.value(0x604E) == 0x8250
+    rig.tick(49)
+    assert rig.value(0x6310, 1) == 164  # 8192 / 50
+    assert rig.value(0x6041) == FAULT_REACTION | RAMP_RUNNING
+    rig.tick()
+    assert rig.value(0x6310, 1) == 0
+    assert rig.value(0x6041) == FAULT_HOLD
+
+
+def test_nothing_is_reset_before_the_fault_reaction_is_over(rig):
+    set_up(rig, x6331=100, x6330=1)
+    rig.write(0x1400, 5, 110, 2)
+    demand(rig, 8192)
+    rig.tick(109)
+    control(rig, 0x000F)
+    assert rig.value(0x6041) == FAULT_REACTION | RAMP_RUNNING
+    rig.tick(49)
+    assert rig.value(0x6041) == FAULT_HOLD
+    control(rig, 0x0007)
+    control(rig, 0x000F)
+    assert rig.value(0x6041) == HOLD
+
+
+def test_a_fault_reaction_without_a_way_to_go_is_over_at_once(rig):
+    set_up(rig, x6331=100, x6330=1)
+    rig.write(0x1400, 5, 50, 2)
+    demand(rig, 0)
+    rig.tick(49)
+    assert rig.value(0x6041) == FAULT_HOLD
+
+
 def test_a_node_reset_ends_the_ramp(rig):
     set_up(rig, x6331=100, x6330=1)
     demand(rig, 16384)
@@ -345,3 +385,61 @@ def test_the_times_say_their_unit():
     for index in (*range(0x6331, 0x6337), 0x6352):
         assert dictionary.number(index, 2) == 3
         assert dictionary.number(index, 3) == -3
+
+
+PDO_4 = IMITATIONS / "valve_pdo4.eds"
+
+
+@pytest.fixture
+def curved(make_rig):
+    """A valve with a characteristic, which gives a quarter on the positive side; in ACTIVE."""
+    rig = make_rig(PDO_4)
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+    rig.work = lambda now: rig.valve.publish(rig.valve.command(now), now)
+    rig.tick()
+    rig.nmt(rig.START)
+    for n in range(128):
+        variable = rig.object_dictionary.variable(0x434A, n + 1)
+        variable.write(variable.value // 4)
+    rig.write(0x6040, 0, 0x0007, 2)
+    return rig
+
+
+def bent(rig, setpoint):
+    rig.write(0x6300, 1, setpoint, 2, signed=True)
+    rig.tick()
+    return rig.value(0x6310, 1)
+
+
+def test_a_characteristic_bends_the_set_point(curved):
+    assert bent(curved, 8192) == 8192
+    set_up(curved, x6346=-1)
+    assert bent(curved, 8192) == 2048
+    assert bent(curved, -8192) == -8192
+    set_up(curved, x6346=0)
+    assert bent(curved, 8192) == 8192
+
+
+def test_a_point_written_later_counts(curved):
+    set_up(curved, x6346=-1)
+    assert curved.write(0x434A, 64, 1234, 2) is None  # input 64 * 128 = 8192
+    assert bent(curved, 8192) == 1234
+
+
+def test_the_characteristic_is_between_gain_and_dead_band(curved):
+    set_up(curved, x6346=-1, x6341=0x0001_0002, x6340=1, x6343=1000, x6345=100, x6342=1)
+    # Half, then a quarter: 99 is below the threshold, 100 is on it.
+    assert bent(curved, 792) == 0
+    assert bent(curved, 800) == 1000
+
+
+def test_a_characteristic_type_that_does_not_exist_is_refused(curved):
+    assert curved.write(0x6346, 0, -2, 1, signed=True) == 0x06090032
+    assert curved.write(0x6346, 0, 1, 1) == 0x06090031
+
+
+def test_without_a_table_there_is_no_characteristic(make_rig):
+    rig = make_rig(PDO_4, without=(0x434A,))
+    rig.valve = ValveDevice(rig.node, FULL_OPENING)
+    rig.tick()
+    assert rig.write(0x6346, 0, -1, 1, signed=True) == 0x06090030

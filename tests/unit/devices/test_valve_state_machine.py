@@ -198,3 +198,39 @@ def test_without_the_enable_input_no_control_word_leads_above_disabled(letter):
 def test_without_the_enable_input_a_valve_may_still_be_initialised():
     passed = walk(ValveState.INIT, 0x0007, reset=False, may_activate=True, is_enabled=False)
     assert passed == states("D")
+
+
+@pytest.mark.parametrize(
+    ("letter", "after"),
+    [("I", "i"), ("D", "d"), ("H", "h"), ("A", "h"), ("h", "h"), ("d", "d"), ("i", "i")],
+)
+def test_a_reaction_that_takes_time_lasts_until_its_end(letter, after):
+    machine = in_state(letter)
+    assert machine.fault(takes_time=True) == states("R")
+    assert machine.fault(takes_time=True) == ()  # another fault changes nothing
+    assert machine.end_reaction() == states(after)
+    assert machine.end_reaction() == ()
+
+
+@pytest.mark.parametrize(
+    ("word", "after"),
+    # As TR15 and TR16 say; nothing raises the state, and the edge of R is lost.
+    [(0x0007, "h"), (0x000F, "h"), (0x0003, "h"), (0x0001, "hd"), (0x0000, "hdi")],
+)
+def test_a_word_in_the_reaction_may_lower_the_state_that_follows(word, after):
+    machine = in_state("A")
+    machine.fault(takes_time=True)
+    assert obey(machine, word) == ()
+    assert machine.state is ValveState.FAULT_REACTION
+    assert machine.end_reaction() == states(after)
+
+
+def test_the_last_word_in_the_reaction_counts_and_none_from_before():
+    machine = in_state("A")
+    obey(machine, 0x0007)
+    machine.fault(takes_time=True)
+    obey(machine, 0x0000)
+    obey(machine, 0x0003)
+    assert machine.end_reaction() == states("h")
+    machine.fault(takes_time=True)
+    assert machine.end_reaction() == states("h")

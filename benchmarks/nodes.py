@@ -271,6 +271,7 @@ class FullBus:
     """An in-memory bus whose frames arrive by the clock, as on a wire."""
 
     description = "in-memory bus, full"
+    has_exact_wait = False
 
     def __init__(self, clock: Clock) -> None:
         self.traffic = FullBusTraffic()

@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.config import AxisConfig, BenchConfig, ValveConfig
+from hil_bench.config import AxisConfig, BenchConfig, SinkConfig, ValveConfig
 from hil_bench.errors import ConfigError
 from hil_bench.plant import FullOrderPlant, PlantInput, PlantState
 from hil_bench.plant.models import Model, plant_at_rest
@@ -220,6 +220,9 @@ def _full_opening(config: BenchConfig, axis: AxisConfig) -> float:
     for node in config.nodes:
         if isinstance(node, ValveConfig) and node.axis == axis.name:
             return node.full_opening
+        for binding in node.bindings:
+            if isinstance(binding, SinkConfig) and binding.axis == axis.name:
+                return binding.full_opening
     return axis.parameters.full_opening
 
 

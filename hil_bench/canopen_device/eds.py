@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator
 from configparser import Error as ConfigParserError
 from configparser import RawConfigParser
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -37,6 +38,7 @@ _COMPOSED: Final = frozenset({0x8, 0x9})
 _OBJECT_TYPES: Final = frozenset({0x2, 0x7}) | _COMPOSED
 _FIRST_OBJECT: Final = 0x1000
 _HIGHEST_NODE_ID: Final = 127
+_FILES_KEPT: Final = 8
 
 
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
@@ -69,7 +71,7 @@ class _EdsFile:
         self._sections = {section.upper(): section for section in self._parser.sections()}
         self._check_sections()
         try:
-            self._imported: objectdictionary.ObjectDictionary = _import(text, node_id)
+            self._imported = _import(text)
         except (ConfigParserError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise EdsError(f"{path}: {_one_line(error)}; cannot be read as an EDS") from error
 
@@ -101,10 +103,8 @@ class _EdsFile:
             return raw.decode("latin-1")
 
     def _parse(self, text: str) -> RawConfigParser:
-        parser = RawConfigParser(inline_comment_prefixes=(";",))
-        parser.optionxform = str  # type: ignore[assignment,method-assign]  # its documented use
         try:
-            parser.read_string(text, source=str(self._path))
+            parser = _parse(text, str(self._path))
         except ConfigParserError as error:
             raise EdsError(f"{self._path}: {_one_line(error)}; cannot be read as an EDS") from error
         if not parser.has_section("DeviceInfo"):
@@ -261,9 +261,20 @@ class _EdsFile:
         return value
 
 
-def _import(text: str, node_id: int) -> objectdictionary.ObjectDictionary:
+@lru_cache(maxsize=_FILES_KEPT)
+def _parse(text: str, source: str) -> RawConfigParser:
+    """The options of an EDS as text, kept for other devices of the same kind: not to be changed."""
+    parser = RawConfigParser(inline_comment_prefixes=(";",))
+    parser.optionxform = str  # type: ignore[assignment,method-assign]  # its documented use
+    parser.read_string(text, source=source)
+    return parser
+
+
+@lru_cache(maxsize=_FILES_KEPT)
+def _import(text: str) -> objectdictionary.ObjectDictionary:
+    """The objects of an EDS, kept as `_parse` says; their values are those of another node-ID."""
     imported: objectdictionary.ObjectDictionary
-    imported = import_eds(io.StringIO(text), node_id)  # type: ignore[no-untyped-call]  # untyped there
+    imported = import_eds(io.StringIO(text), 1)  # type: ignore[no-untyped-call]  # untyped there
     return imported
 
 

@@ -147,8 +147,8 @@ class ValveDevice:
         if not self.enable_input:
             self._machine.disable()
         demand = self._generator.generate(self._present_setpoint(), now)
-        if self._machine.state is ValveState.FAULT_REACTION and not self._generator.ramp.is_running:
-            self._machine.end_reaction()
+        if self._machine.state is ValveState.FAULT_REACTION:
+            self._end_reaction()
         self._demand.value = demand
         return demand * self._metres
 
@@ -183,6 +183,13 @@ class ValveDevice:
         if self._monitor.has_tripped:
             status |= DEVIATION_BIT
         return status
+
+    def _end_reaction(self) -> None:
+        """Leave FAULT_REACTION once the spool is told its hold set-point."""
+        if not self._generator.ramp.is_running:
+            self._machine.end_reaction()
+            if not self.enable_input:
+                self._machine.disable()
 
     def _present_setpoint(self) -> int:
         if self._machine.state is ValveState.ACTIVE:

@@ -192,7 +192,7 @@ def test_the_hold_setpoint_is_reached_on_the_ramp(rig):
     assert rig.value(0x6041) == HOLD | RAMP_RUNNING
 
 
-FAULT_REACTION = 0x0007
+FAULT_REACTION, FAULT_DISABLED = 0x0007, 0x0001
 
 
 def test_the_fault_reaction_lasts_as_long_as_the_ramp(rig):
@@ -222,6 +222,18 @@ def test_nothing_is_reset_before_the_fault_reaction_is_over(rig):
     control(rig, 0x0007)
     control(rig, 0x000F)
     assert rig.value(0x6041) == HOLD
+
+
+def test_without_the_enable_input_the_fault_reaction_leads_to_fault_disabled(rig):
+    set_up(rig, x6331=100, x6330=1)
+    rig.write(0x1400, 5, 110, 2)
+    demand(rig, 8192)
+    rig.tick(109)
+    rig.valve.enable_input = False
+    rig.tick(49)
+    assert rig.value(0x6041) == FAULT_REACTION | RAMP_RUNNING
+    rig.tick()
+    assert rig.value(0x6041) == FAULT_DISABLED
 
 
 def test_a_fault_reaction_without_a_way_to_go_is_over_at_once(rig):

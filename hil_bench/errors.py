@@ -11,6 +11,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
      ├── RecordingError (OSError)   a recording could not be written on
      ├── StorageError (OSError)     stored parameters could not be read or written
      ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time
+     ├── ControllerError (RuntimeError)   the controller of a bench has ended or is silent
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
 The controller side has a tree of its own, in `drivers.errors`.
@@ -51,6 +52,10 @@ class StorageError(HilBenchError, OSError):
 
 class WaitTimeoutError(HilBenchError, TimeoutError):
     """A condition was not met within the bench time that it was given."""
+
+
+class ControllerError(HilBenchError, RuntimeError):
+    """The program that controls a bench has ended or says nothing, so bench time stands still."""
 
 
 class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word

@@ -7,6 +7,7 @@ nor how the bus bundles their frames can change it.
 """
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -67,6 +68,30 @@ class LockStep:
         return sent
 
 
+class LockStepBus:
+    """A bench in lock-step on a bus.
+
+    Args:
+        lockstep: the bench, powered on.
+        transport: the bus; it stays open, and must let SYNC through.
+    """
+
+    def __init__(self, lockstep: LockStep, transport: Transport) -> None:
+        self.lockstep = lockstep
+        self.transport = transport
+        self._arrived: deque[Frame] = deque()
+
+    def step(self, patience: float = PATIENCE) -> bool:
+        """Take the next frame and answer it; return whether one came within `patience` [s]."""
+        if not self._arrived:
+            if not self.transport.wait(patience):
+                return False
+            self._arrived.extend(self.transport.receive(FRAMES_AT_ONCE))
+        if self._arrived:
+            self.transport.send(self.lockstep.receive(self._arrived.popleft()))
+        return True
+
+
 @dataclass(frozen=True, slots=True)
 class LockStepReport:
     """What a run in lock-step did.
@@ -96,12 +121,13 @@ def run_lockstep(
         transport: the bus; it stays open, and must let SYNC through.
         stopped: asked after each frame, and at least every `PATIENCE` seconds.
     """
+    bus = LockStepBus(lockstep, transport)
     lost = None
     started = ended = time.perf_counter()
     syncs = lockstep.syncs
     try:
         while not stopped():
-            exchange(lockstep, transport, stopped)
+            bus.step()
             if lockstep.syncs != syncs:
                 ended = time.perf_counter()
                 started = started if syncs else ended
@@ -109,19 +135,3 @@ def run_lockstep(
     except BusError as error:
         lost = error
     return LockStepReport(lockstep.now, lockstep.syncs, ended - started, transport.counters(), lost)
-
-
-def exchange(lockstep: LockStep, transport: Transport, stopped: Callable[[], bool]) -> None:
-    """Take what has arrived, wait for it where there is nothing, and answer each frame at once.
-
-    Args:
-        lockstep: the bench.
-        transport: the bus.
-        stopped: asked after each frame; when it says so, those behind it are left out.
-    """
-    if not transport.wait(PATIENCE):
-        return
-    for frame in transport.receive(FRAMES_AT_ONCE):
-        transport.send(lockstep.receive(frame))
-        if stopped():
-            return

@@ -14,8 +14,10 @@ from typing import NamedTuple, Self
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, load_config
+from hil_bench.controller_link import ControllerLink, LockStepLink, RealTimeLink, advance
 from hil_bench.errors import WaitTimeoutError
 from hil_bench.faults.faults import Faults
+from hil_bench.lockstep import LockStep
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
@@ -24,6 +26,7 @@ from hil_bench.recording.recorder import RecordingPlan, RecordingReport
 from hil_bench.recording.recorder_process import RecorderProcess
 from hil_bench.telemetry import bench_channels, recording_heading, sample
 from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.transports.transport import Transport
 
 RECORDED_TIME = 60.0
 """Bench time that `VirtualBench.signals` reaches back unless told otherwise [s]."""
@@ -109,6 +112,7 @@ class VirtualBench:
         self.bench.start(0)
         self.bus = EmbeddedBus(self._tick, self.config.tick_ns, pacer=pacer)
         self.pump: Callable[[float], None] = self.bus.advance
+        self._clock: Callable[[], float] = self.bus.now
 
     def __enter__(self) -> Self:
         return self
@@ -143,9 +147,14 @@ class VirtualBench:
         """What the plant did so far, a row a tick: `time` [s] first, then the channels in SI."""
         return self._recorder.result()
 
+    @property
+    def values(self) -> dict[str, float]:
+        """The last row of `signals`, by the names of its channels; empty before the first tick."""
+        return self._recorder.latest()
+
     def now(self) -> float:
         """Return the bench time [s]."""
-        return self.bus.now()
+        return self._clock()
 
     def run(self, duration: float) -> None:
         """Let bench time pass.
@@ -169,26 +178,73 @@ class VirtualBench:
             WaitTimeoutError: it did not hold in time.
         """
         start = self.now()
-        ticks = round(timeout * 1e9 / self.config.tick_ns)
-        for _ in range(ticks):
-            if condition():
-                return self.now() - start
-            self.pump(self.config.tick_ns * 1e-9)
-        if condition():
-            return self.now() - start
-        raise WaitTimeoutError(f"condition not met within {timeout:g} s of bench time")
+        tick = self.config.tick_ns * 1e-9
+        last_begin = start + timeout - 0.5 * tick
+        while not condition():
+            if self.now() > last_begin:
+                raise WaitTimeoutError(f"condition not met within {timeout:g} s of bench time")
+            self.pump(tick)
+        return self.now() - start
+
+    def join(
+        self, transport: Transport, *, pacer: Pacer | None = None, check: Callable[[], None]
+    ) -> ControllerLink:
+        """Put the bench on a bus where another program controls it, in place of its own `bus`.
+
+        From now on bench time passes in `run` and `run_until` as before, and in the link's `step`:
+        by that program's SYNC, `config.sync_period_ns` each; or by the clock where there is a
+        pacer.
+
+        Args:
+            transport: the bus; it stays the caller's.
+            pacer: paces the bench in real time; None is lock-step.
+            check: called in `run` and `run_until` when nothing came from the bus; raises where
+                nothing will come any more.
+
+        Returns:
+            Bench and bus as one.
+        """
+        self.bus.shutdown()
+        now = round(self.now() * 1e9)
+        if not now:
+            transport.send(self._tick((), 0))  # all boot
+        link: ControllerLink
+        if pacer is None:
+            lockstep = LockStep(
+                self._tick,
+                self._serve,
+                tick_ns=self.config.tick_ns,
+                ticks_per_sync=self.config.ticks_per_sync,
+                now=now,
+            )
+            link = LockStepLink(lockstep, transport)
+        else:
+            link = RealTimeLink(self._tick, transport, pacer, now=now)
+        self._clock = lambda: link.now * 1e-9
+        self.pump = lambda duration: advance(link, round(duration * 1e9), check)
+        return link
+
+    def _serve(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
+        sent = self.bench.serve(frames, now)
+        self._log(frames, sent, now)
+        return sent
+
+    def _log(self, frames: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        """Keep the frames of a tick, or of what was served between two."""
+        self.frames.extend(LoggedFrame(frame, now, is_received=True) for frame in frames)
+        self.frames.extend(LoggedFrame(frame, now, is_received=False) for frame in sent)
+        if self._recording is not None:
+            self._recording.append_frames(frames, now, is_received=True)
+            self._recording.append_frames(sent, now, is_received=False)
 
     def _tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         sent = self.bench.tick(frames, now)
-        self.frames.extend(LoggedFrame(frame, now, is_received=True) for frame in frames)
-        self.frames.extend(LoggedFrame(frame, now, is_received=False) for frame in sent)
+        self._log(frames, sent, now)
         time = now * 1e-9
         stimuli = [stimulus(time) for stimulus in self._stimuli]
         row = (time, *stimuli, *sample(self.bench))
         self._recorder.append(row)
         if self._recording is not None:
-            self._recording.append_frames(frames, now, is_received=True)
-            self._recording.append_frames(sent, now, is_received=False)
             self._recording.append_row(row)
         for observe in self.observers:
             observe(time)

@@ -57,6 +57,13 @@ class ChannelRecorder:
             self._next = 0
             self._is_full = True
 
+    def latest(self) -> dict[str, float]:
+        """Return the values of the last row by the names of their channels; none before it."""
+        if not self._next and not self._is_full:
+            return {}
+        values = self._rows[self._next - 1].tolist()
+        return dict(zip((channel.name for channel in self.channels), values, strict=True))
+
     def result(self) -> Recording:
         """Return a copy of the rows in the order of time."""
         rows = self._rows[: self._next]

@@ -13,13 +13,14 @@ The module loads in every pytest run of its environment, so it imports nothing o
 fixture asks.
 """
 
-import re
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
+from hil_bench.pytest_plugin.options import add_options, chosen_options, is_on, option, worker
 
 if TYPE_CHECKING:
     import can
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from drivers.device import Device
     from hil_bench.config import BenchConfig, NodeConfig
     from hil_bench.faults.faults import Faults
+    from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
     from hil_bench.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
@@ -42,44 +44,49 @@ EVENT_TIMER = 0.005
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""
 
-_OPTIONS = {
-    "config": ("FILE", "the bench.toml of the bench; without it the built-in bench of one axis"),
-    "interface": (
-        "NAME",
-        "python-can interface of a physical bench, which takes the virtual one's place",
-    ),
-    "channel": ("NAME", "channel of that interface"),
-    "seed": ("N", "seed of all random generators of the bench"),
-    "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
-}
+_FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
+_ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
+_BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options, each with an ini key of its name."""
-    group = parser.getgroup("hil-bench", "hil-bench: hydraulic axis behind CANopen devices")
-    for name, (metavar, text) in _OPTIONS.items():
-        group.addoption(f"--hil-{name}", metavar=metavar, help=text)
-        parser.addini(f"hil_{name}", text)
+    add_options(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker."""
+    """Register the markers, and refuse options that cannot be meant.
+
+    Raises:
+        pytest.UsageError: workers of pytest-xdist would share one SocketCAN interface.
+    """
     config.addinivalue_line(
         "markers", "hil_hardware: needs the physical bench; skipped without --hil-interface"
     )
+    config.addinivalue_line(
+        "markers",
+        "hil_requires(profile, ..., axes=1): needs nodes of these profiles on the first axis, and "
+        "as many axes; skipped on a bench without",
+    )
+    bus = option(config, "firmware-bus") or "hub"
+    if bus != "hub" and "{worker}" not in bus and config.getoption("numprocesses", None):
+        raise pytest.UsageError(
+            f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
+        )
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
     """Return what the fixtures will bind, where anything of it was chosen."""
-    chosen = {name: value for name in _OPTIONS if (value := _option(config, name))}
-    if not chosen:
-        return None
-    return "hil-bench: " + ", ".join(f"{name} {value}" for name, value in chosen.items())
+    chosen = chosen_options(config)
+    return f"hil-bench: {chosen}" if chosen else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Skip what needs the physical bench where there is none."""
-    if _option(config, "interface"):
+    """Skip what needs the physical bench where there is none, and what needs another bench."""
+    for item in items:
+        if item.get_closest_marker("hil_requires"):
+            item.fixturenames.append("_hil_requirements")  # type: ignore[attr-defined]
+    if option(config, "interface"):
         return
     skip = pytest.mark.skip(reason="needs the physical bench: --hil-interface names its bus")
     for item in items:
@@ -91,17 +98,35 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Add the last frames of its bench to the report of a failed test."""
+    """Add the last frames of its bench to the report of a failed test, and name its files."""
     report = yield
     bench = getattr(item, "funcargs", {}).get("bench")
-    if not hasattr(bench, "frames"):  # the test has no bench, or another fixture of that name
+    if bench is None or _ARTIFACTS not in item.stash:  # none, or another fixture of that name
         return report
-    if call.when == "call" and report.failed and bench is not None:
+    if call.when == "call" and report.failed:
         report.sections.append((f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench)))
-    path = _recording_path(item)
-    if call.when == "call" and report.failed and path is not None and path.exists():
-        report.sections.append(("recording of this test", str(path)))
+        if bus := item.stash.get(_FIRMWARE_BUS, None):
+            report.sections.append(("firmware", bus.report()))
+        _attach_files(item, bench, report)
     return report
+
+
+def _attach_files(item: pytest.Item, bench: "VirtualBench", report: pytest.TestReport) -> None:
+    """Write what the bench of a test recorded, and say in its report where it is."""
+    from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
+    from hil_bench.pytest_plugin.recording import recording_path
+
+    try:
+        files = write_artifacts(bench, item.stash[_ARTIFACTS](), file_stem(item.nodeid))
+    except (OSError, ValueError) as error:
+        report.sections.append(("hil-bench files", f"could not be written: {error}"))
+        return
+    item.user_properties.extend((f"hil_{what}", str(path)) for what, path in files.items())
+    recording = recording_path(item)
+    if recording is not None and recording.exists():
+        files["recording"] = recording
+    lines = [f"{what:9} {path}" for what, path in files.items()]
+    report.sections.append(("hil-bench files", "\n".join(lines)))
 
 
 @pytest.fixture(scope="session")
@@ -109,22 +134,69 @@ def hil_config(pytestconfig: pytest.Config) -> "BenchConfig":
     """The configuration of the bench, from --hil-config and --hil-seed."""
     from hil_bench.config import load_config
 
-    seed = _option(pytestconfig, "seed")
-    return load_config(_option(pytestconfig, "config"), seed=None if seed is None else int(seed))
+    seed = option(pytestconfig, "seed")
+    return load_config(option(pytestconfig, "config"), seed=None if seed is None else int(seed))
 
 
 @pytest.fixture
 def bench(
-    request: pytest.FixtureRequest, hil_config: "BenchConfig", pytestconfig: pytest.Config
+    request: pytest.FixtureRequest,
+    hil_config: "BenchConfig",
+    hil_realtime: bool,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> "Iterator[VirtualBench]":
-    """A fresh bench in virtual time."""
-    if _option(pytestconfig, "interface"):
+    """A fresh bench in virtual time; in real time with --hil-realtime."""
+    if option(request.config, "interface"):
         pytest.skip("needs the virtual bench, which --hil-interface turns off")
+    from hil_bench.pytest_plugin.recording import make_recording_path
+    from hil_bench.realtime.clock import MonotonicClock
+    from hil_bench.realtime.pacer import Pacer
     from hil_bench.virtual_bench import NO_RECORDING, VirtualBench
 
-    path = _make_recording_path(request.node)
-    with VirtualBench(hil_config, record=path or NO_RECORDING) as virtual:
+    directory = option(request.config, "artifacts")
+    request.node.stash[_ARTIFACTS] = lambda: (
+        Path(directory) if directory else tmp_path_factory.mktemp("hil-bench")
+    )
+    pacer = Pacer(MonotonicClock(), hil_config.tick_ns) if hil_realtime else None
+    path = make_recording_path(request.node)
+    with VirtualBench(hil_config, pacer=pacer, record=path or NO_RECORDING) as virtual:
         yield virtual
+
+
+@pytest.fixture(scope="session")
+def hil_realtime(pytestconfig: pytest.Config) -> bool:
+    """Whether bench time passes with the clock: --hil-realtime, or a physical bus."""
+    return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
+
+
+@pytest.fixture
+def firmware(
+    request: pytest.FixtureRequest,
+    bench: "VirtualBench",
+    hil_realtime: bool,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> "Iterator[Callable[..., Firmware]]":
+    """Starts a program on the bench's bus: ``firmware("build/controller", "--bus", "{bus}")``.
+
+    In the arguments, ``{bus}`` becomes the bus: "vcan0", or "127.0.0.1:PORT" of the bench's own
+    hub. The environment tells it too, as HIL_BENCH_BUS and in python-can's variables. From the
+    first start on the program's SYNC lets bench time pass, or the clock with --hil-realtime. At the
+    end of the test each program gets SIGTERM, and the bench serves it while it ends.
+    """
+    from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
+
+    name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
+    buses: list[FirmwareBus] = []
+
+    def start(*command: str | Path) -> "Firmware":
+        if not buses:
+            buses.append(FirmwareBus(bench, name, is_realtime=hil_realtime))
+            request.node.stash[_FIRMWARE_BUS] = buses[0]
+        return buses[0].start(command, tmp_path_factory.mktemp("firmware"))
+
+    yield start
+    for bus in buses:
+        bus.close()
 
 
 @pytest.fixture
@@ -136,13 +208,20 @@ def faults(bench: "VirtualBench") -> "Faults":
 @pytest.fixture
 def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Iterator[can.BusABC]":
     """The bus that the devices are on: of the virtual bench, or the physical one."""
-    interface = _option(pytestconfig, "interface")
+    interface = option(pytestconfig, "interface")
     if not interface:
         yield request.getfixturevalue("bench").bus
         return
+    if cause := pytestconfig.stash.get(_BROKEN, None):
+        pytest.skip(f"the bench's bus broke before: {cause}")
     import can
 
-    with can.Bus(interface=interface, channel=_option(pytestconfig, "channel")) as bus:
+    try:
+        bus = can.Bus(interface=interface, channel=option(pytestconfig, "channel"))
+    except Exception as error:
+        pytestconfig.stash[_BROKEN] = str(error)
+        raise
+    with bus:
         yield bus
 
 
@@ -152,16 +231,17 @@ def network(
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat."""
     from drivers import Network
+    from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
 
     path = None
-    if _option(pytestconfig, "interface"):
+    if option(pytestconfig, "interface"):
         network = Network(can_bus)
-        path = _make_recording_path(request.node)
+        path = make_recording_path(request.node)
     else:
         virtual = request.getfixturevalue("bench")
         network = Network(can_bus, clock=virtual.now)
         virtual.pump = network.pump
-    with network, _record_frames(network, path):
+    with network, record_frames(network, path):
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         yield network
 
@@ -207,44 +287,19 @@ def position(network: "Network", hil_config: "BenchConfig") -> "PositionSensor":
     return driver
 
 
-@contextmanager
-def _record_frames(network: "Network", path: Path | None) -> Iterator[None]:
-    """Record what passes a physical bus, as the drivers see it, for the time of the block.
-
-    Yields:
-        Nothing.
-    """
-    if path is None:
-        yield
-        return
-    from hil_bench.recording.network_tap import NetworkTap
-    from hil_bench.recording.recorder import RecordingPlan
-    from hil_bench.recording.recorder_process import RecorderProcess
-
-    with RecorderProcess(RecordingPlan((path,), ())) as recording:
-        network.observe = NetworkTap(recording, network.now).observe
-        yield
+@pytest.fixture
+def _hil_requirements(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> None:
+    """Skips a test whose `hil_requires` marker the bench does not meet."""
+    for marker in request.node.iter_markers("hil_requires"):
+        axes = marker.kwargs.get("axes", 1)
+        if len(hil_config.axes) < axes:
+            pytest.skip(f"needs a bench of {axes} axes; this one has {len(hil_config.axes)}")
+        for profile in marker.args:
+            _node(hil_config, partial(_is_of, profile), profile)
 
 
-def _make_recording_path(item: pytest.Item) -> Path | None:
-    """Return where to record a test, its folder made; None where that is not asked for."""
-    path = _recording_path(item)
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    return path
-
-
-def _recording_path(item: pytest.Item) -> Path | None:
-    """Return where the recording of a test is; None where none is asked for."""
-    folder = _option(item.config, "record")
-    if folder is None:
-        return None
-    return Path(folder) / f"{re.sub(r'[^A-Za-z0-9_.=-]+', '_', item.nodeid)}.mf4"
-
-
-def _option(config: pytest.Config, name: str) -> str | None:
-    """Return an option, else the ini key of its name, else None."""
-    return config.getoption(f"hil_{name}") or config.getini(f"hil_{name}") or None
+def _is_of(profile: str, node: "NodeConfig") -> bool:
+    return node.profile == profile
 
 
 def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: str) -> "NodeConfig":

@@ -12,6 +12,8 @@ from hil_bench.recording.frames import read_frames
 
 pytest_plugins = ["pytester"]
 
+KINDS = {"trace": ".log", "signals": ".csv", "plot": ".png"}
+
 
 def test_a_test_moves_the_cylinder(bench, valve, position, pressure):
     valve.enable()
@@ -47,13 +49,70 @@ def test_the_bus_is_python_cans(can_bus):
     assert can_bus.recv(1.0).arbitration_id == 0x701  # the valve's boot-up message
 
 
-def test_a_failed_test_shows_the_last_frames(pytester):
+def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     pytester.makepyfile("def test_fails(bench):\n    bench.run(0.01)\n    assert False")
-    result = pytester.runpytest_subprocess()
+    result = pytester.runpytest_subprocess("--hil-artifacts=left", "--junitxml=junit.xml")
     result.assert_outcomes(failed=1)
+    name = "test_a_failed_test_shows_the_last_frames_and_leaves_its_files.py-test_fails"
+    files = {what: f"left/{name}{suffix}" for what, suffix in KINDS.items()}
     result.stdout.fnmatch_lines(
         ["*last 20 frames on the bench's bus*", "(0.001000) 701#00 from the bench"]
     )
+    result.stdout.fnmatch_lines([f"{what:9} {path}" for what, path in files.items()])
+    trace = (pytester.path / files["trace"]).read_text()
+    assert trace.startswith("(0.001000) can0 701#00 T\n")
+    assert len(read_recording(pytester.path / files["signals"])) == 10
+    assert (pytester.path / files["plot"]).read_bytes().startswith(b"\x89PNG")
+    junit = (pytester.path / "junit.xml").read_text()
+    assert f'<property name="hil_trace" value="{files["trace"]}" />' in junit
+
+
+def test_a_marker_names_what_the_bench_must_have(pytester):
+    pytester.makepyfile(
+        "import pytest\n"
+        "@pytest.mark.hil_requires('valve_408', 'encoder_406')\ndef test_runs():\n    pass\n"
+        "@pytest.mark.hil_requires('io_401')\ndef test_io():\n    assert False\n"
+        "@pytest.mark.hil_requires(axes=2)\ndef test_two():\n    assert False\n"
+    )
+    result = pytester.runpytest_subprocess("-rs", "--strict-markers", "--hil-realtime")
+    result.assert_outcomes(passed=1, skipped=2)
+    result.stdout.fnmatch_lines(["hil-bench: realtime"])
+    result.stdout.fnmatch_lines_random(
+        ["*the first axis of the bench has no io_401*", "*needs a bench of 2 axes; this one has 1*"]
+    )
+
+
+def test_each_worker_has_a_bus_of_its_own(pytester):
+    pytester.makepyfile(
+        "import pathlib, sys\n"
+        "SCRIPT = 'import os, time; print(os.environ[\"HIL_BENCH_BUS\"]); time.sleep(99)'\n"
+        "def run(firmware, name):\n"
+        "    program = firmware(sys.executable, '-c', SCRIPT)\n"
+        "    while not program.stdout:\n        program.link.step()\n"
+        "    pathlib.Path(name).write_text(program.stdout)\n"
+        "def test_one(firmware):\n    run(firmware, 'one')\n"
+        "def test_two(firmware):\n    run(firmware, 'two')\n"
+    )
+    result = pytester.runpytest_subprocess("-n2", "-p", "xdist")
+    result.assert_outcomes(passed=2)
+    buses = {(pytester.path / name).read_text() for name in ("one", "two")}
+    assert len(buses) == 2
+
+
+def test_workers_are_not_to_share_an_interface(pytester):
+    pytester.makepyfile("def test_it(firmware):\n    pass")
+    result = pytester.runpytest_subprocess("-n2", "--hil-firmware-bus=vcan0")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(
+        ["ERROR: --hil-firmware-bus vcan0: workers would share it; give vcan{worker}, one each"]
+    )
+
+
+def test_a_bus_that_broke_is_told_once(pytester):
+    pytester.makepyfile("def test_a(can_bus):\n    pass\ndef test_b(can_bus):\n    pass")
+    result = pytester.runpytest_subprocess("-rs", "--hil-interface=none_such")
+    result.assert_outcomes(errors=1, skipped=1)
+    result.stdout.fnmatch_lines(["*the bench's bus broke before: *none_such*"])
 
 
 def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):
@@ -110,7 +169,8 @@ def test_loading_it_imports_nothing_of_weight():
     done = subprocess.run(  # noqa: S603 - a script of our own
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
-    assert done.stdout == "['hil_bench', 'hil_bench.pytest_plugin']\n"
+    names = ["hil_bench", "hil_bench.pytest_plugin", "hil_bench.pytest_plugin.options"]
+    assert done.stdout == f"{names}\n"
 
 
 def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
@@ -120,7 +180,7 @@ def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
     )
     result = pytester.runpytest_subprocess("--hil-record=results")
     result.assert_outcomes(failed=1, passed=1)
-    result.stdout.fnmatch_lines(["*recording of this test*", "results/*test_moves.mf4"])
+    result.stdout.fnmatch_lines(["*hil-bench files*", "recording results/*test_moves.mf4"])
     name = f"{test_each_test_is_recorded_and_a_failed_one_names_the_file.__name__}.py_test_"
     moves, rests = (
         pytester.path / "results" / f"{name}{which}.mf4" for which in ("moves", "rests")

@@ -1,0 +1,114 @@
+"""What lets a bench's time pass when its controller is another program on a bus.
+
+In lock-step the controller's SYNC does; in real time the clock does, and the controller keeps up.
+Both are the same to who waits: `advance` returns when bench time has come to a moment.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from hil_bench.errors import ControllerError
+from hil_bench.lockstep import PATIENCE, LockStep, LockStepBus, Round
+from hil_bench.realtime.pacer import Pacer
+from hil_bench.runner import frames_per_tick
+from hil_bench.transports.transport import Transport
+
+SILENCE = 20.0
+"""Time without a frame from the bus after which a controller in lock-step is given up [s]."""
+
+
+class ControllerLink(Protocol):
+    """A bench and its controller on one bus."""
+
+    @property
+    def now(self) -> int:
+        """The bench time [ns]."""
+
+    def step(self) -> bool:
+        """Let a little happen, at most one tick or period; return whether frames came."""
+
+    def drain(self) -> None:
+        """Answer what has arrived already, without waiting for more."""
+
+
+class LockStepLink:
+    """A bench whose time the controller's SYNC lets pass.
+
+    Args:
+        lockstep: the bench, powered on.
+        transport: the bus.
+    """
+
+    def __init__(self, lockstep: LockStep, transport: Transport) -> None:
+        self._lockstep = lockstep
+        self._bus = LockStepBus(lockstep, transport)
+        self._silence = 0
+
+    @property
+    def now(self) -> int:
+        """The bench time [ns]."""
+        return self._lockstep.now
+
+    def step(self) -> bool:
+        """Take the next frame; return whether one came within `lockstep.PATIENCE`.
+
+        Raises:
+            ControllerError: none came for `SILENCE`.
+        """
+        if self._bus.step():
+            self._silence = 0
+            return True
+        self._silence += 1
+        if self._silence * PATIENCE > SILENCE:
+            raise ControllerError(
+                f"nobody has sent a frame for {SILENCE:g} s, and without SYNC bench time stands "
+                "still; is the controller on this bus, and in lock-step?"
+            )
+        return False
+
+    def drain(self) -> None:
+        """Answer what has arrived already, without waiting for more."""
+        while self._bus.step(0.0):
+            pass
+
+
+class RealTimeLink:
+    """A bench whose time the clock lets pass, beside a controller that keeps up with it.
+
+    Args:
+        tick: the bench's tick.
+        transport: the bus.
+        pacer: a new one, its grid not yet begun.
+        now: time of the last tick [ns].
+    """
+
+    def __init__(self, tick: Round, transport: Transport, pacer: Pacer, *, now: int = 0) -> None:
+        self._tick = tick
+        self._transport = transport
+        self._pacer = pacer
+        self._limit = frames_per_tick(pacer.period)
+        self._offset: int | None = None
+        self.now = now
+
+    def step(self) -> bool:
+        """Run the next tick when it is due; return whether frames had come for it."""
+        scheduled = self._pacer.wait()
+        if self._offset is None:
+            self._offset = self.now + self._pacer.period - scheduled
+        self.now = scheduled + self._offset
+        received = self._transport.receive(self._limit)
+        self._transport.send(self._tick(received, self.now))
+        self._pacer.done()
+        return bool(received)
+
+    def drain(self) -> None:
+        """Run the next tick, which takes what has arrived."""
+        self.step()
+
+
+def advance(link: ControllerLink, duration: int, check: Callable[[], None]) -> None:
+    """Let `duration` [ns] of bench time pass; `check` is called whenever nothing came."""
+    end = link.now + duration
+    while link.now < end:
+        if not link.step():
+            check()

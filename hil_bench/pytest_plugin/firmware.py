@@ -1,0 +1,205 @@
+"""A program on the bench's bus: the firmware under test, in a process of its own."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from hil_bench.controller_link import ControllerLink
+from hil_bench.errors import BusError, ControllerError, WaitTimeoutError
+from hil_bench.lockstep import PATIENCE
+from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.realtime.pacer import Pacer
+from hil_bench.transports.hosted_bus import HostedBus
+from hil_bench.transports.hub_process import HubProcess
+from hil_bench.transports.opening import open_transport
+from hil_bench.transports.transport import Transport
+from hil_bench.virtual_bench import VirtualBench
+
+HUB = "hub"
+"""Name of the bus that the bench hosts itself."""
+
+GRACE = 10.0
+"""Time that a program has to end after SIGTERM, before it is killed [s]."""
+
+SHOWN_LINES = 20
+"""Lines of the program's output that messages and reports show."""
+
+
+class FirmwareBus:
+    """The bus between the bench of a test and its firmware, joined by the first program on it.
+
+    Args:
+        bench: the bench of the test.
+        name: "hub", or the name of a SocketCAN interface.
+        is_realtime: whether the clock lets bench time pass; otherwise the firmware's SYNC does.
+
+    Attributes:
+        address: how a program is told of the bus: "vcan0", or "127.0.0.1:PORT".
+        variables: the same as environment variables, for python-can too.
+    """
+
+    def __init__(self, bench: VirtualBench, name: str, *, is_realtime: bool) -> None:
+        self._is_realtime = is_realtime
+        self._hub: HubProcess | None = None
+        self._programs: list[Firmware] = []
+        self._transport, self.address = self._open(name, is_realtime=is_realtime)
+        self.variables = _environment(self.address)
+        pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
+        self.link = bench.join(self._transport, pacer=pacer, check=self._check)
+
+    def start(self, command: Sequence[str | Path], directory: Path) -> "Firmware":
+        """Start a program; see the `firmware` fixture."""
+        words = [str(word).replace("{bus}", self.address) for word in command]
+        program = Firmware(words, directory, self)
+        self._programs.append(program)
+        return program
+
+    def close(self) -> None:
+        """End all programs, the last first, and close the bus."""
+        for program in reversed(self._programs):
+            program.stop()
+        self._transport.close()
+        if self._hub is not None:
+            self._hub.__exit__(None, None, None)
+
+    def report(self) -> str:
+        """Return how each program ended, or that it runs, and the end of its output."""
+        return "\n".join(program.epitaph() for program in self._programs)
+
+    def _check(self) -> None:
+        """Say so where no program is left that could let time pass.
+
+        Raises:
+            ControllerError: all have ended, in lock-step.
+        """
+        if not self._is_realtime and all(not program.is_running for program in self._programs):
+            raise ControllerError("\n".join(program.epitaph() for program in self._programs))
+
+    def _open(self, name: str, *, is_realtime: bool) -> tuple[Transport, str]:
+        """Return the bench's end of the bus, and the bus's address."""
+        if name != HUB:
+            return open_transport("socketcan", name, None, {}), name
+        if not is_realtime:
+            hosted = HostedBus()
+            return hosted, f"{hosted.host}:{hosted.port}"
+        # In real time the hub must relay while the bench is at work.
+        self._hub = HubProcess(port=0).__enter__()
+        options = {"host": self._hub.host, "port": self._hub.port}
+        address = f"{self._hub.host}:{self._hub.port}"
+        return open_transport("socketcand", "can0", None, options), address
+
+
+def _environment(address: str) -> dict[str, str]:
+    """Return what tells a program of the bus without an argument."""
+    host, _, port = address.rpartition(":")
+    if not host:
+        return {"HIL_BENCH_BUS": address, "CAN_INTERFACE": "socketcan", "CAN_CHANNEL": address}
+    return {
+        "HIL_BENCH_BUS": address,
+        "CAN_INTERFACE": "socketcand",
+        "CAN_CHANNEL": "can0",
+        "CAN_CONFIG": f'{{"host": "{host}", "port": {port}}}',
+    }
+
+
+class _Output(NamedTuple):
+    stdout: Path
+    stderr: Path
+
+
+class Firmware:
+    """A running program, its output in files.
+
+    Attributes:
+        process: the process.
+    """
+
+    def __init__(self, command: Sequence[str], directory: Path, bus: FirmwareBus) -> None:
+        self._command = command
+        self._bus = bus
+        self._output = _Output(directory / "stdout", directory / "stderr")
+        with self._output.stdout.open("wb") as stdout, self._output.stderr.open("wb") as stderr:
+            self.process = subprocess.Popen(  # noqa: S603 - the test's own program
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=stdout,
+                stderr=stderr,
+                env=os.environ | bus.variables,
+            )
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it runs."""
+        return self.process.poll() is None
+
+    @property
+    def link(self) -> ControllerLink:
+        """Bench and bus."""
+        return self._bus.link
+
+    @property
+    def stdout(self) -> str:
+        """What it has written to its standard output so far."""
+        return self._output.stdout.read_text(encoding="utf-8", errors="replace")
+
+    @property
+    def stderr(self) -> str:
+        """What it has written to its standard error so far."""
+        return self._output.stderr.read_text(encoding="utf-8", errors="replace")
+
+    def wait(self, timeout: float) -> int:
+        """Let bench time pass until the program has ended by itself; return its exit code.
+
+        Args:
+            timeout: longest wait, in bench time [s].
+
+        Raises:
+            WaitTimeoutError: it still runs.
+        """
+        end = self.link.now + round(timeout * 1e9)
+        while self.is_running:
+            if self.link.now >= end:
+                raise WaitTimeoutError(
+                    f"not ended within {timeout:g} s of bench time: {self.epitaph()}"
+                )
+            self.link.step()
+        self.link.drain()
+        return self.process.returncode
+
+    def stop(self, number: int = signal.SIGTERM, *, grace: float = GRACE) -> int:
+        """End the program by a signal and return its exit code; the bench serves it meanwhile.
+
+        Args:
+            number: the signal.
+            grace: time [s] on the machine's clock after which it is killed.
+        """
+        if self.is_running:
+            self.process.send_signal(number)
+            if not self._ends_within(grace):
+                self.process.kill()
+        return self.process.wait()
+
+    def epitaph(self) -> str:
+        """Return whether it runs or how it ended, and the end of its output."""
+        code = self.process.poll()
+        state = "runs" if code is None else f"has ended, exit code {code}"
+        return f"{' '.join(self._command)}: {state}\n{self.tail()}".rstrip()
+
+    def tail(self) -> str:
+        """Return the last lines of its output, standard error last."""
+        lines = [*self.stdout.splitlines(), *self.stderr.splitlines()]
+        return "\n".join(lines[-SHOWN_LINES:])
+
+    def _ends_within(self, grace: float) -> bool:
+        """Serve the program while it ends; return whether it did in that time [s]."""
+        deadline = time.monotonic() + grace
+        while self.is_running and time.monotonic() < deadline:
+            try:
+                self.link.step()
+            except (BusError, ControllerError):  # nothing to serve it on: it must end alone
+                time.sleep(PATIENCE)
+        return not self.is_running

@@ -1,0 +1,64 @@
+"""Options of the plugin: each on the command line, or as an ini key of its name."""
+
+import os
+
+import pytest
+
+_FIRMWARE_BUS = (
+    "bus between bench and firmware: 'hub', the bench's own on 127.0.0.1 (the default), or a "
+    "SocketCAN interface such as vcan0; {worker} is the number of the pytest-xdist worker"
+)
+
+_OPTIONS = {
+    "config": ("FILE", "the bench.toml of the bench; without it the built-in bench of one axis"),
+    "interface": (
+        "NAME",
+        "python-can interface of a physical bench, which takes the virtual one's place",
+    ),
+    "channel": ("NAME", "channel of that interface"),
+    "seed": ("N", "seed of all random generators of the bench"),
+    "firmware-bus": ("NAME", _FIRMWARE_BUS),
+    "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
+    "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
+}
+
+_SWITCHES = {
+    "realtime": "let bench time pass with the clock, as with hardware",
+}
+
+
+def add_options(parser: pytest.Parser) -> None:
+    """Add the options, each with an ini key of its name."""
+    group = parser.getgroup("hil-bench", "hil-bench: hydraulic axis behind CANopen devices")
+    for name, (metavar, text) in _OPTIONS.items():
+        group.addoption(f"--hil-{name}", metavar=metavar, help=text)
+        parser.addini(_key(name), text)
+    for name, text in _SWITCHES.items():
+        group.addoption(f"--hil-{name}", action="store_true", help=text)
+        parser.addini(_key(name), text, type="bool", default=False)
+
+
+def option(config: pytest.Config, name: str) -> str | None:
+    """Return an option, else the ini key of its name, else None."""
+    return config.getoption(_key(name)) or config.getini(_key(name)) or None
+
+
+def is_on(config: pytest.Config, name: str) -> bool:
+    """Return whether a switch is on, by option or by ini key."""
+    return bool(config.getoption(_key(name)) or config.getini(_key(name)))
+
+
+def chosen_options(config: pytest.Config) -> str:
+    """Return what was chosen, as in "seed 5, realtime"; empty where nothing was."""
+    chosen = [f"{name} {value}" for name in _OPTIONS if (value := option(config, name))]
+    return ", ".join([*chosen, *(name for name in _SWITCHES if is_on(config, name))])
+
+
+def worker() -> str:
+    """Return the number of this worker of pytest-xdist, "0" where it is not in use."""
+    return os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+
+
+def _key(name: str) -> str:
+    """Return the name under which pytest keeps an option."""
+    return f"hil_{name.replace('-', '_')}"

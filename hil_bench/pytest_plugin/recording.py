@@ -1,0 +1,45 @@
+"""A recording of each test, where ``--hil-record`` asks for it."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from drivers import Network
+from hil_bench.pytest_plugin.options import option
+from hil_bench.recording.network_tap import NetworkTap
+from hil_bench.recording.recorder import RecordingPlan
+from hil_bench.recording.recorder_process import RecorderProcess
+
+
+@contextmanager
+def record_frames(network: Network, path: Path | None) -> Iterator[None]:
+    """Record what passes a physical bus, as the drivers see it, for the time of the block.
+
+    Yields:
+        Nothing.
+    """
+    if path is None:
+        yield
+        return
+    with RecorderProcess(RecordingPlan((path,), ())) as recording:
+        network.observe = NetworkTap(recording, network.now).observe
+        yield
+
+
+def make_recording_path(item: pytest.Item) -> Path | None:
+    """Return where to record a test, its folder made; None where that is not asked for."""
+    path = recording_path(item)
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    return path
+
+
+def recording_path(item: pytest.Item) -> Path | None:
+    """Return where the recording of a test is; None where none is asked for."""
+    folder = option(item.config, "record")
+    if folder is None:
+        return None
+    return Path(folder) / f"{re.sub(r'[^A-Za-z0-9_.=-]+', '_', item.nodeid)}.mf4"

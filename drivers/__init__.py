@@ -8,7 +8,8 @@
     ...         valve.spool_setpoint = 0.3
 
 They know the devices by their EDS files only, talk to them through the `canopen` library over any
-python-can bus, use SI units, and run in the caller's thread.
+python-can bus, use SI units, and run in the caller's thread. `drivers.modbus` has the same devices
+on Modbus.
 """
 
 from drivers.errors import (
@@ -18,10 +19,13 @@ from drivers.errors import (
     DriverError,
     DriverTimeoutError,
     EdsError,
+    ModbusExceptionError,
+    RegisterMapError,
     RemoteProtocolError,
     SdoAbortError,
     StaleValueError,
 )
+from drivers.interfaces import Reading
 from drivers.motion_profile import MotionProfile
 from drivers.network import Network
 from drivers.node import NmtState, Node
@@ -45,6 +49,7 @@ __all__ = [
     "DriverError",
     "DriverTimeoutError",
     "EdsError",
+    "ModbusExceptionError",
     "MotionProfile",
     "Network",
     "NmtState",
@@ -54,6 +59,8 @@ __all__ = [
     "PositionSensor",
     "PressureSensor",
     "ProportionalValve",
+    "Reading",
+    "RegisterMapError",
     "RemoteProtocolError",
     "SdoAbortError",
     "StaleValueError",

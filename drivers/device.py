@@ -65,6 +65,13 @@ class Device:
         """Time since the oldest of its values came [s]; infinite before the first."""
         return self.network.now() - self.received_at
 
+    def __str__(self) -> str:
+        return str(self.node)
+
+    def poll(self) -> bool:
+        """Returns False: CANopen devices send by themselves, as `setup` told them to."""
+        return False
+
     def _first_mapped(self, candidates: Sequence[ObjectKey]) -> ObjectKey:
         """Returns the first of these objects that a TPDO carries; TPDOs that exist come first."""
         mappings = eds_mappings(self.node, PdoKind.TPDO)

@@ -7,7 +7,9 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── BusLostError (OSError)              the bus can no longer send or receive
      ├── EdsError (ValueError)               an EDS file cannot be read
      ├── DeviceMismatchError (ValueError)    EDS and device differ, or the EDS lacks an object
+     ├── RegisterMapError (ValueError)       a register map cannot be read
      ├── SdoAbortError                       the device refused an access, and said why
+     ├── ModbusExceptionError                the same on Modbus
      ├── RemoteProtocolError                 the device broke the protocol
      ├── DeviceFaultError                    the valve is in a fault state, or left ACTIVE
      └── StaleValueError                     no value was received recently enough
@@ -30,7 +32,7 @@ class DriverTimeoutError(DriverError, TimeoutError):
 
 
 class BusLostError(DriverError, OSError):
-    """The CAN bus refused to send or to receive."""
+    """The CAN bus, or the link to a Modbus device, refused to send or to receive."""
 
 
 class EdsError(DriverError, ValueError):
@@ -46,6 +48,22 @@ class SdoAbortError(DriverError):
 
     Attributes:
         code: abort code, 32 bit (CiA 301, SDO abort codes).
+    """
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class RegisterMapError(DriverError, ValueError):
+    """A register map is missing or malformed."""
+
+
+class ModbusExceptionError(DriverError):
+    """The device refused a request.
+
+    Attributes:
+        code: exception code (MODBUS Application Protocol V1.1b3, chapter 7).
     """
 
     def __init__(self, message: str, code: int) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from device_profiles import ENCODER_406
 from drivers.device import Device
 from drivers.errors import DeviceMismatchError
+from drivers.interfaces import Reading
 from drivers.network import Network
 from drivers.node import object_name
 from drivers.pdo import PdoKind
@@ -92,6 +93,16 @@ class PositionSensor(Device):
         if self._speed is None:
             raise self._not_mapped(PdoKind.TPDO, object_name(_SPEED, self._channel))
         return self._value(self._speed) * self._speed_step
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether the device says that its value is valid: it has no emergency that is active."""
+        return self.node.active_emergency is None
+
+    @property
+    def reading(self) -> Reading:
+        """The position with unit, time and validity."""
+        return Reading(self.position, "m", self.received_at, self.is_valid)
 
     def _read_step(self, subindex: int) -> int:
         step = self.node.read_integer(_STEPS, subindex)

@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
+from drivers.errors import BusLostError, DriverTimeoutError
+from drivers.interfaces import CommandedValve, Medium, PolledDevice, PositionSource, PressureSource
 from drivers.motion_profile import MotionProfile, SetPoint
-from drivers.network import Network
-from drivers.position import PositionSensor
-from drivers.pressure import PressureSensor
-from drivers.valve import ProportionalValve
 
 SAMPLE_TIMEOUT = 0.1
 """Longest wait for the devices' first values [s]."""
@@ -110,7 +108,8 @@ class PositionLoop:
     ACTIVE before `run`; leaving the valve safe afterwards is the caller's, with its `close`.
 
     Args:
-        network: the network that all of them are on.
+        network: the bus that paces the loop: the CANopen network, where any device is on one; the
+            Modbus client otherwise.
         valve: moves the cylinder.
         position: of its piston.
         pressures: at port A and at port B.
@@ -128,11 +127,11 @@ class PositionLoop:
 
     def __init__(
         self,
-        network: Network,
+        network: Medium,
         *,
-        valve: ProportionalValve,
-        position: PositionSensor,
-        pressures: tuple[PressureSensor, PressureSensor],
+        valve: CommandedValve,
+        position: PositionSource,
+        pressures: tuple[PressureSource, PressureSource],
         controller: PositionController | None = None,
         period: float = 0.002,
     ) -> None:
@@ -143,21 +142,29 @@ class PositionLoop:
         self._position = position
         self._pressures = pressures
         self._controller = controller or PositionController()
-        self._devices = (valve, position, *pressures)
+        self._devices: tuple[PolledDevice, ...] = (valve, position, *pressures)
         self.period = period
         self.overruns = 0
         self.missed_samples = 0
 
     def sample(self) -> float:
-        """Returns the position [m] after a SYNC that every device has answered."""
+        """Returns the position [m] after every device has given its values.
+
+        Raises:
+            DriverTimeoutError: one did not, in time.
+        """
         since = self._network.now()
         self._network.sync()
         for device in self._devices:
-            self._network.wait_until(
+            if device.poll():
+                continue
+            if not self._network.wait_for(
                 lambda device=device: device.received_at > since,  # type: ignore[misc]
                 SAMPLE_TIMEOUT,
-                f"{device.node}: value with SYNC",
-            )
+            ):
+                raise DriverTimeoutError(
+                    f"{device}: value with SYNC: not within {SAMPLE_TIMEOUT:g} s"
+                )
         return self._position.position
 
     def run(self, profile: MotionProfile, duration: float) -> Iterator[CycleRecord]:
@@ -180,7 +187,10 @@ class PositionLoop:
         network, valve = self._network, self._valve
         since = network.now()
         network.sync()
-        if not network.wait_for(lambda: self._all_newer_than(since), end - since):
+        awaited = [device for device in self._devices if not self._has_answered(device)]
+        if not network.wait_for(
+            lambda: all(device.received_at > since for device in awaited), end - since
+        ):
             self.missed_samples += 1
         valve.check_active()
         position = self._position.position
@@ -195,5 +205,9 @@ class PositionLoop:
             valve.spool_position,
         )
 
-    def _all_newer_than(self, since: float) -> bool:
-        return all(device.received_at > since for device in self._devices)
+    def _has_answered(self, device: PolledDevice) -> bool:
+        """Polls a device; one that does not answer is awaited, and its values grow old."""
+        try:
+            return device.poll()
+        except (DriverTimeoutError, BusLostError):
+            return False

@@ -6,6 +6,7 @@ from pathlib import Path
 from device_profiles import PRESSURE_404
 from drivers.device import Device
 from drivers.errors import DeviceMismatchError
+from drivers.interfaces import Reading
 from drivers.network import Network
 from drivers.node import object_name
 from drivers.pdo import PdoKind
@@ -92,6 +93,11 @@ class PressureSensor(Device):
     def is_valid(self) -> bool:
         """Whether the device says that its value is valid."""
         return self._is_valid(self._value(self._process_value))
+
+    @property
+    def reading(self) -> Reading:
+        """The pressure with unit, time and validity."""
+        return Reading(self.pressure, "Pa", self.received_at, self.is_valid)
 
     def _is_valid(self, value: float) -> bool:
         if self._status is not None and int(self._value(self._status)) & _NOT_VALID:

@@ -9,15 +9,16 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.controller_link import ControllerLink, LockStepLink, RealTimeLink, advance
-from hil_bench.errors import WaitTimeoutError
+from hil_bench.errors import ConfigError, WaitTimeoutError
 from hil_bench.faults.faults import Faults
 from hil_bench.lockstep import LockStep
+from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
@@ -27,6 +28,9 @@ from hil_bench.recording.recorder_process import RecorderProcess
 from hil_bench.telemetry import bench_channels, recording_heading, sample
 from hil_bench.transports.embedded import EmbeddedBus
 from hil_bench.transports.transport import Transport
+
+if TYPE_CHECKING:
+    from hil_bench.transports.modbus.embedded import EmbeddedLink
 
 RECORDED_TIME = 60.0
 """Bench time that `VirtualBench.signals` reaches back unless told otherwise [s]."""
@@ -109,6 +113,8 @@ class VirtualBench:
             self._recording = InlineRecorder(plan) if pacer is None else RecorderProcess(plan)
             self._recording.start()
         self._is_closed = False
+        modbus = self.config.modbus is not None
+        self._modbus = ModbusBinding(self.config, self.bench) if modbus else None
         self.bench.start(0)
         self.bus = EmbeddedBus(self._tick, self.config.tick_ns, pacer=pacer)
         self.pump: Callable[[float], None] = self.bus.advance
@@ -237,9 +243,36 @@ class VirtualBench:
             self._recording.append_frames(frames, now, is_received=True)
             self._recording.append_frames(sent, now, is_received=False)
 
+    def modbus_link(self, framing: object, *, is_serial: bool = False) -> "EmbeddedLink":
+        """Return a link for `drivers.modbus.ModbusClient` to this bench.
+
+        Args:
+            framing: the client's, as `drivers.modbus.framing.TcpFraming`.
+            is_serial: whether its frames are those of RTU.
+
+        Raises:
+            ConfigError: the bench has no Modbus server.
+        """
+        from hil_bench.transports.modbus.embedded import EmbeddedLink  # noqa: PLC0415 - an extra
+        from hil_bench.transports.modbus.register_server import RegisterServer  # noqa: PLC0415
+
+        if self._modbus is None:
+            raise ConfigError("modbus: there is no such table; give [modbus]")
+        plan, period = self._modbus.plan, self.config.tick_ns * 1e-9
+        server = RegisterServer(plan.units, plan.rows, plan.mailbox, self.now)
+        return EmbeddedLink(
+            server,
+            self.run,
+            period,
+            framing=framing,
+            is_serial=is_serial,
+        )
+
     def _tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         sent = self.bench.tick(frames, now)
         self._log(frames, sent, now)
+        if self._modbus is not None:
+            self._modbus.exchange(self.bench, now)
         time = now * 1e-9
         stimuli = [stimulus(time) for stimulus in self._stimuli]
         row = (time, *stimuli, *sample(self.bench))

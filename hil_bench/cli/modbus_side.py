@@ -85,7 +85,8 @@ def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
     if endpoints.port is not None:
         lines.append(f"modbus TCP {config.host}:{endpoints.port}")
     if config.serial is not None:
-        line = f"{config.serial.baud_rate} bit/s, parity {config.serial.parity}"
-        lines.append(f"modbus RTU {endpoints.serial_port}, {line}")
+        line = f", {config.serial.baud_rate} bit/s, parity {config.serial.parity}"
+        is_pseudo = config.serial.port == "pty"  # which has neither
+        lines.append(f"modbus RTU {endpoints.serial_port}{'' if is_pseudo else line}")
     units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
     return [*lines, f"units  {units}"]

@@ -1,6 +1,7 @@
 """The benches that the drivers' suite runs against: one a kind of bus."""
 
 import contextlib
+import re
 import signal
 import socket
 import subprocess
@@ -11,8 +12,16 @@ from typing import NamedTuple
 
 import can
 import pytest
+from support.any_bus import EMBEDDED, PROCESSES, AnyRig, embedded_rig, process_rig, vcan_rig
 
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
+from drivers import (
+    ModbusExceptionError,
+    Network,
+    PositionSensor,
+    PressureSensor,
+    ProportionalValve,
+)
+from drivers.modbus import ModbusClient, TcpLink
 from hil_bench.assembly import build_bench
 from hil_bench.config import load_config
 from hil_bench.transports.embedded import EmbeddedBus
@@ -22,6 +31,15 @@ WAIT = 10.0
 
 MAX_AGE = 5.0
 """Age limit of the drivers' values [s]: on a shared machine the other process may be held up."""
+
+
+MODBUS_UNITS = """
+[modbus.units.valve]
+commands = true
+[modbus.units.pressure_a]
+[modbus.units.pressure_b]
+[modbus.units.position]
+"""
 
 
 class Rig(NamedTuple):
@@ -55,27 +73,59 @@ def python_can_bus(**settings: object) -> Iterator[tuple[can.BusABC, Callable[[]
 
 
 @contextlib.contextmanager
-def bench_process(*arguments: str) -> Iterator[None]:
-    """A bench in a process of its own, once it is on its bus."""
+def bench_process(*arguments: str) -> Iterator[list[str]]:
+    """A bench in a process of its own, once it is on its bus; gives what it printed till then."""
     command = [sys.executable, "-m", "hil_bench", "run", *arguments]
     with subprocess.Popen(  # noqa: S603 - our own program
         command, stdout=subprocess.PIPE, text=True
     ) as process:
         try:
             # The device table is printed once the bus is open.
-            next(line for line in process.stdout if line.startswith("node 4"))
-            yield
+            printed = [next(process.stdout)]
+            while not printed[-1].startswith("node 4"):
+                printed.append(next(process.stdout))
+            yield printed
         finally:
             process.send_signal(signal.SIGTERM)
 
 
+class Endpoints(NamedTuple):
+    """Where a bench in another process is found."""
+
+    hub_port: int
+    modbus_port: int
+    serial_port: str
+
+
 @pytest.fixture(scope="session")
-def hub_port() -> Iterator[int]:
+def bench_endpoints(tmp_path_factory) -> Iterator[Endpoints]:
+    """A bench that hosts a hub, and is on Modbus TCP and RTU too."""
+    path = tmp_path_factory.mktemp("bench") / "bench.toml"
+    path.write_text(f'[modbus]\nport = 0\nserial_port = "pty"\n{MODBUS_UNITS}')
+    with bench_process(str(path), "--hub", "0") as printed:
+        text = "".join(printed)
+        endpoints = Endpoints(
+            int(re.search(r"port=(\d+)", text)[1]),
+            int(re.search(r"modbus TCP .*:(\d+)", text)[1]),
+            re.search(r"modbus RTU (\S+)", text)[1],
+        )
+        await_values(endpoints.modbus_port)
+        yield endpoints
+
+
+def await_values(port: int) -> None:
+    """Wait until the loop has begun: before that there are no values."""
+    with ModbusClient(TcpLink("127.0.0.1", port), timeout=WAIT) as client:
+        while True:
+            with contextlib.suppress(ModbusExceptionError):
+                client.read_registers(2, "input_registers", 0, 2)
+                return
+
+
+@pytest.fixture(scope="session")
+def hub_port(bench_endpoints) -> int:
     """A bench that hosts a hub."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    with bench_process("--hub", str(port)):
-        yield port
+    return bench_endpoints.hub_port
 
 
 @pytest.fixture(scope="session")
@@ -139,3 +189,35 @@ def started(rig) -> Rig:
     rig.valve.setup(command_timeout=0.0)
     rig.network.start_node()
     return rig
+
+
+@pytest.fixture(
+    params=[
+        *EMBEDDED,
+        *PROCESSES,
+        *([pytest.param("vcan", marks=pytest.mark.slow)] if has_vcan() else []),
+    ]
+)
+def any_rig(request, tmp_path) -> Iterator[AnyRig]:
+    """The drivers of the built-in bench, over every combination of buses; none is set up."""
+    with open_rig(request, tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture(params=EMBEDDED)
+def embedded_rig_(request, tmp_path) -> Iterator[AnyRig]:
+    """The same, where the bench is in this process."""
+    with open_rig(request, tmp_path) as opened:
+        yield opened
+
+
+def open_rig(request, tmp_path):
+    place, _, kind = request.param.partition("-")
+    if place == "embedded":
+        path = tmp_path / "bench.toml"
+        path.write_text(MODBUS_UNITS)
+        return embedded_rig(kind, path)
+    if place == "vcan":
+        request.getfixturevalue("vcan_bench")
+        return vcan_rig(time.monotonic)
+    return process_rig(kind, request.getfixturevalue("bench_endpoints"), time.monotonic)

@@ -9,14 +9,13 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
-from hil_bench.config import ModbusConfig
+from hil_bench.config import ModbusConfig, SerialConfig
 from hil_bench.errors import BusError
 from hil_bench.modbus.mailbox import Mailbox
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports.child_process import ChildProcess
 from hil_bench.transports.modbus.connections import ConnectionPool
 from hil_bench.transports.modbus.register_server import RegisterServer, RowSource
-from hil_bench.transports.modbus.serial_line import SerialLine
 
 _POLL = 0.0005
 """Time between two looks for the loop's answer to a write [s]."""
@@ -121,8 +120,7 @@ async def serve(config: ModbusConfig, server: RegisterServer, connection: Connec
     """Serve until the process ends; `BusError` where the port cannot be had."""
     pool = ConnectionPool(server, config.connections)
     port = await _listen(config, pool) if config.is_on_tcp else None
-    line = SerialLine(config.serial, server) if config.serial else None
-    connection.send((port, line.name if line else None))
+    connection.send((port, _open_line(config.serial, server) if config.serial else None))
     write_waits = asyncio.Event()
     server.on_wait = write_waits.set
     while True:
@@ -133,6 +131,13 @@ async def serve(config: ModbusConfig, server: RegisterServer, connection: Connec
         write_waits.clear()
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(write_waits.wait(), _WATCH)
+
+
+def _open_line(config: SerialConfig, server: RegisterServer) -> str:
+    """Serve the serial line and return its device file."""
+    from hil_bench.transports.modbus.serial_line import SerialLine  # noqa: PLC0415 - POSIX alone
+
+    return SerialLine(config, server).name
 
 
 async def _listen(config: ModbusConfig, pool: ConnectionPool) -> int:

@@ -6,6 +6,7 @@ A port that is lost (its adapter was pulled out) is tried again each `RETRY` sec
 import asyncio
 import contextlib
 import os
+import termios
 import tty
 from typing import Protocol
 
@@ -78,7 +79,7 @@ def open_serial(config: SerialConfig) -> SerialDevice:
             timeout=0,
             exclusive=True,
         )
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, termios.error) as error:
         reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise BusError(
             f"modbus serial port {config.port}: cannot be opened: {reason}; "

@@ -1,0 +1,172 @@
+"""What the CANopen drivers promise beyond `test_drivers`, over every CAN bus there is."""
+
+import pytest
+
+from drivers import (
+    DeviceFaultError,
+    DeviceMismatchError,
+    DriverTimeoutError,
+    MotionProfile,
+    NmtState,
+    PositionLoop,
+    SdoAbortError,
+    ValveState,
+)
+from drivers.emergency import MEANINGS
+from hil_bench.plant import paper_parameters
+
+WAIT = 10.0
+"""Longest wait for what must come at once [s]: a shared machine may hold the bench up."""
+
+HEARTBEAT_ERROR, RPDO_TIMEOUT = 0x8130, 0x8250
+
+
+def sample(rig):
+    """Sends SYNC, and waits until each device has answered."""
+    since = rig.network.now()
+    rig.network.sync()
+    for device in rig.devices:
+        rig.network.wait_until(
+            lambda device=device: device.received_at > since, WAIT, f"{device.node}: TPDO"
+        )
+
+
+def hold_still(rig):
+    """Waits, with a SYNC each 10 ms, until the piston has come to rest."""
+    rig.network.wait_until(lambda: sample(rig) or rig.position.speed == 0.0, WAIT, "rest")
+
+
+def test_devices_answer_sync_with_the_plants_rest(started):
+    sample(started)
+    parameters = paper_parameters()
+    assert started.valve.state is ValveState.INIT
+    assert started.valve.spool_position == 0.0
+    assert started.position.speed == 0.0
+    # At rest the forces on the piston differ by no more than friction holds.
+    assert started.pressure_a.is_valid
+    force = (
+        started.pressure_a.pressure * parameters.A_A - started.pressure_b.pressure * parameters.A_B
+    )
+    assert abs(force) <= parameters.F_s
+    assert started.pressure_a.pressure > 1e5
+
+
+def test_setup_leads_to_heartbeats_in_operational(started):
+    started.network.wait_for_state([1, 2, 3, 4], NmtState.OPERATIONAL, WAIT)
+
+
+def test_the_valve_walks_its_states(started):
+    valve = started.valve
+    for act, state in (
+        (valve.enable, ValveState.ACTIVE),
+        (valve.hold, ValveState.HOLD),
+        (valve.enable, ValveState.ACTIVE),
+        (valve.disable, ValveState.DISABLED),
+    ):
+        act(timeout=WAIT)
+        assert valve.read_state() is state
+        sample(started)
+        assert valve.state is state
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_piston_follows_the_spool(started, direction):
+    hold_still(started)
+    start = started.position.position
+    started.valve.enable(timeout=WAIT)
+    started.valve.spool_setpoint = 0.5 * direction
+    started.network.wait_until(
+        lambda: sample(started) or direction * (started.position.position - start) > 0.01,
+        WAIT,
+        "10 mm",
+    )
+    assert started.valve.spool_position == pytest.approx(0.5 * direction, abs=0.01)
+    assert direction * started.position.speed > 0.05
+    started.valve.hold(timeout=WAIT)
+    hold_still(started)
+    assert started.valve.spool_position == pytest.approx(0.0, abs=0.001)
+
+
+def test_silence_is_a_fault_that_can_be_reset(rig):
+    rig.valve.setup(command_timeout=0.5)
+    rig.network.start_node(1)
+    rig.valve.enable(timeout=WAIT)
+    node = rig.valve.node
+    rig.network.wait_until(lambda: node.emergencies, WAIT, "emergency")
+    assert node.emergencies[0].code == RPDO_TIMEOUT
+    with pytest.raises(DeviceFaultError, match=MEANINGS[RPDO_TIMEOUT]):
+        rig.valve.enable()
+    rig.valve.reset_fault(timeout=WAIT)
+    rig.valve.enable(timeout=WAIT)
+
+
+def test_a_lost_heartbeat_is_a_fault(rig):
+    rig.network.start_heartbeat(127, 0.05)
+    rig.valve.setup(command_timeout=0.0, heartbeat_timeout=1.0)
+    rig.network.start_node(1)
+    rig.valve.enable(timeout=WAIT)
+    rig.network.pump(0.2)  # watching begins with the first heartbeat (CiA 301)
+    rig.network.stop_heartbeat()
+    rig.network.wait_until(lambda: rig.valve.node.emergencies, WAIT, "emergency")
+    assert rig.valve.node.active_emergency.code == HEARTBEAT_ERROR
+    assert rig.valve.read_state().is_fault
+
+
+def test_a_closed_valve_takes_silence_for_no_fault(rig):
+    rig.network.start_heartbeat(127, 0.05)
+    rig.valve.setup(command_timeout=0.5, heartbeat_timeout=0.5)
+    rig.network.start_node(1)
+    with rig.valve:
+        rig.valve.enable(timeout=WAIT)
+    rig.network.stop_heartbeat()
+    rig.network.pump(0.7)
+    assert rig.valve.read_state() is ValveState.DISABLED
+    assert not rig.valve.node.emergencies
+
+
+def test_commands_reach_the_valve_only_in_operational(started):
+    started.network.enter_pre_operational(1)
+    with pytest.raises(DriverTimeoutError, match=r"valve not ACTIVE within 0\.2 s: it is INIT"):
+        started.valve.enable(timeout=0.2)
+
+
+def test_a_reset_node_boots_and_has_forgotten_its_setup(started):
+    network, node = started.network, started.valve.node
+    default = node.default(0x1800, 2, otherwise=0)
+    assert node.read(0x1800, 2) == 1 != default
+    network.reset_node(1, timeout=WAIT)
+    assert node.nmt_state is NmtState.PRE_OPERATIONAL
+    assert node.read(0x1800, 2) == default
+
+
+def test_a_refused_access_names_object_and_reason(rig):
+    rig.position.node.read_device_type()
+    with pytest.raises(SdoAbortError, match=r"0x6004 \(.*read only object") as caught:
+        rig.position.node.write(0x6004, 0, 1)
+    assert caught.value.code == 0x06010002
+
+
+def test_another_device_under_the_node_id_is_refused(rig):
+    for node_id, device in ((1, rig.position), (4, rig.valve)):
+        device.node.sdo.rx_cobid = 0x600 + node_id
+        device.node.sdo.tx_cobid = 0x580 + node_id
+        rig.network.subscribe(0x580 + node_id, device.node.sdo.receive)
+        with pytest.raises(DeviceMismatchError, match="device type"):
+            device.setup()
+
+
+def test_the_position_loop_follows_its_profile(started):
+    loop = PositionLoop(
+        started.network,
+        valve=started.valve,
+        position=started.position,
+        pressures=(started.pressure_a, started.pressure_b),
+    )
+    profile = MotionProfile(loop.sample(), [0.02], speed=0.1, acceleration=1.0, dwell=1.0)
+    started.valve.enable(timeout=WAIT)
+    records = list(loop.run(profile, profile.duration))
+    started.valve.hold(timeout=WAIT)
+    hold_still(started)
+    # The controller's tolerance, and what the piston still moves while the valve closes.
+    assert started.position.position == pytest.approx(0.02, abs=1e-4)
+    assert profile.duration - 2 * loop.period <= records[-1].time < profile.duration

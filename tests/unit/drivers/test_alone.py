@@ -1,0 +1,59 @@
+"""The drivers work where the bench is not installed."""
+
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+
+PROGRAM = """
+import importlib.util
+import sys
+
+assert importlib.util.find_spec("hil_bench") is None, "the bench is there"
+
+import drivers
+import drivers.modbus
+from drivers.modbus.framing import TcpFraming
+
+for name in drivers.__all__:
+    getattr(drivers, name)
+
+
+class Link:
+    description, framing = "link", TcpFraming()
+
+    def open(self, timeout): pass
+    def close(self): pass
+    def send(self, data): self.sent = data
+    def receive(self, timeout):
+        # 50 bar as a float, sample 1, status 0
+        return self.sent[:5] + bytes([13]) + self.sent[6:7] + bytes.fromhex(
+            "04 0A 42480000 00000001 0000"
+        )
+
+
+sensor = drivers.modbus.PressureSensor(drivers.modbus.ModbusClient(Link()), 2)
+sensor.poll()
+print(sensor.pressure)
+assert not [name for name in sys.modules if name.startswith("hil_bench")]
+"""
+
+
+def test_only_the_drivers_are_installed(tmp_path):
+    for package in ("drivers", "device_profiles"):
+        shutil.copytree(ROOT / package, tmp_path / package)
+    # -S leaves out the .pth files by which an editable installation is found, -I the checkout.
+    paths = [str(tmp_path), sysconfig.get_paths()["purelib"]]
+    program = f"import sys\nsys.path += {paths!r}\n{PROGRAM}"
+    ended = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-S", "-I", "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert (ended.returncode, ended.stdout) == (0, "5000000.0\n"), ended.stderr

@@ -168,15 +168,15 @@ class Axis:
     command_path: SignalPath = field(default_factory=SignalPath)
 
     def advance(self, now: int, steps: int) -> float:
-        """Move the axis on by `steps` plant steps and return the spool set-point used [m]."""
-        u = self.valve.command(now)
+        """Move the axis on by `steps` plant steps and return what the valve commands [m]."""
+        commanded = u = self.valve.command(now)
         for stage in self.command_path.stages:
             u = stage(u)
         output = self.plant.step(PlantInput(u, self.load), steps)
         self.valve.publish(output.nu, now)
         for publish in self.sensors:
             publish(output, now)
-        return u
+        return commanded
 
 
 class Bench:

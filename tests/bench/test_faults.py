@@ -2,6 +2,7 @@
 
 import math
 import re
+import runpy
 from pathlib import Path
 
 import can
@@ -344,6 +345,19 @@ def test_the_document_shows_what_works(pytester):
     (snippet,) = re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     pytester.makepyfile(snippet)
     pytester.runpytest_subprocess().assert_outcomes(passed=1)
+
+
+def test_the_example_tells_how_far_the_piston_was_off(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["broken_sensor.py"])
+    runpy.run_path(
+        str(Path(__file__).parents[2] / "examples/broken_sensor.py"), run_name="__main__"
+    )
+    off = dict(re.findall(r"^(.+?)  +([\d.]+) mm off", capsys.readouterr().out, re.MULTILINE))
+    assert float(off["before the first"]) < 0.3
+    # The controller brings what it measures to the set-point, so the piston 5 mm away from it.
+    assert float(off["position offset 5 mm"]) == pytest.approx(5.0, abs=0.3)
+    # At full opening, 0.29 m/s, for most of 0.3 s.
+    assert 30.0 < float(off["position frozen"]) < 0.3 * 290.0
 
 
 def test_the_document_has_each_kind():

@@ -145,11 +145,11 @@ def write_nothing(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check(
     "7.2.4.3.17",
-    "a value beyond the EDS's limits aborts with 0609 0030h, 0031h or 0032h and changes nothing",
+    "a value beyond the EDS's limits aborts and changes nothing",
     Impact.WRITE,
 )
 def limits(dut: DeviceUnderTest) -> str:
-    """Write one more than the highest and one less than the lowest value, where these exist."""
+    """Write one more than the highest and one less than the lowest value: 0609 0030h to 0032h."""
     found = [(v, value) for v in dut.objects if v.access.writable for value in _beyond(v)]
     if not found:
         raise NotApplicable("the EDS limits no integer that can be written")

@@ -64,20 +64,28 @@ def upload_abort(dut: DeviceUnderTest) -> None:
     """Abort after the initiation, then ask for a start."""
     client = _BlockUpload(dut)
     dut.sdo.exchange(client.request(127))
-    dut.sdo.expect_silence(bytes([0x80, *bytes(6), 8]))
+    dut.sdo.expect_silence(dut.sdo.abort_request())
     dut.sdo.expect_abort(bytes([0xA3, *bytes(7)]), _SPECIFIER)
 
 
-@CHAPTER.check("7.2.4.3.13", "the protocol switch threshold allows a plain upload")
+@CHAPTER.check("7.2.4.3.13", "a plain upload takes its place up to the threshold only")
 def protocol_switch(dut: DeviceUnderTest) -> str:
-    """Begin a block upload of 1000h with a threshold of four bytes; the device may switch."""
-    _BlockUpload(dut)
-    answer = dut.sdo.exchange(bytes([0xA4, 0x00, 0x10, 0, 127, 4, 0, 0]))
-    if answer[0] >> 5 == 2 and answer[1:4] == b"\x00\x10\x00":
+    """Begin block uploads of 1000h with the thresholds 0 (none) and four bytes."""
+    request = bytes([0xA4, 0x00, 0x10, 0, 127, 0, 0, 0])
+    answer = dut.sdo.exchange(request)
+    dut.sdo.abort()
+    if answer[0] == 0x80:
+        dut.sdo.judge_abort(request, answer, _UNSUPPORTED)
+        raise NotApplicable("the device has no block upload")
+    if answer[0] >> 5 != 6:
+        raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
+    request = bytes([0xA4, 0x00, 0x10, 0, 127, 4, 0, 0])
+    answer = dut.sdo.exchange(request)
+    if answer[0] >> 5 == 2 and answer[1:4] == request[1:4]:
         return "switches"
     if answer[0] >> 5 == 6:
         return "goes on as block upload"
-    raise Deviation(f"answer {shown(answer)}; that of an upload, or of a block upload, is right")
+    raise Deviation(f"{shown(request)}: answer {shown(answer)}; 43 ... or C6 ... is right")
 
 
 @CHAPTER.check("7.2.4.3.9", "a block download with CRC is taken and read back", Impact.WRITE)
@@ -149,7 +157,7 @@ def download_abort(dut: DeviceUnderTest) -> None:
         client.begin(variable.data_type.size)
         raw = b"\x07".ljust(variable.data_type.size, b"\0")
         client.send_all(raw)
-        dut.sdo.expect_silence(bytes([0x80, *bytes(6), 8]))
+        dut.sdo.expect_silence(dut.sdo.abort_request())
 
 
 class _BlockUpload:
@@ -167,6 +175,8 @@ class _BlockUpload:
         if answer[0] == 0x80:
             dut.sdo.judge_abort(self.request(127), answer, _UNSUPPORTED)
             raise NotApplicable("the device has no block upload")
+        if answer[0] >> 5 == 2:
+            raise NotApplicable("the device answers a block upload by a plain one")
         self.key = long_object(dut)[:2]
         self.name = place(*self.key)
         self.has_crc = False

@@ -31,9 +31,12 @@ class SdoClient:
         self.answer_id = answer_id
         self._wire = wire
         self._patience = patience
+        self._object = bytes(3)
 
     def send(self, request: bytes) -> None:
         """Send a frame."""
+        if _names_object(request):
+            self._object = request[1:4]
         self._wire.send(Frame(self.request_id, request))
 
     def answer(self, *, timeout: float | None = None) -> bytes | None:
@@ -90,9 +93,13 @@ class SdoClient:
             raise Deviation(f"{shown(request)}: abort {code_text(code)}; {right} is right")
         return code
 
+    def abort_request(self) -> bytes:
+        """Return the client's abort of the last transfer; it names the transfer's object."""
+        return bytes([_ABORT]) + self._object + b"\0\0\0\x08"
+
     def abort(self) -> None:
         """End whatever is under way, and forget what it still brings."""
-        self.send(bytes([_ABORT, 0, 0, 0, 0, 0, 0, 8]))
+        self.send(self.abort_request())
         self._wire.wait(self._patience / 25)
         self._wire.forget()
 
@@ -216,6 +223,14 @@ def segments(raw: bytes) -> list[bytes]:
         + chunk.ljust(7, b"\0")
         for number, chunk in enumerate(chunks)
     ]
+
+
+def _names_object(request: bytes) -> bool:
+    """Whether a request is the first of a transfer: it names the transfer's object."""
+    if len(request) != 8:
+        return False
+    specifier, subcommand = request[0] >> 5, request[0] & 3
+    return specifier in {1, 2} or (specifier == 5 and subcommand == 0) or request[0] & 0xE1 == 0xC0
 
 
 def shown(data: bytes) -> str:

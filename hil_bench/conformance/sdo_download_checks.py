@@ -148,7 +148,7 @@ def client_abort(dut: DeviceUnderTest) -> None:
     with scratch(dut) as variable, unchanged(dut, variable):
         raw = _raw(variable, _TRIAL)
         _begin(dut, variable, len(raw))
-        dut.sdo.expect_silence(bytes([0x80, *bytes(6), 8]))
+        dut.sdo.expect_silence(dut.sdo.abort_request())
         (segment,) = segments(raw)
         dut.sdo.expect_abort(segment, _SPECIFIER)
 

@@ -70,9 +70,9 @@ def client_abort(dut: DeviceUnderTest) -> None:
     index, subindex, _ = long_object(dut)
     request = upload_request(index, subindex)
     dut.sdo.exchange(request)
-    dut.sdo.expect_silence(bytes([0x80]) + request[1:4] + bytes([0, 0, 0, 8]))
+    dut.sdo.expect_silence(dut.sdo.abort_request())
     dut.sdo.expect_abort(bytes([0x60, *bytes(7)]), _SPECIFIER)
-    dut.sdo.expect_silence(bytes([0x80]) + request[1:4] + bytes([0, 0, 0, 8]))
+    dut.sdo.expect_silence(dut.sdo.abort_request())
 
 
 @CHAPTER.check("7.2.4.3.17", "an upload that the client leaves times out with 0504 0000h")

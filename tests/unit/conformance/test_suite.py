@@ -81,3 +81,19 @@ def test_every_check_says_what_is_right_in_a_line():
     assert len(checks) > 120
     assert all(check.text and "\n" not in check.text and check.judge.__doc__ for check in checks)
     assert len({(check.clause, check.text) for check in checks}) >= len(checks) - 1
+
+
+def test_an_abort_names_the_object_of_its_transfer(laboratory):
+    # Some servers do not heed an abort of another object, and stay in the transfer.
+    requests = []
+    laboratory.hears = lambda frame: requests.append(frame) or [frame]
+    chapters = [c for c in CHAPTERS if c.title in {"SDO upload", "SDO block transfer"}]
+    laboratory.run(Impact.READ, chapters)
+    begun, aborts = bytes(3), 0
+    for data in [f.data for f in requests if f.can_id == 0x605 and not f.is_extended]:
+        if len(data) == 8 and data[0] in {0x40, 0xA4}:
+            begun = data[1:4]
+        elif data[:1] == b"\x80":
+            assert data[1:4] == begun
+            aborts += 1
+    assert aborts > 3

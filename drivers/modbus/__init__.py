@@ -14,6 +14,7 @@ from drivers.modbus.client import ModbusClient
 from drivers.modbus.links import SerialLink, TcpLink
 from drivers.modbus.position import PositionSensor
 from drivers.modbus.pressure import PressureSensor
+from drivers.modbus.register_map import RegisterMap
 from drivers.modbus.valve import ProportionalValve
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "PositionSensor",
     "PressureSensor",
     "ProportionalValve",
+    "RegisterMap",
     "SerialLink",
     "TcpLink",
 ]

@@ -21,7 +21,7 @@ class ModbusDevice:
     Args:
         client: the client that reaches the device.
         unit_id: its unit-ID.
-        registers: its register map.
+        registers: its register map, or the file of it.
         max_age: values older than this [s] are refused.
 
     Attributes:
@@ -39,13 +39,18 @@ class ModbusDevice:
     """Device profile that the register map must be for."""
 
     def __init__(
-        self, client: ModbusClient, unit_id: int, registers: Path | str, *, max_age: float = 0.1
+        self,
+        client: ModbusClient,
+        unit_id: int,
+        registers: RegisterMap | Path | str,
+        *,
+        max_age: float = 0.1,
     ) -> None:
         if not 1 <= unit_id <= 247:
             raise ValueError(f"unit-ID {unit_id}: 1 to 247 is right")
         self.client = client
         self.unit_id = unit_id
-        self.map = RegisterMap(registers)
+        self.map = registers if isinstance(registers, RegisterMap) else RegisterMap(registers)
         self.max_age = max_age
         if self.map.profile != self.PROFILE:
             raise DeviceMismatchError(

@@ -7,6 +7,7 @@ from drivers.errors import DeviceMismatchError
 from drivers.interfaces import Reading
 from drivers.modbus.client import ModbusClient
 from drivers.modbus.device import ModbusDevice
+from drivers.modbus.register_map import RegisterMap
 
 _INPUTS = "input_registers"
 
@@ -32,7 +33,7 @@ class PositionSensor(ModbusDevice):
         self,
         client: ModbusClient,
         unit_id: int,
-        registers: Path | str = REGISTERS / "encoder_406.toml",
+        registers: RegisterMap | Path | str = REGISTERS / "encoder_406.toml",
         *,
         max_age: float = 0.1,
     ) -> None:

@@ -7,6 +7,7 @@ from device_profiles import REGISTERS
 from drivers.interfaces import Reading
 from drivers.modbus.client import ModbusClient
 from drivers.modbus.device import ModbusDevice
+from drivers.modbus.register_map import RegisterMap
 
 _NOT_VALID = 0x01
 _INPUTS = "input_registers"
@@ -33,7 +34,7 @@ class PressureSensor(ModbusDevice):
         self,
         client: ModbusClient,
         unit_id: int,
-        registers: Path | str = REGISTERS / "pressure_404.toml",
+        registers: RegisterMap | Path | str = REGISTERS / "pressure_404.toml",
         *,
         max_age: float = 0.1,
     ) -> None:

@@ -74,6 +74,7 @@ class RegisterMap:
 
     Args:
         path: the file.
+        word_order: ``big`` or ``little``, in the place of the file's, where a register has none.
 
     Attributes:
         path: as passed in.
@@ -85,7 +86,7 @@ class RegisterMap:
         RegisterMapError: the file cannot be read, or is no register map.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, *, word_order: str | None = None) -> None:
         self.path = Path(path)
         try:
             document = tomllib.loads(self.path.read_text(encoding="utf-8"))
@@ -93,7 +94,7 @@ class RegisterMap:
             self.profile: str = device["profile"]
             self.vendor_name: str = device["vendor_name"]
             self.product_code: str = device["product_code"]
-            order = device.get("word_order", "big")
+            order = word_order or device.get("word_order", "big")
             self._registers = {
                 (table, entry["source"], entry.get("type", "bit")): _register(
                     table, name, entry, order

@@ -14,7 +14,7 @@ from drivers.errors import (
 )
 from drivers.modbus.client import ModbusClient
 from drivers.modbus.device import ModbusDevice
-from drivers.modbus.register_map import Register
+from drivers.modbus.register_map import Register, RegisterMap
 from drivers.valve_state import RESET_FAULT, STATE_BITS, ValveState
 
 logger = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ class ProportionalValve(ModbusDevice):
         self,
         client: ModbusClient,
         unit_id: int,
-        registers: Path | str = REGISTERS / "valve_408.toml",
+        registers: RegisterMap | Path | str = REGISTERS / "valve_408.toml",
         *,
         max_age: float = 0.1,
     ) -> None:

@@ -6,10 +6,12 @@ import importlib.util
 import math
 from pathlib import Path
 
+from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.loop_summary import loop_lines
+from hil_bench.cli.modbus_side import require_pymodbus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
@@ -31,6 +33,7 @@ examples:
   hil-bench demo
   hil-bench demo --duration 30 --output results
   hil-bench demo --speed max            as fast as the machine can
+  hil-bench demo --sensors modbus       the valve on CANopen, the sensors on Modbus
   hil-bench demo --record demo.mf4      signals and frames while it runs
   hil-bench demo bench.toml             with your own cylinder
 """
@@ -65,6 +68,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--speed", choices=("1", "max"), default="1", help="real time (1), or without waiting"
     )
+    parser.add_argument(
+        "--sensors",
+        choices=[bus.value for bus in SensorBus],
+        default=SensorBus.CANOPEN.value,
+        help="where the controller reads the sensors; the valve is on CANopen (canopen)",
+    )
     add_recording_arguments(parser)
     parser.set_defaults(run=run)
 
@@ -77,12 +86,16 @@ def run(args: argparse.Namespace) -> int:
     """
     if not 0 < args.duration <= _LONGEST:
         raise ConfigError(f"--duration {args.duration:g}: above 0, up to {_LONGEST:g} s, is right")
-    config = load_config(args.config)
+    sensors = SensorBus(args.sensors)
+    if sensors is SensorBus.MODBUS:
+        require_pymodbus()
+    config = load_config(args.config, modbus=sensors is SensorBus.MODBUS)
     check_recording_arguments(args)
     session = DemoSession(
         config,
         duration=args.duration,
         is_paced=args.speed == "1",
+        sensors=sensors,
         recording=RecordingWish(tuple(args.record), args.trigger, args.pre_trigger),
     )
     make_directory(args.output)

@@ -19,12 +19,17 @@ from drivers import (
     Network,
     PositionController,
     PositionLoop,
-    PositionSensor,
-    PressureSensor,
     ProportionalValve,
 )
+from hil_bench.cli.demo_sensors import (
+    SensorBus,
+    Sensors,
+    canopen_sensors,
+    modbus_sensors,
+    the_node,
+)
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
-from hil_bench.config import BenchConfig, NodeConfig, PressureConfig, PressureSource, Profile
+from hil_bench.config import BenchConfig, NodeConfig, Profile
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
 from hil_bench.realtime.clock import MonotonicClock
@@ -83,6 +88,7 @@ class DemoSession:
         config: the bench; its first axis is moved.
         duration: length of the motion [s].
         is_paced: whether the ticks wait for real time.
+        sensors: where the controller reads the sensors; the valve is on CANopen.
         recording: what to record while it runs.
 
     Attributes:
@@ -98,10 +104,12 @@ class DemoSession:
         *,
         duration: float,
         is_paced: bool,
+        sensors: SensorBus = SensorBus.CANOPEN,
         recording: RecordingWish = NO_RECORDING,
     ) -> None:
         self._config = config
         self._duration = duration
+        self._sensor_bus = sensors
         self.statistics = TickStatistics(is_shared=True) if is_paced else None
         self._pacer = (
             Pacer(MonotonicClock(), config.tick_ns, statistics=self.statistics)
@@ -206,28 +214,28 @@ class DemoSession:
         """
         members = [n for n in self._config.nodes if n.axis == self._config.axes[0].name]
         valve_node = the_node(members, Profile.VALVE_408)
-        encoder_node = the_node(members, Profile.ENCODER_406)
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         with ProportionalValve(network, valve_node.node_id, valve_node.eds) as valve:
-            position = PositionSensor(network, encoder_node.node_id, encoder_node.eds)
-            pressures = (
-                pressure_sensor(network, members, PressureSource.P_A),
-                pressure_sensor(network, members, PressureSource.P_B),
-            )
+            sensors = self._sensors(network, members)
             valve.setup(heartbeat_timeout=4 * HEARTBEAT_PERIOD)
-            for sensor in (position, *pressures):
+            for sensor in (sensors.position, *sensors.pressures):
                 sensor.setup()
-            for node in members:
+            for node in members if self._sensor_bus is SensorBus.CANOPEN else [valve_node]:
                 network.start_node(node.node_id)
             valve.enable()
             yield PositionLoop(
                 network,
                 valve=valve,
-                position=position,
-                pressures=pressures,
+                position=sensors.position,
+                pressures=sensors.pressures,
                 controller=PositionController(tuned_parameters(self._plant.parameters)),
                 period=CYCLE,
             )
+
+    def _sensors(self, network: Network, members: Sequence[NodeConfig]) -> Sensors:
+        if self._sensor_bus is SensorBus.CANOPEN:
+            return canopen_sensors(network, members)
+        return modbus_sensors(self.bench, self._config, members)
 
 
 def no_setpoint(_time: float) -> float:
@@ -272,34 +280,4 @@ def tuned_parameters(parameters: PlantParameters) -> ControllerParameters:
         position_gain=0.2 * parameters.sigma / parameters.m,
         full_speed=full_flow / parameters.mean_area,
         dead_zone=parameters.beta / parameters.full_opening,
-    )
-
-
-def the_node(members: Sequence[NodeConfig], profile: Profile) -> NodeConfig:
-    """Return the first node of an axis with this profile.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    for node in members:
-        if node.profile is profile:
-            return node
-    raise ConfigError(
-        f"the first axis has no node of profile {profile}; the demo's controller needs one"
-    )
-
-
-def pressure_sensor(
-    network: Network, members: Sequence[NodeConfig], source: PressureSource
-) -> PressureSensor:
-    """Return the driver of the transducer at one port.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    for node in members:
-        if isinstance(node, PressureConfig) and node.source is source:
-            return PressureSensor(network, node.node_id, node.eds)
-    raise ConfigError(
-        f"the first axis has no pressure_404 at {source}; the demo's controller needs one"
     )

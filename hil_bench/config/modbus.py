@@ -193,4 +193,5 @@ def _build_unit(
         unit_id=unit["unit_id"].value,
         register_map=register_map,
         commands=unit["commands"].value,
+        word_order=unit["word_order"].value,
     )

@@ -9,6 +9,7 @@ from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.modbus.data_types import WordOrder
 from hil_bench.modbus.register_map import RegisterMap
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
@@ -307,6 +308,7 @@ class ModbusUnitConfig:
         unit_id: its address, 1 to 247.
         register_map: what stands where.
         commands: whether clients may command the device.
+        word_order: takes the place of the map's own, None where it does not.
     """
 
     name: str
@@ -314,6 +316,7 @@ class ModbusUnitConfig:
     unit_id: int
     register_map: RegisterMap
     commands: bool
+    word_order: WordOrder | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,40 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
         assert str(tmp_path / "new" / name) in out
 
 
+@pytest.fixture
+def no_extra(monkeypatch):
+    """Leave the extra for Modbus out."""
+    monkeypatch.setattr("hil_bench.cli.modbus_side.importlib.util.find_spec", lambda _name: None)
+
+
+def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.demo.plot_line", lambda *_: "none")
+    assert demo(tmp_path, "--duration", "2", "--sensors", "modbus") == 0
+    recording = read_recording(tmp_path / "demo.csv")
+    error = np.abs(recording["axis1.position_setpoint"] - recording["axis1.position"])
+    # As over CANopen, above.
+    assert np.nanmax(error) < 1e-3
+    assert recording["axis1.position"].max() > 0.07
+    assert "0 left out" in capsys.readouterr().out
+    with can.LogReader(tmp_path / "demo.log") as reader:
+        seen = {message.arbitration_id for message in reader}
+    assert {0x181, 0x201} <= seen
+    assert not {0x182, 0x183, 0x184} & seen
+
+
+def test_a_sensor_that_is_no_unit_is_named(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text("[modbus.units.pressure_a]\n[modbus.units.pressure_b]\n")
+    assert demo(tmp_path, "--sensors", "modbus", str(path)) == 2
+    assert "no [modbus.units.NAME] shows nodes.position" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_extra")
+def test_the_missing_extra_is_named(tmp_path, capsys):
+    assert demo(tmp_path, "--sensors", "modbus") == 2
+    assert "pip install 'hil-bench[modbus]'" in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("no_plot")
 def test_the_bus_log_reads_back(tmp_path):
     assert demo(tmp_path, "--duration", "0.1") == 0

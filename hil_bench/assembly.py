@@ -41,6 +41,7 @@ from hil_bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.faults.faults import Faults
 from hil_bench.measurement.chain import MeasuringChain
 from hil_bench.measurement.noise import random_stream
+from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
 
@@ -130,12 +131,12 @@ def build_axis(
         delay=axis.spool_delay,
     )
     sensors = [
-        build_sensor(node, nodes[node.name], build_chain(node, config))
+        build_sensor(node, nodes[node.name], config)
         for node in config.nodes
         if node.axis == axis.name and not isinstance(node, ValveConfig)
     ]
     sources = [
-        build_source(source, node.name, nodes[node.name], valve.full_opening)
+        build_source(source, f"{node.name}.{source.name}", config, nodes[node.name], valve)
         for node in config.nodes
         for source in node.sources
         if source.axis == axis.name
@@ -169,41 +170,49 @@ def build_sink(config: SinkConfig, node: Node, watch: CommandWatch) -> SpoolSink
     )
 
 
-def build_source(config: SourceConfig, owner: str, node: Node, full_opening: float) -> Measurement:
-    """Return what hands a quantity of the plant to an object of a node."""
-    is_spool = config.quantity is Quantity.SPOOL_POSITION
-    source = QuantitySource(
+def build_source(
+    source: SourceConfig, name: str, config: BenchConfig, node: Node, valve: SpoolCommand
+) -> Measurement:
+    """Return what hands a quantity of the plant to an object of a node, by its chain if any."""
+    is_spool = source.quantity is Quantity.SPOOL_POSITION
+    shown = QuantitySource(
         node,
-        find_bound(node.object_dictionary, config),
-        scale=config.scale / full_opening if is_spool else config.scale,
-        offset=config.offset,
-        delta=config.delta,
+        find_bound(node.object_dictionary, source),
+        scale=source.scale / valve.full_opening if is_spool else source.scale,
+        offset=source.offset,
+        delta=source.delta,
     )
-    name = f"{owner}.{config.name}"
-    return QuantityMeasurement(source, _OUTPUTS[config.quantity], name=name)
+    chain = build_chain(source.chain, name, config)
+    stages = () if chain is None else (chain.measure,)
+    return QuantityMeasurement(shown, _OUTPUTS[source.quantity], stages, name=name)
 
 
-def build_chain(node: NodeConfig, config: BenchConfig) -> MeasuringChain | None:
-    """Return the measuring chain of a node, None where it has none or an ideal one."""
-    if not isinstance(node, PressureConfig | EncoderConfig) or node.chain.is_ideal:
+def build_chain(
+    parameters: ChainParameters, name: str, config: BenchConfig
+) -> MeasuringChain | None:
+    """Return the measuring chain of the sensor of a name, None where it is ideal."""
+    if parameters.is_ideal:
         return None
-    return MeasuringChain(node.chain, config.tick_ns, random_stream(config.seed, node.name))
+    return MeasuringChain(parameters, config.tick_ns, random_stream(config.seed, name))
 
 
-def build_sensor(config: NodeConfig, node: Node, chain: MeasuringChain | None) -> Measurement:
-    """Return what hands the plant's quantities to one sensor, by its chain if it has one.
+def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measurement:
+    """Return what hands the plant's quantities to one sensor, by its chain if any.
 
     Raises:
         ConfigError: the node is no sensor.
     """
-    stages = () if chain is None else (chain.measure,)
-    match config:
+    match sensor:
         case PressureConfig():
-            device = PressureDevice(node, config.span)
-            return PressureMeasurement(device, config.source, stages, name=config.name)
+            chain = build_chain(sensor.chain, sensor.name, config)
+            stages = () if chain is None else (chain.measure,)
+            device = PressureDevice(node, sensor.span)
+            return PressureMeasurement(device, sensor.source, stages, name=sensor.name)
         case EncoderConfig():
+            chain = build_chain(sensor.chain, sensor.name, config)
+            stages = () if chain is None else (chain.measure,)
             speed_stages = () if chain is None else (chain.speed,)
             encoder = EncoderDevice(node)
-            return PositionMeasurement(encoder, stages, speed_stages, name=config.name)
+            return PositionMeasurement(encoder, stages, speed_stages, name=sensor.name)
         case _:
-            raise ConfigError(f"nodes.{config.name}: profile {config.profile} is not a sensor")
+            raise ConfigError(f"nodes.{sensor.name}: profile {sensor.profile} is not a sensor")

@@ -109,6 +109,7 @@ class QuantityMeasurement:
     Args:
         source: the object.
         output_name: of the plant's output.
+        stages: what the quantity passes on its way.
         name: of the object, as in ``NODE.0x6401.01``.
 
     Attributes:
@@ -116,8 +117,15 @@ class QuantityMeasurement:
         name: as passed in.
     """
 
-    def __init__(self, source: QuantitySource, output_name: str, *, name: str = "") -> None:
-        self.path = SignalPath()
+    def __init__(
+        self,
+        source: QuantitySource,
+        output_name: str,
+        stages: Iterable[Stage] = (),
+        *,
+        name: str = "",
+    ) -> None:
+        self.path = SignalPath(stages)
         self.name = name
         self._source = source
         self._field = PlantOutput._fields.index(output_name)

@@ -12,13 +12,15 @@ from typing import Final, NamedTuple
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.config.axes import full_opening_mm
+from hil_bench.config.chains import build_chain, check_chain, read_chain
 from hil_bench.config.document import give
-from hil_bench.config.keys import SINK_KEYS, SOURCE_KEYS
+from hil_bench.config.keys import CHAIN_TABLE, SINK_KEYS, SOURCE_KEYS
 from hil_bench.config.objects import find_object, parse_object
 from hil_bench.config.records import Profile, Quantity, SinkConfig, SourceConfig
-from hil_bench.config.settings import Origin, Problems, Settings, read_table
+from hil_bench.config.settings import Given, Origin, Problems, Settings, read_table
 from hil_bench.config.values import describe, find_nearest, quote
 from hil_bench.errors import ConfigError
+from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.units import (
     BAR,
     CUBIC_METRE_PER_SECOND,
@@ -52,6 +54,15 @@ UNITS: Final[Mapping[Quantity, tuple[Unit, ...]]] = MappingProxyType(
 )
 """The units in which a quantity may be given, that of the SI first."""
 
+CHAIN_PROFILES: Final[Mapping[Quantity, Profile]] = MappingProxyType(
+    {
+        Quantity.P_A: Profile.PRESSURE_404,
+        Quantity.P_B: Profile.PRESSURE_404,
+        Quantity.POSITION: Profile.ENCODER_406,
+    }
+)
+"""The sensors whose measuring chain a source of a quantity may have."""
+
 _SINKS = (Quantity.SPOOL_SETPOINT,)
 _SOURCES = tuple(quantity for quantity in Quantity if quantity not in _SINKS)
 
@@ -69,6 +80,7 @@ class Binding(NamedTuple):
         quantity: what the object is bound to.
         unit: the unit that its numbers are in.
         settings: the values of its keys.
+        chain: those of its measuring chain, None where it has none.
     """
 
     node: str
@@ -77,6 +89,7 @@ class Binding(NamedTuple):
     quantity: Quantity
     unit: Unit
     settings: Settings
+    chain: Settings | None
 
     @property
     def table(self) -> str:
@@ -115,6 +128,8 @@ def build_bindings(
             wrong = f"nodes.{binding.node} does what its profile says"
             right = "give the sink to a node without a profile"
             problems.add(problems.place(binding.table, "sink"), f"{wrong}; {right}")
+        if binding.chain is not None:
+            check_chain(f"{binding.table}.{CHAIN_TABLE}", binding.chain, problems)
         place = problems.place(binding.table)
         built[binding.node].append(_build_binding(binding, axes[binding.axis], place))
     return built
@@ -153,7 +168,9 @@ def _read_binding(
         problems.add(problems.place(table), f"{wrong}; bind an object from 0x2000 up")
     (word,) = words
     keys = SINK_KEYS if word == "sink" else SOURCE_KEYS
-    settings = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+    values = give(table, given, Origin.FILE, problems)
+    given_chain = values.pop(CHAIN_TABLE, None)
+    settings = read_table(table, values, keys, problems)
     key = word
     try:
         axis, quantity = _find_quantity(settings[key].value, axes, word)
@@ -164,7 +181,20 @@ def _read_binding(
     except ConfigError as error:
         problems.add(problems.place(table, key), error)
         return None
-    return Binding(node, name, axis, quantity, unit, settings)
+    chain = None
+    if given_chain is not None:
+        chain = _read_chain(table, quantity, given_chain, problems)
+    return Binding(node, name, axis, quantity, unit, settings, chain)
+
+
+def _read_chain(
+    table: str, quantity: Quantity, given: Given, problems: Problems
+) -> Settings | None:
+    """Return the settings of a source's measuring chain, None where there is a problem."""
+    if quantity not in CHAIN_PROFILES:
+        problems.add(given.place, f"is for pressures and positions; {quantity} has none")
+        return None
+    return read_chain(table, CHAIN_PROFILES[quantity], given, problems)
 
 
 def _build_binding(binding: Binding, axis: Settings, place: str) -> SourceConfig | SinkConfig:
@@ -177,7 +207,10 @@ def _build_binding(binding: Binding, axis: Settings, place: str) -> SourceConfig
     if binding.is_sink:
         full_opening = MILLIMETRE.to_si(full_opening_mm(axis))
         return SinkConfig(*common, unit.to_si(settings["safe"].value), full_opening)
-    return SourceConfig(*common, settings["delta"].value)
+    chain = ChainParameters()
+    if binding.chain is not None:
+        chain = build_chain(CHAIN_PROFILES[binding.quantity], binding.chain)
+    return SourceConfig(*common, settings["delta"].value, chain)
 
 
 def _find_quantity(name: str, axes: Mapping[str, Settings], word: str) -> tuple[str, Quantity]:

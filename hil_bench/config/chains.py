@@ -46,10 +46,11 @@ def read_chain(
 def check_chains(chains: Mapping[str, Settings], problems: Problems) -> None:
     """Note values of the nodes' chains, given by node, that do not go together."""
     for name, chain in chains.items():
-        _check_chain(f"nodes.{name}.{CHAIN_TABLE}", chain, problems)
+        check_chain(f"nodes.{name}.{CHAIN_TABLE}", chain, problems)
 
 
-def _check_chain(table: str, chain: Settings, problems: Problems) -> None:
+def check_chain(table: str, chain: Settings, problems: Problems) -> None:
+    """Note values of the chain in `table` that do not go together."""
     period, phase = (chain[f"sampling_{name}_us"].value for name in ("period", "phase"))
     if phase and phase >= period:
         right = f"give 0 to {period - 1}" if period else "give sampling_period_us too"

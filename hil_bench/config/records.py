@@ -176,9 +176,11 @@ class SourceConfig(BindingConfig):
 
     Attributes:
         delta: change that is an event for its TPDOs [increments]; None where none is.
+        chain: what lies between the quantity and the object.
     """
 
     delta: float | None
+    chain: ChainParameters
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,13 @@
 
 import math
 import struct
+from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
+from device_profiles import VALVE_408
 from hil_bench.assembly import build_bench
 from hil_bench.config import load_config
 from hil_bench.virtual_bench import VirtualBench
@@ -138,3 +140,13 @@ def test_two_sensors_have_noise_of_their_own(make_bench):
     )
     # 100 pairs: a correlation of 0.5 would be five standard deviations.
     assert abs(np.corrcoef(p, q)[0, 1]) < 0.5
+
+
+def test_an_object_bound_to_the_plant_shows_what_its_chain_gives(make_bench):
+    eds = Path(VALVE_408).parent / "imitations" / "analogue_io_401.eds"
+    binding = '{ source = "axis1.P_A", unit = "bar", scale = 100, chain = { resolution_bar = 10 } }'
+    made = make_bench(
+        f'[nodes.io]\neds = "{eds}"\nnode_id = 9\n[nodes.io.objects]\n"0x6401.01" = {binding}\n'
+    )
+    made.run(0.01)
+    assert objects(made, 9).find(0x6401, 1).value == 5000  # P_A at rest is 48.5 bar

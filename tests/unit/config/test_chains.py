@@ -14,6 +14,7 @@ from hil_bench.measurement.parameters import ChainParameters, OverRange
 
 Write = Callable[[str], Path]
 
+ROOT = Path(__file__).parents[3]
 VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 PRESSURE = '[nodes.p]\nprofile = "pressure_404"\nsource = "P_A"\nnode_id = 2\n[nodes.p.chain]\n'
 POSITION = '[nodes.x]\nprofile = "encoder_406"\nnode_id = 3\n[nodes.x.chain]\n'
@@ -175,3 +176,49 @@ def test_values_that_do_not_go_together_are_told(write: Write, text: str, messag
     with pytest.raises(ConfigError) as caught:
         load_config(write(VALVE + PRESSURE + text))
     assert str(caught.value) == f"bench.toml:nodes.p.chain.{message}"
+
+
+IO = """
+[nodes.io]
+eds = "io.eds"
+node_id = 9
+[nodes.io.objects]
+"""
+
+
+def bound(write: Write, binding: str) -> ChainParameters:
+    """Return the chain of the first object that is bound in an EDS file without a profile."""
+    eds = ROOT / "device_profiles" / "imitations" / "analogue_io_401.eds"
+    path = write(f'{VALVE}{IO}"0x6401.01" = {{ {binding} }}\n')
+    path.with_name("io.eds").write_text(eds.read_text(encoding="utf-8"), encoding="utf-8")
+    return load_config(path).nodes[1].sources[0].chain
+
+
+def test_a_bound_object_is_ideal_without_a_chain(write: Write) -> None:
+    assert bound(write, 'source = "axis1.P_A"').is_ideal
+
+
+def test_a_bound_object_may_have_the_chain_of_its_quantity(write: Write) -> None:
+    pressure = bound(write, 'source = "axis1.P_B", chain = { noise_rms_bar = 0.5 }')
+    position = bound(
+        write, 'source = "axis1.position", chain = { preset = "magnetostrictive_1_um" }'
+    )
+    assert pressure.noise_rms == pytest.approx(0.5e5)
+    assert position.resolution == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize(
+    ("binding", "message"),
+    [
+        ('source = "axis1.Q_A", chain = {}', "is for pressures and positions; Q_A has none"),
+        ('source = "axis1.P_A", chain = 1', "1 is not a table; write it as [nodes.io.objects.0x6401.01.chain]"),
+        ('source = "axis1.P_A", chain = { noise_rms_um = 1 }', "unknown key; the nearest known key is noise_rms_bar"),
+        ('source = "axis1.P_A", chain = { sampling_phase_us = 1 }', "1 is not below sampling_period_us = 0; give sampling_period_us too"),
+    ],
+)  # fmt: skip
+def test_a_wrong_chain_of_a_bound_object_is_told(write: Write, binding: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        bound(write, binding)
+    place, _, told = str(caught.value).partition(": ")
+    assert place.startswith("bench.toml:nodes.io.objects.0x6401.01.chain")
+    assert told == message

@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 
 from device_profiles import VALVE_408
 from hil_bench.config import BenchConfig, load, load_config
+from hil_bench.config.chain_keys import CHAIN_KEYS
+from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS, SINK_KEYS, SOURCE_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
+from hil_bench.faults.kinds import FaultKind
 
 TEXT = st.text(alphabet='aZ_-.\n\x00\u2028é\\"', max_size=4)
 SCALARS = (
@@ -32,7 +35,7 @@ def table(*keys: Key) -> st.SearchStrategy[Any]:
 
 
 BINDING = st.dictionaries(
-    st.sampled_from([key.name for keys in (SOURCE_KEYS, SINK_KEYS) for key in keys]),
+    st.sampled_from([*(key.name for keys in (SOURCE_KEYS, SINK_KEYS) for key in keys), "chain"]),
     VALUES | st.sampled_from(["axis1.P_A", "axis1.spool_setpoint", "b.speed", "bar", "%"]),
     max_size=4,
 )
@@ -41,7 +44,24 @@ GENERIC = st.fixed_dictionaries(
     {"node_id": st.just(10), "eds": st.sampled_from([str(VALVE_408), "none.eds"])},
     optional={"objects": OBJECTS, "profile": VALUES},
 )
-NODE = GENERIC | table(*{key.name: key for keys in NODE_KEYS.values() for key in keys}.values())
+CHAIN = table(*{key.name: key for keys in CHAIN_KEYS.values() for key in keys}.values())
+SENSOR = st.fixed_dictionaries(
+    {
+        "node_id": st.integers(1, 9),
+        "profile": st.sampled_from(["pressure_404", "encoder_406", "valve_408"]),
+        "chain": CHAIN | VALUES,
+    },
+    optional={"source": st.just("P_A")},
+)
+NODE_TABLE = table(*{key.name: key for keys in NODE_KEYS.values() for key in keys}.values())
+NODE = GENERIC | SENSOR | NODE_TABLE
+FAULT = st.fixed_dictionaries(
+    {
+        "kind": st.sampled_from([kind.value for kind in FaultKind]),
+        "target": st.sampled_from(["v", "w", "axis1", "v.0x6401.01"]),
+    },
+    optional={key.name: VALUES for keys in (COMMON_KEYS[2:], *OWN_KEYS.values()) for key in keys},
+)
 DOCUMENTS = st.fixed_dictionaries(
     {},
     optional={
@@ -49,6 +69,7 @@ DOCUMENTS = st.fixed_dictionaries(
         "bus": table(*BUS_KEYS) | VALUES,
         "plant": st.dictionaries(st.sampled_from(["axis1", "b", "\n"]), table(*AXIS_KEYS)) | VALUES,
         "nodes": st.dictionaries(st.sampled_from(["v", "w", "\n"]), NODE) | VALUES,
+        "faults": st.lists(FAULT | VALUES, max_size=3) | VALUES,
         "other": VALUES,
     },
 )

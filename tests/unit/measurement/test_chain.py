@@ -7,6 +7,7 @@ import pytest
 from scipy import signal
 
 from hil_bench.measurement.chain import MeasuringChain
+from hil_bench.measurement.low_pass import natural_frequency
 from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters, OverRange
 
@@ -175,6 +176,14 @@ def test_density_noise_has_the_rms_of_its_low_pass():
     """Of the first order: density times sqrt(π/2 bandwidth). 5 kHz leaves samples independent."""
     values = measure(chain(noise_density=0.01, bandwidth=5000.0), [0.0] * 20_000)
     rms = 0.01 * math.sqrt(math.pi / 2 * 5000.0)
+    assert np.std(values) == pytest.approx(rms, rel=5 / math.sqrt(2 * 20_000))
+
+
+def test_density_noise_follows_the_order_of_its_low_pass():
+    """Of the second order: density times sqrt(ω / (8 ζ)), a sixth less than of the first here."""
+    parameters = {"bandwidth": 5000.0, "order": 2, "damping_ratio": 0.7}
+    values = measure(chain(noise_density=0.01, **parameters), [0.0] * 20_000)
+    rms = 0.01 * math.sqrt(natural_frequency(5000.0, 0.7) / (8 * 0.7))
     assert np.std(values) == pytest.approx(rms, rel=5 / math.sqrt(2 * 20_000))
 
 

@@ -62,7 +62,7 @@ def run_paced(
     """Run the bench on a bus, tick by tick on the pacer's grid, until `stopped` says so.
 
     One thread owns bus and plant. A lost bus ends the run, and so does an overrun where the pacer
-    is to stop then; the report says why.
+    is to stop then; the report says why. An interface that is down does not: it may come back.
 
     Args:
         bench: not yet powered on.
@@ -72,13 +72,16 @@ def run_paced(
         observers: called at the end of each tick.
         realtime: what to ask of the operating system; None for what needs no permission.
     """
-    lost = None
+    lost: BusError | TimingError | None = None
     with undisturbed(realtime or RealtimeConfig(), pacer.period):
         try:
             _loop(bench, transport, pacer, stopped, observers)
         except (BusError, TimingError) as error:
             lost = error
-    return RunReport(pacer.statistics.summary(), transport.counters(), lost)
+    frames = transport.counters()
+    if frames.is_down and lost is None:
+        lost = BusError(f"{transport.description}: the interface was down at the end")
+    return RunReport(pacer.statistics.summary(), frames, lost)
 
 
 def frames_per_tick(period: int) -> int:

@@ -39,6 +39,7 @@ def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
         "dropped by the kernel's full receive buffer": counters.dropped,
         "ignored (CAN FD or error frames)": counters.ignored,
         "not taken by the bus": counters.send_failures,
+        "times the interface went down": counters.outages,
     }
     lines += [f"          {count} {what}" for what, count in losses.items() if count]
     return lines

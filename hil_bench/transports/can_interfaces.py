@@ -3,13 +3,16 @@
 import json
 import shutil
 import socket
+import struct
 import subprocess
-from pathlib import Path
 from typing import Any, NamedTuple
 
-_SYSFS = Path("/sys/class/net")
-_ARPHRD_CAN = "280"  # linux/if_arp.h
+# linux/sockios.h, linux/if_arp.h, linux/if.h
+_SIOCGIFFLAGS = 0x8913
+_SIOCGIFHWADDR = 0x8927
+_ARPHRD_CAN = 280
 _IFF_UP = 1
+_IFREQ = struct.Struct("16sH22x")  # name, then flags or the type of the address
 _ANSWER_TIMEOUT = 5.0
 
 
@@ -38,15 +41,15 @@ def has_socketcan() -> bool:
     return True
 
 
-def can_interfaces(sysfs: Path = _SYSFS) -> list[CanInterface]:
-    """Return the CAN interfaces, by name; none where there is no SocketCAN.
+def can_interfaces() -> list[CanInterface]:
+    """Return the CAN interfaces, by name; none where there is no SocketCAN."""
+    names = sorted(name for _, name in socket.if_nameindex())
+    return [_describe(name) for name in names if _ask(name, _SIOCGIFHWADDR) == _ARPHRD_CAN]
 
-    Args:
-        sysfs: where the kernel lists its network interfaces.
-    """
-    return [
-        _describe(path) for path in sorted(sysfs.glob("*")) if _read(path / "type") == _ARPHRD_CAN
-    ]
+
+def is_up(name: str) -> bool:
+    """Return whether an interface is there and switched on."""
+    return bool(_ask(name, _SIOCGIFFLAGS) & _IFF_UP)
 
 
 def bitrate_of(name: str) -> int | None:
@@ -59,21 +62,23 @@ def _bitrate(details: dict[str, Any]) -> int | None:
     return bitrate
 
 
-def _describe(path: Path) -> CanInterface:
-    details = _link_details(path.name)
-    return CanInterface(
-        path.name,
-        is_up=bool(int(_read(path / "flags") or "0", 16) & _IFF_UP),
-        kind=details.get("info_kind", ""),
-        bitrate=_bitrate(details),
-    )
+def _describe(name: str) -> CanInterface:
+    details = _link_details(name)
+    kind, bitrate = details.get("info_kind", ""), _bitrate(details)
+    return CanInterface(name, is_up=is_up(name), kind=kind, bitrate=bitrate)
 
 
-def _read(path: Path) -> str:
+def _ask(name: str, request: int) -> int:
+    """Return a number that the kernel has of a network interface, 0 where it has none."""
     try:
-        return path.read_text("ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
+        import fcntl  # noqa: PLC0415 - Windows has none
+
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as any_socket:
+            answer = fcntl.ioctl(any_socket, request, _IFREQ.pack(name.encode()[:15], 0))
+    except (ImportError, AttributeError, OSError):
+        return 0
+    number: int = _IFREQ.unpack(answer)[1]
+    return number
 
 
 def _link_details(name: str) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import Protocol
 
 from hil_bench.canopen_device.frame import FRAME_BITS, Frame
 from hil_bench.errors import BusError
+from hil_bench.transports.can_interfaces import is_up
 from hil_bench.transports.transport import TransportCounters
 
 logger = logging.getLogger(__name__)
@@ -55,6 +56,8 @@ _ANCILLARY_SIZE = 64
 
 # Of sys/select.h. select() waits to the microsecond, poll() to the millisecond.
 _FD_SETSIZE = 1024
+
+_CALLS_PER_LOOK = 20  # while the interface is down
 
 _TRY_LATER = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS})
 
@@ -134,6 +137,9 @@ class SocketCanTransport:
         self._drop_counter = 0
         self._send_failures = 0
         self._bits = 0.0
+        self._outages = 0
+        self._is_down = False
+        self._looks = 0
         self._socket.setblocking(False)
         self.receive_buffer = _enlarge_receive_buffer(self._socket)
         if self.receive_buffer < RECEIVE_BUFFER:
@@ -158,10 +164,11 @@ class SocketCanTransport:
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, reading at most `limit` frames, without waiting.
 
-        Raises:
-            BusError: the bus is lost.
+        While the interface is down, nothing arrives.
         """
         frames: list[Frame] = []
+        if self._is_down:
+            self._look()
         try:
             for _ in range(limit):
                 raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_MTU, _ANCILLARY_SIZE)
@@ -176,7 +183,7 @@ class SocketCanTransport:
         except BlockingIOError:
             pass
         except OSError as error:
-            raise BusError(self._lost(error)) from error
+            self._give_up(error)
         self._received += len(frames)
         return frames
 
@@ -195,10 +202,8 @@ class SocketCanTransport:
         """Send frames in order, those that are still waiting first.
 
         Where the transmit queue is full, frames wait for the next call; beyond `RETRY_LIMIT` the
-        oldest are given up and counted, since what they say is out of date.
-
-        Raises:
-            BusError: the bus is lost.
+        oldest are given up and counted, since what they say is out of date. While the interface is
+        down, all are.
         """
         pending = self._pending
         pending.extend(map(pack_frame, frames))
@@ -209,8 +214,9 @@ class SocketCanTransport:
                 self._sent += 1
         except OSError as error:
             if error.errno not in _TRY_LATER:
-                raise BusError(self._lost(error)) from error
-        while len(pending) > RETRY_LIMIT:
+                self._give_up(error)
+        limit = 0 if self._is_down else RETRY_LIMIT
+        while len(pending) > limit:
             pending.popleft()
             self._send_failures += 1
 
@@ -233,6 +239,8 @@ class SocketCanTransport:
             ignored=self._ignored,
             dropped=self._dropped,
             send_failures=self._send_failures,
+            outages=self._outages,
+            is_down=self._is_down,
             bits=self._bits,
         )
 
@@ -247,6 +255,27 @@ class SocketCanTransport:
                 (counter,) = _DROP_COUNTER.unpack(data)
                 self._dropped += (counter - self._drop_counter) % 2**32
                 self._drop_counter = counter
+
+    def _give_up(self, error: OSError) -> None:
+        """Go on without an interface that is down, for it may come back.
+
+        Raises:
+            BusError: the bus is lost for another reason.
+        """
+        if error.errno != errno.ENETDOWN:
+            raise BusError(self._lost(error)) from error
+        if not self._is_down:
+            self._is_down = True
+            self._outages += 1
+            reason = _reason(error.errno, self._channel)
+            logger.warning("%s: %s; the bench goes on without it", self.description, reason)
+
+    def _look(self) -> None:
+        """Find out now and then whether the interface is up again; its socket then works on."""
+        self._looks += 1
+        if self._looks % _CALLS_PER_LOOK == 0 and is_up(self._channel):
+            self._is_down = False
+            logger.warning("%s: the interface is up again", self.description)
 
     def _lost(self, error: OSError) -> str:
         return f"{self.description}: bus lost: {_reason(error.errno, self._channel)}"

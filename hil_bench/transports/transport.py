@@ -17,6 +17,8 @@ class TransportCounters:
         ignored: received, but no classical data or remote frame: CAN FD, error frames.
         dropped: lost by the kernel because its receive buffer was full.
         send_failures: given up, since the bus did not take them.
+        outages: how often the interface went down.
+        is_down: whether it is down now.
         bits: that the frames received and sent took on the bus, with half of the most stuff bits;
             what the bus's filters keep from the bench is not in it.
     """
@@ -26,6 +28,8 @@ class TransportCounters:
     ignored: int = 0
     dropped: int = 0
     send_failures: int = 0
+    outages: int = 0
+    is_down: bool = False
     bits: float = field(default=0.0, compare=False)  # an estimate
 
 

@@ -126,6 +126,14 @@ class Program:
         """Return what the program has printed so far."""
         return self._paths[0].read_text()
 
+    def wait_for_error(self, text, timeout=30.0):
+        """Wait until the program has written this to its standard error."""
+        deadline = time.monotonic() + timeout
+        while text not in self._paths[1].read_text():
+            assert time.monotonic() < deadline, f"no {text!r} in {self._paths[1].read_text()!r}"
+            assert self.process.poll() is None, self.wait()
+            time.sleep(0.05)
+
     def wait(self, timeout=30.0):
         """Return what the program left behind once it has ended by itself."""
         exit_code = self.process.wait(timeout)

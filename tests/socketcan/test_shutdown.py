@@ -9,6 +9,7 @@ import pytest
 from hil_bench.cli.exit_codes import ExitCode
 
 NMT_START_ALL = "000#0100"
+BOOT_UP = 0x704
 POSITION = 0x184  # TPDO 1 of node 4, event timer 10 ms
 START_TIMEOUT = 50.0  # [s], as in conftest.py
 
@@ -50,12 +51,44 @@ def test_a_missing_interface_is_told_in_one_line(start):
     assert "vcan9" in ended.stderr
 
 
-def test_an_interface_that_goes_down_ends_the_run_in_one_line(start, own_channel):
+def set_link(channel, state):
+    subprocess.run(["ip", "link", "set", channel, state], check=True)
+
+
+def await_frame(bus, can_id):
+    """Wait for a frame with this identifier."""
+    while (message := bus.recv(timeout=START_TIMEOUT)) is not None:
+        if message.arbitration_id == can_id:
+            return
+    pytest.fail(f"no frame 0x{can_id:03X}")
+
+
+def test_an_interface_that_goes_down_and_up_is_outlasted(start, own_channel):
+    bench = start("hil-bench", "run", "-i", "socketcan", "-c", own_channel)
     with can.Bus(interface="socketcan", channel=own_channel) as bus:
-        bench = start("hil-bench", "run", "-i", "socketcan", "-c", own_channel)
-        assert bus.recv(timeout=START_TIMEOUT), "no boot-up"
-        subprocess.run(["ip", "link", "set", own_channel, "down"], check=True)
-        ended = bench.wait()
-    assert (ended.exit_code, ended.stderr.count("\n")) == (ExitCode.BUS, 1), ended
-    assert own_channel in ended.stderr
+        await_frame(bus, BOOT_UP)
+        bus.send(can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False))
+        await_frame(bus, POSITION)
+    set_link(own_channel, "down")
+    bench.wait_for_error("is down")
+    set_link(own_channel, "up")
+    with can.Bus(interface="socketcan", channel=own_channel) as bus:
+        await_frame(bus, POSITION)
+    ended = bench.stop()
+    assert ended.exit_code == ExitCode.INTERRUPTED, ended
+    down, up = ended.stderr.splitlines()
+    assert f"'ip link set {own_channel} up' starts it; the bench goes on without it" in down
+    assert up == f"hil-bench: socketcan {own_channel}: the interface is up again"
+    assert "1 times the interface went down" in ended.stdout
+
+
+def test_an_interface_that_is_down_at_the_end_is_a_lost_bus(start, own_channel):
+    bench = start("hil-bench", "run", "-i", "socketcan", "-c", own_channel)
+    with can.Bus(interface="socketcan", channel=own_channel) as bus:
+        await_frame(bus, BOOT_UP)
+    set_link(own_channel, "down")
+    bench.wait_for_error("is down")
+    ended = bench.stop()
+    assert ended.exit_code == ExitCode.BUS, ended
+    assert ended.stderr.splitlines()[-1].endswith("the interface was down at the end")
     assert "summary\nticks" in ended.stdout

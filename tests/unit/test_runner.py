@@ -133,6 +133,14 @@ def test_a_lost_bus_ends_the_run_and_is_reported():
     assert report.ticks.ticks == 3
 
 
+def test_an_interface_that_is_down_at_the_end_is_a_lost_bus():
+    transport = ScriptedTransport()
+    transport.counters = lambda: TransportCounters(outages=1, is_down=True)
+    report = run(transport, ticks=3)
+    assert report.ticks.ticks == 3
+    assert str(report.lost) == "scripted: the interface was down at the end"
+
+
 class TimedTransport(ScriptedTransport):
     """Brings each frame at its time; a wait lets time pass, and sending takes 20 us."""
 

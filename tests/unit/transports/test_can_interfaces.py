@@ -3,7 +3,9 @@
 import json
 import subprocess
 
-from hil_bench.transports.can_interfaces import CanInterface, bitrate_of, can_interfaces
+from hil_bench.transports.can_interfaces import CanInterface, bitrate_of, can_interfaces, is_up
+
+SIOCGIFFLAGS, SIOCGIFHWADDR = 0x8913, 0x8927  # linux/sockios.h
 
 # From `ip -json -details link show dev can0` (iproute2 6.1) on hardware.
 HARDWARE = [
@@ -17,12 +19,16 @@ HARDWARE = [
 ]
 
 
-def make_sysfs(tmp_path, **interfaces):
-    for name, (kind, flags) in interfaces.items():
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "type").write_text(f"{kind}\n")
-        (tmp_path / name / "flags").write_text(f"{flags}\n")
-    return tmp_path
+def make_interfaces(monkeypatch, **interfaces):
+    """Have the kernel tell of these: its type and its flags a name."""
+    place = "hil_bench.transports.can_interfaces."
+    monkeypatch.setattr(place + "socket.if_nameindex", lambda: list(enumerate(interfaces, 1)))
+    answers = {
+        (name, request): number
+        for name, numbers in interfaces.items()
+        for request, number in zip((SIOCGIFHWADDR, SIOCGIFFLAGS), numbers, strict=True)
+    }
+    monkeypatch.setattr(place + "_ask", lambda name, request: answers.get((name, request), 0))
 
 
 def answer_with(monkeypatch, stdout, returncode=0):
@@ -36,20 +42,26 @@ def answer_with(monkeypatch, stdout, returncode=0):
     monkeypatch.setattr("hil_bench.transports.can_interfaces.subprocess.run", run)
 
 
-def test_the_can_interfaces_are_those_of_the_kernels_type(tmp_path, monkeypatch):
+def test_the_can_interfaces_are_those_of_the_kernels_type(monkeypatch):
     monkeypatch.setattr("hil_bench.transports.can_interfaces.shutil.which", lambda _name: None)
     # 280 is ARPHRD_CAN, 1 Ethernet (linux/if_arp.h); bit 0 of the flags is IFF_UP (linux/if.h).
-    sysfs = make_sysfs(tmp_path, vcan1=(280, "0x40080"), eth0=(1, "0x1003"), vcan0=(280, "0x400c1"))
-    assert can_interfaces(sysfs) == [
+    make_interfaces(monkeypatch, vcan1=(280, 0x0080), eth0=(1, 0x1003), vcan0=(280, 0x00C1))
+    assert can_interfaces() == [
         CanInterface("vcan0", is_up=True),
         CanInterface("vcan1", is_up=False),
     ]
+    assert (is_up("vcan0"), is_up("vcan1"), is_up("vcan2")) == (True, False, False)
 
 
-def test_iproute2_knows_the_kind_and_the_bit_rate(tmp_path, monkeypatch):
+def test_the_kernel_is_asked():
+    assert is_up("lo")  # each Linux has it, and it is up
+    assert not is_up("no-such-name")
+
+
+def test_iproute2_knows_the_kind_and_the_bit_rate(monkeypatch):
     answer_with(monkeypatch, json.dumps(HARDWARE).encode())
-    sysfs = make_sysfs(tmp_path, can0=(280, "0x400c1"))
-    assert can_interfaces(sysfs) == [CanInterface("can0", is_up=True, kind="can", bitrate=500_000)]
+    make_interfaces(monkeypatch, can0=(280, 0x00C1))
+    assert can_interfaces() == [CanInterface("can0", is_up=True, kind="can", bitrate=500_000)]
     assert bitrate_of("can0") == 500_000
 
 

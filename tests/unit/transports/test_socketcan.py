@@ -242,7 +242,6 @@ def test_a_queue_that_is_full_for_a_moment_costs_nothing(code):
 
 
 LOST = [
-    (errno.ENETDOWN, "socketcan vcan7: bus lost: the interface is down; 'ip link set vcan7 up'"),
     (errno.ENODEV, "socketcan vcan7: bus lost: the interface is gone"),
     (errno.EIO, "socketcan vcan7: bus lost: Input/output error"),
 ]
@@ -262,6 +261,37 @@ def test_a_lost_bus_is_said_when_receiving(code, text):
     with pytest.raises(BusError) as caught:
         transport.receive(1)
     assert str(caught.value).startswith(text)
+
+
+@pytest.fixture
+def interface(monkeypatch):
+    """What the kernel says of the interface."""
+    state = {"is_up": False}
+    monkeypatch.setattr("hil_bench.transports.socketcan.is_up", lambda _name: state["is_up"])
+    return state
+
+
+def test_an_interface_that_goes_down_is_told_once_and_waited_for(interface, caplog):
+    down = [OSError(errno.ENETDOWN, "fake"), *[BlockingIOError()] * 60]
+    fake = FakeSocket(received=down, send_errors=[errno.ENETDOWN] * 2)
+    transport = SocketCanTransport(FakeBus(fake), "vcan7")
+    for _ in range(25):
+        assert transport.receive(1) == []
+    transport.send([Frame(1), Frame(2)])
+    transport.send([Frame(3)])
+    counters = transport.counters()
+    assert (counters.is_down, counters.outages, counters.send_failures) == (True, 1, 3)
+    interface["is_up"] = True
+    for _ in range(20):
+        transport.receive(1)
+    assert not transport.counters().is_down
+    # What was given up while it was down does not come late.
+    transport.send([Frame(4)])
+    assert fake.sent == [can_frame(4, 0)]
+    down, up = caplog.messages[-2:]
+    assert down.startswith("socketcan vcan7: the interface is down; 'ip link set vcan7 up' starts")
+    assert up == "socketcan vcan7: the interface is up again"
+    assert sum("is down" in message for message in caplog.messages) == 1
 
 
 def test_an_interface_that_is_down_is_refused_at_once():

@@ -3,16 +3,15 @@
 from binascii import crc_hqx
 
 from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, place
+from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.conformance.sdo_block_client import UNSUPPORTED, BlockDownload, BlockUpload
 from hil_bench.conformance.sdo_client import code_text, shown
 from hil_bench.conformance.sdo_download_checks import long_scratch, scratch, unchanged
-from hil_bench.conformance.sdo_upload_checks import long_object
 from hil_bench.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("SDO block transfer")
 
 _SPECIFIER, _BLOCK_SIZE, _SEQUENCE, _CRC = 0x05040001, 0x05040002, 0x05040003, 0x05040004
-_UNSUPPORTED = (0x05040001, 0x06010000)
 _LENGTH = (0x06070010, 0x06070012, 0x06070013)
 
 _DATA = bytes(number * 7 % 95 + 32 for number in range(100))
@@ -22,7 +21,7 @@ _DATA = bytes(number * 7 % 95 + 32 for number in range(100))
 @CHAPTER.check("7.2.4.3.13", "a block upload brings the same bytes, with the right CRC")
 def upload(dut: DeviceUnderTest) -> str:
     """Upload the longest object in the largest sub-blocks."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     data = client.run([127])
     _expect_same(dut, client, data)
     return f"{client.name}, {len(data)} bytes, {'with' if client.has_crc else 'without'} CRC"
@@ -31,21 +30,21 @@ def upload(dut: DeviceUnderTest) -> str:
 @CHAPTER.check("7.2.4.3.14", "the client may change the block size with each confirmation")
 def block_size_change(dut: DeviceUnderTest) -> None:
     """Upload in sub-blocks of one, two and three segments."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     _expect_same(dut, client, client.run([1, 2, 3, 127]))
 
 
 @CHAPTER.check("7.2.4.3.14", "segments that the client has missed are sent again")
 def lost_segments(dut: DeviceUnderTest) -> None:
     """Confirm nothing the first time, then one segment fewer than came."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     _expect_same(dut, client, client.run([127], lost=[127, 1]))
 
 
 @CHAPTER.check("7.2.4.3.13", "a block size of 0 or 128 aborts with 0504 0002h")
 def wrong_block_size(dut: DeviceUnderTest) -> None:
     """Begin two uploads with impossible sub-blocks."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     for size in (0, 128):
         dut.sdo.expect_abort(client.request(size), _BLOCK_SIZE)
 
@@ -53,7 +52,7 @@ def wrong_block_size(dut: DeviceUnderTest) -> None:
 @CHAPTER.check("7.2.4.3.14", "confirming a segment that was not sent aborts with 0504 0003h")
 def sequence_beyond(dut: DeviceUnderTest) -> None:
     """Confirm segment 127 of a sub-block of one."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     client.begin(1)
     client.sub_block(1)
     dut.sdo.expect_abort(bytes([0xA2, 127, 1, *bytes(5)]), _SEQUENCE)
@@ -62,7 +61,7 @@ def sequence_beyond(dut: DeviceUnderTest) -> None:
 @CHAPTER.check("7.2.4.3.17", "an abort ends a block upload without an answer")
 def upload_abort(dut: DeviceUnderTest) -> None:
     """Abort after the initiation, then ask for a start."""
-    client = _BlockUpload(dut)
+    client = BlockUpload(dut)
     dut.sdo.exchange(client.request(127))
     dut.sdo.expect_silence(dut.sdo.abort_request())
     dut.sdo.expect_abort(bytes([0xA3, *bytes(7)]), _SPECIFIER)
@@ -75,7 +74,7 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
     answer = dut.sdo.exchange(request)
     dut.sdo.abort()
     if answer[0] == 0x80:
-        dut.sdo.judge_abort(request, answer, _UNSUPPORTED)
+        dut.sdo.judge_abort(request, answer, UNSUPPORTED)
         raise NotApplicable("the device has no block upload")
     if answer[0] >> 5 != 6:
         raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
@@ -92,7 +91,7 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
 def download(dut: DeviceUnderTest) -> str:
     """Write a long object."""
     with long_scratch(dut) as variable:
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(len(_DATA))
         client.send_all(_DATA)
         client.end(_DATA)
@@ -104,7 +103,7 @@ def download(dut: DeviceUnderTest) -> str:
 def download_lost(dut: DeviceUnderTest) -> None:
     """Leave out the third segment of a sub-block once."""
     with long_scratch(dut) as variable:
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(len(_DATA))
         client.send_all(_DATA, leave_out=3)
         client.end(_DATA)
@@ -115,7 +114,7 @@ def download_lost(dut: DeviceUnderTest) -> None:
 def wrong_crc(dut: DeviceUnderTest) -> None:
     """Write a number with one bit of its CRC wrong."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         if not client.begin(variable.data_type.size):
             raise NotApplicable("the device takes no CRC")
         raw = bytes([7, *bytes(variable.data_type.size - 1)])
@@ -127,7 +126,7 @@ def wrong_crc(dut: DeviceUnderTest) -> None:
 def shorter_than_announced(dut: DeviceUnderTest) -> str:
     """End a block download one byte short; the object keeps its value."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(variable.data_type.size)
         raw = bytes(variable.data_type.size - 1)
         client.send_all(raw)
@@ -140,7 +139,7 @@ def shorter_than_announced(dut: DeviceUnderTest) -> str:
 def segment_zero(dut: DeviceUnderTest) -> None:
     """Send a segment without a number."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(variable.data_type.size)
         request = bytes(8)
         dut.sdo.send(request)
@@ -153,192 +152,14 @@ def segment_zero(dut: DeviceUnderTest) -> None:
 def download_abort(dut: DeviceUnderTest) -> None:
     """Abort after the last segment."""
     with scratch(dut) as variable, unchanged(dut, variable):
-        client = _BlockDownload(dut, (variable.index, variable.subindex))
+        client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(variable.data_type.size)
         raw = b"\x07".ljust(variable.data_type.size, b"\0")
         client.send_all(raw)
         dut.sdo.expect_silence(dut.sdo.abort_request())
 
 
-class _BlockUpload:
-    """The client side of a block upload of the longest object.
-
-    Raises:
-        NotApplicable: the device has no block upload, or nothing to upload.
-    """
-
-    def __init__(self, dut: DeviceUnderTest) -> None:
-        self._dut = dut
-        self.key = 0x1000, 0
-        answer = dut.sdo.exchange(self.request(127))
-        dut.sdo.abort()
-        if answer[0] == 0x80:
-            dut.sdo.judge_abort(self.request(127), answer, _UNSUPPORTED)
-            raise NotApplicable("the device has no block upload")
-        if answer[0] >> 5 == 2:
-            raise NotApplicable("the device answers a block upload by a plain one")
-        self.key = long_object(dut)[:2]
-        self.name = place(*self.key)
-        self.has_crc = False
-        self.size: int | None = None
-
-    def request(self, block_size: int) -> bytes:
-        """Return the first request; a client that can check CRCs, no threshold."""
-        index, subindex = self.key
-        return bytes([0xA4, index & 0xFF, index >> 8, subindex, block_size, 0, 0, 0])
-
-    def begin(self, block_size: int) -> None:
-        """Initiate and start.
-
-        Raises:
-            Deviation: the answer is none of a block upload.
-        """
-        request = self.request(block_size)
-        answer = self._dut.sdo.exchange(request)
-        if answer[0] & 0xF9 != 0xC0 or answer[1:4] != request[1:4]:
-            raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
-        self.has_crc = bool(answer[0] & 4)
-        self.size = int.from_bytes(answer[4:], "little") if answer[0] & 2 else None
-        self._dut.sdo.send(bytes([0xA3, *bytes(7)]))
-
-    def run(self, block_sizes: list[int], lost: list[int] | None = None) -> bytes:
-        """Return the data of a whole upload.
-
-        Args:
-            block_sizes: of one sub-block after the other; the last goes on.
-            lost: how many segments of each of the first sub-blocks are not confirmed.
-        """
-        sizes, missing = list(block_sizes), list(lost or ())
-        self.begin(sizes[0])
-        data = bytearray()
-        is_over = False
-        while not is_over:
-            segments, is_over = self.sub_block(sizes.pop(0) if len(sizes) > 1 else sizes[0])
-            if missing and (drop := min(missing.pop(0), len(segments))):
-                del segments[-drop:]
-                is_over = False
-            data += b"".join(segments)
-            self._dut.sdo.send(bytes([0xA2, len(segments), sizes[0], *bytes(5)]))
-        return self._finish(data)
-
-    def sub_block(self, block_size: int) -> tuple[list[bytes], bool]:
-        """Return the segments of a sub-block, and whether the last one of all was among them.
-
-        Raises:
-            Deviation: a segment is missing, or has a wrong number.
-        """
-        segments: list[bytes] = []
-        for number in range(1, block_size + 1):
-            segment = self._dut.sdo.answer()
-            if segment is None or len(segment) != 8:
-                raise Deviation(f"segment {number} of a sub-block of {block_size} did not come")
-            if segment[0] & 0x7F != number:
-                raise Deviation(f"segment {shown(segment)}; number {number} is right")
-            segments.append(segment[1:])
-            if segment[0] & 0x80:
-                return segments, True
-        return segments, False
-
-    def _finish(self, data: bytearray) -> bytes:
-        answer = self._dut.sdo.answer()
-        if answer is None or answer[0] & 0xE3 != 0xC1:
-            raise Deviation(f"end {shown(answer or b'')}; C1 ... is right")
-        whole = bytes(data[: len(data) - (answer[0] >> 2 & 7)])
-        crc = int.from_bytes(answer[1:3], "little")
-        self._dut.sdo.send(bytes([0xA1, *bytes(7)]))
-        if self.has_crc and crc != crc_hqx(whole, 0):
-            raise Deviation(f"CRC {crc:04X}h; {crc_hqx(whole, 0):04X}h is right (7.2.4.3.16)")
-        if self.size is not None and self.size != len(whole):
-            raise Deviation(f"{self.size} bytes announced, {len(whole)} came")
-        return whole
-
-
-class _BlockDownload:
-    """The client side of a block download.
-
-    Attributes:
-        name: the object.
-        block_size: segments that the device takes in a sub-block at present.
-    """
-
-    def __init__(self, dut: DeviceUnderTest, key: tuple[int, int]) -> None:
-        self.name = place(*key)
-        self.block_size = 0
-        self._dut = dut
-        self._key = key
-
-    def begin(self, size: int) -> bool:
-        """Initiate; return whether the device checks the CRC.
-
-        Raises:
-            NotApplicable: the device has no block download.
-            Deviation: the answer is wrong.
-        """
-        index, subindex = self._key
-        request = bytes([0xC6, index & 0xFF, index >> 8, subindex]) + size.to_bytes(4, "little")
-        answer = self._dut.sdo.exchange(request)
-        if answer[0] == 0x80:
-            self._dut.sdo.judge_abort(request, answer, _UNSUPPORTED)
-            raise NotApplicable("the device has no block download")
-        if answer[0] & 0xFB != 0xA0 or answer[1:4] != request[1:4] or not 1 <= answer[4] <= 127:
-            raise Deviation(f"{shown(request)}: answer {shown(answer)}; A4 or A0 ... is right")
-        self.block_size = answer[4]
-        return bool(answer[0] & 4)
-
-    def send_all(self, data: bytes, *, leave_out: int = 0) -> None:
-        """Send all segments, sub-block by sub-block.
-
-        Args:
-            data: the bytes.
-            leave_out: number of the segment that gets lost the first time, 0 for none.
-        """
-        chunks = [data[start : start + 7].ljust(7, b"\0") for start in range(0, len(data), 7)]
-        done = 0
-        while done < len(chunks):
-            sent = chunks[done : done + self.block_size]
-            for number, chunk in enumerate(sent, start=1):
-                is_last = done + number == len(chunks)
-                if number != leave_out:
-                    self._dut.sdo.send(bytes([number | is_last << 7]) + chunk)
-            done += self._confirmed(leave_out - 1 if 0 < leave_out <= len(sent) else len(sent))
-            leave_out = 0
-
-    def end(self, data: bytes) -> None:
-        """End with the right CRC.
-
-        Raises:
-            Deviation: the answer is wrong.
-        """
-        answer = self._dut.sdo.exchange(self.end_request(data, crc_hqx(data, 0)))
-        if answer[0] != 0xA1:
-            raise Deviation(f"end of the download: answer {shown(answer)}; A1 is right")
-
-    def end_request(self, data: bytes, crc: int) -> bytes:
-        """Return the last request."""
-        unused = -len(data) % 7
-        return bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)
-
-    def expect_value(self, right: bytes) -> None:
-        """Judge what the object holds.
-
-        Raises:
-            Deviation: something else.
-        """
-        if self._dut.sdo.upload(*self._key) != right:
-            raise Deviation(f"{self.name}: other bytes are read than were written")
-
-    def _confirmed(self, right: int) -> int:
-        # Half a transfer's time-out may pass until a device misses the end of a sub-block.
-        answer = self._dut.sdo.answer(timeout=2.0 + self._dut.patience)
-        if answer is None or answer[0] != 0xA2 or not 1 <= answer[2] <= 127:
-            raise Deviation(f"confirmation {shown(answer or b'')}; A2 ... is right")
-        if answer[1] != right:
-            raise Deviation(f"segment {answer[1]} is confirmed; {right} is right")
-        self.block_size = answer[2]
-        return right
-
-
-def _expect_same(dut: DeviceUnderTest, client: _BlockUpload, data: bytes) -> None:
+def _expect_same(dut: DeviceUnderTest, client: BlockUpload, data: bytes) -> None:
     plain = dut.sdo.upload(*client.key)
     if data != plain:
         raise Deviation(f"{client.name}: {len(data)} bytes, other than by a plain upload")

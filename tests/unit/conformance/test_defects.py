@@ -266,17 +266,17 @@ SAYS = {
     "mapping what is not there": (
         aborts_with(0x06040041, abort_codes.NO_OBJECT),
         "7.2.4.3.17",
-        "PDO parameters and mapping",
+        "PDO mapping",
     ),
     "not mappable as no object": (
         aborts_with(0x06020000, abort_codes.NOT_MAPPABLE),
         "7.2.4.3.17",
-        "PDO parameters and mapping",
+        "PDO mapping",
     ),
     "identifier of a valid PDO taken": (
         confirms(0x60, 0x1400),
         "7.5.2.35",
-        "PDO parameters and mapping",
+        "PDO parameters",
     ),
     "SYNC without counter": (altered(0x080, lambda _: b""), "7.2.5.3.1", "SYNC and TIME"),
     "slow SYNC": (every_second(0x080), "7.5.2.6", "SYNC and TIME"),
@@ -331,6 +331,11 @@ HEARS = {
         lambda f: [f._replace(data=b"\x80\x05")] if f.data == b"\x82\x05" else [f],
         "7.2.8.3.3",
         "NMT",
+    ),
+    "puts a dummy entry into an object": (
+        lambda f: [f._replace(data=f.data[1:] + b"\0")] if f.data[:1] == b"\xff" else [f],
+        "7.5.2.36",
+        "PDO mapping",
     ),
     "forgets what it stores": (
         lambda f: (

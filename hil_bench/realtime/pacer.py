@@ -26,7 +26,7 @@ class Pacer:
     the time. Only a loop that is further behind than `backlog` (a suspended process) leaves
     periods out: whole ones, so that the phase stays. With `OverrunPolicy.SKIP` every loop does that
     which is a period behind; with `OverrunPolicy.STOP` a tick that took too long is an error, but
-    for the first `START_UP` ticks.
+    for the first `START_UP` ticks. What is left out counts as lateness of the tick that is run.
 
     Args:
         clock: the clock to wait on.
@@ -64,6 +64,7 @@ class Pacer:
         self._backlog = 0 if overrun is OverrunPolicy.SKIP else backlog
         self._stops = overrun is OverrunPolicy.STOP
         self._next: int | None = None
+        self._delay = 0
         self._started = 0
 
     def wait(self) -> int:
@@ -73,8 +74,9 @@ class Pacer:
         if now < scheduled:
             self._clock.sleep_until(scheduled)
             now = self._clock.now()
-        if now - scheduled > self._backlog:
-            scheduled += self._skip(now - scheduled)
+        self._delay = now - scheduled
+        if self._delay > self._backlog:
+            scheduled += self._skip(self._delay)
         self._next = scheduled + self.period
         self.lateness = now - scheduled
         self._started = now
@@ -92,7 +94,7 @@ class Pacer:
         """
         now = self._clock.now()
         statistics = self.statistics
-        statistics.lateness.record(self.lateness)
+        statistics.lateness.record(self._delay)
         statistics.work.record(now - self._started)
         if self._next is not None and now > self._next:
             statistics.overruns += 1

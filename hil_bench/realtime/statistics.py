@@ -54,7 +54,7 @@ class TickSummary:
         ticks: ticks that were run.
         overruns: ticks whose work ended after the next tick's time.
         skipped: periods that were left out because the loop was too far behind.
-        lateness: from the scheduled time of a tick to its start.
+        lateness: from when a tick, or what was left out before it, was due, to its start.
         work: from the start of a tick to its end.
     """
 
@@ -147,7 +147,7 @@ class TickStatistics:
             as an argument of its `multiprocessing.Process`.
 
     Attributes:
-        lateness: from the scheduled time of a tick to its start.
+        lateness: from when a tick, or what was left out before it, was due, to its start.
         work: from the start of a tick to its end.
     """
 

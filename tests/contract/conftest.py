@@ -39,6 +39,10 @@ commands = true
 [modbus.units.pressure_a]
 [modbus.units.pressure_b]
 [modbus.units.position]
+[modbus.units.swapped]
+node = "pressure_a"
+unit_id = 12
+word_order = "little"
 """
 
 

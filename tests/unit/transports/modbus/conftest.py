@@ -60,3 +60,9 @@ class Rig:
 @pytest.fixture
 def rig():
     return Rig()
+
+
+@pytest.fixture(scope="session")
+def make_rig():
+    """Makes a new one for each example of a property."""
+    return Rig

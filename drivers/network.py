@@ -131,6 +131,10 @@ class Network:
         self.nodes[node_id] = node
         return node
 
+    def deliver(self, message: can.Message) -> None:
+        """Takes a frame as if it had just come on the bus: one that somebody else overheard."""
+        self._dispatch(message)
+
     def subscribe(self, cob_id: int, handler: Handler) -> None:
         """Has a handler told each frame with this COB-ID; more than one may listen."""
         handlers = self._handlers.get(cob_id, ())

@@ -29,6 +29,7 @@ VERBS = {
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",
+    "shadow": "run the plant beside a machine on its commands, and show what differs",
     "devices": "print the device table: node-IDs, profiles, PDOs",
     "registers": "print the register maps of the Modbus units",
 }

@@ -123,6 +123,13 @@ class FullOrderPlant:
         row, place = self._supply
         row[place] = pressure
 
+    def restart(self, state: PlantState) -> None:
+        """Go on from another state; what the extensions hold stays."""
+        _check_state(state, self.parameters, self.options)
+        for number, value in enumerate(state):
+            self._state[number] = value
+        self._output = self._advance_by(state.nu, 0.0, 0)
+
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.
 

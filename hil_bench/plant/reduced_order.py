@@ -114,6 +114,18 @@ class ReducedOrderPlant:
         require_finite("supply_pressure", pressure, "Pa")
         change_supply(self._constants, pressure)
 
+    def restart(self, state: PlantState) -> None:
+        """Go on from another state: its x, v and P_A - P_B, eq. (15) does the rest."""
+        P_S, floor = self.parameters.P_S, self.options.cavitation_floor
+        P_L = state.P_A - state.P_B
+        if floor is not None:
+            P_L = math.copysign(min(abs(P_L), P_S - 2.0 * floor), P_L)
+        balanced = state._replace(P_A=0.5 * (P_S + P_L), P_B=0.5 * (P_S - P_L), nu_dot=0.0)
+        _check_state(balanced, self.parameters, self.options)
+        self._state[0], self._state[1], self._state[2] = state.x, state.v, P_L
+        self._nu = state.nu
+        self._output = self._advance_by(self._nu, 0.0, 0)
+
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.
 

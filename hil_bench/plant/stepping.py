@@ -51,6 +51,9 @@ class Plant(Protocol):
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
 
+    def restart(self, state: PlantState) -> None:
+        """Go on from another state."""
+
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then."""
 

@@ -47,13 +47,13 @@ class Decoder:
     """
 
     def __init__(self, config: BenchConfig) -> None:
-        bench = VirtualBench(config, recorded_time=0.1, logged_frames=1)
         self._time = 0.0
-        # Bench time stands still once all is set up; from then on, the frames' time counts.
-        self._network = Network(bench.bus, clock=lambda: bench.now() + self._time)
-        self.readings = [
-            reading for node in config.nodes if node.axis for reading in self._readings(node)
-        ]
+        with VirtualBench(config, recorded_time=0.1, logged_frames=1) as bench:
+            # Bench time stands still once all is set up; from then on, the frames' time counts.
+            self._network = Network(bench.bus, clock=lambda: bench.now() + self._time)
+            self.readings = [
+                reading for node in config.nodes if node.axis for reading in self._readings(node)
+            ]
         self._seen = {reading: -float("inf") for reading in self.readings}
 
     def take(self, message: can.Message, time: float) -> list[Reading]:

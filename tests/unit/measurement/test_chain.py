@@ -94,8 +94,8 @@ def test_beyond_its_range_a_chain_saturates():
 
 def test_beyond_its_range_a_chain_may_have_no_value():
     unit = chain(range=(-1.0, 2.0), over_range=OverRange.INVALID)
-    values = measure(unit, [-5.0, 0.5, 2.0, 2.1, 1.0])
-    assert [math.isnan(value) for value in values] == [True, False, False, True, False]
+    values = measure(unit, [-5.0, 0.5, 2.0, 2.1, 1.0, -1.0])
+    assert [math.isnan(value) for value in values] == [True, False, False, True, False, False]
     assert values[4] == 1.0  # nothing of it stays
 
 

@@ -66,6 +66,12 @@ def test_shaped_noise_of_first_order_has_variance_and_correlation_of_the_low_pas
     )
 
 
+def test_shaped_noise_of_first_order_begins_as_it_goes_on():
+    """The first value has the RMS of all: it is that many times the first number drawn."""
+    noise = FirstOrderNoise(0.02, 100.0, PERIOD, scripted(2.0))
+    assert noise._value == pytest.approx(2.0 * 0.02 * math.sqrt(math.pi / 2.0 * 100.0))
+
+
 def scripted(*numbers):
     rest = list(numbers)
     return lambda: rest.pop(0)

@@ -1,12 +1,15 @@
 """When faults begin and end."""
 
-from typing import TypedDict
+from collections import deque
+from typing import NamedTuple, TypedDict
 
 from hil_bench.faults.checks import to_ns
 from hil_bench.faults.fault import Effect, Fault
 from hil_bench.faults.kinds import FaultKind
 
 NEVER = 1 << 63
+
+_KEPT_EVENTS = 1000
 
 
 class When(TypedDict, total=False):
@@ -21,15 +24,33 @@ class When(TypedDict, total=False):
     duration: float | None
 
 
+class FaultEvent(NamedTuple):
+    """A fault began or ended.
+
+    Attributes:
+        time: bench time [ns].
+        kind: of the fault.
+        target: of the fault.
+        is_begin: whether it began.
+    """
+
+    time: int
+    kind: FaultKind
+    target: str
+    is_begin: bool
+
+
 class FaultSchedule:
-    """The faults that are there or are to come; past ones are forgotten.
+    """The faults that are there or are to come; past ones are in `events` only.
 
     Attributes:
         due: when `advance` has something to do [ns].
+        events: what began and ended last, oldest first.
     """
 
     def __init__(self) -> None:
         self.due = NEVER
+        self.events: deque[FaultEvent] = deque(maxlen=_KEPT_EVENTS)
         self._origin = self._now = 0
         self._faults: list[Fault] = []
 
@@ -82,12 +103,15 @@ class FaultSchedule:
             fault.begins = time
         fault.effect.begin(self._now)
         fault.is_active = True
+        self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=True))
 
     def _end(self, fault: Fault) -> None:
         self._faults.remove(fault)
         if fault.is_active:
             fault.is_active = False
             fault.effect.end(self._now)
+            time = self._now - self._origin
+            self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=False))
 
     def _set_due(self) -> None:
         times = [fault.ends if fault.is_active else fault.begins or 0 for fault in self._faults]

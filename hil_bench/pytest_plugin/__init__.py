@@ -105,6 +105,8 @@ def pytest_runtest_makereport(
         return report
     if call.when == "call" and report.failed:
         report.sections.append((f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench)))
+        if bench.faults.events:
+            report.sections.append(("faults", _fault_events(bench.faults)))
         if bus := item.stash.get(_FIRMWARE_BUS, None):
             report.sections.append(("firmware", bus.report()))
         _attach_files(item, bench, report)
@@ -314,6 +316,14 @@ def _start(network: "Network", driver: "Device", node_id: int) -> None:
     """Bring a device to OPERATIONAL and wait for its first values."""
     network.start_node(node_id)
     network.wait_until(lambda: driver.age < 1.0, 1.0, f"{driver.node}: first values")
+
+
+def _fault_events(faults: "Faults") -> str:
+    """Return which faults began and ended when."""
+    return "\n".join(
+        f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
+        for time, kind, target, is_begin in faults.events
+    )
 
 
 def _trace(bench: "VirtualBench") -> str:

@@ -158,6 +158,18 @@ def test_impossible_times_are_refused(schedule, when):
     assert schedule.due == NEVER
 
 
+def test_what_began_and_ended_is_kept(schedule):
+    add(schedule, at=0.001, duration=0.002)
+    _, other = add(schedule, at=0.002)
+    schedule.start(1000 * MS)
+    run(schedule, 1001, 1002, 1003)
+    other.clear()
+    assert [(time // MS, is_begin) for time, _, _, is_begin in schedule.events] == [
+        *((1, True), (2, True), (3, False), (3, False))
+    ]
+    assert {event[1:3] for event in schedule.events} == {(FaultKind.FREEZE, "sensor")}
+
+
 def test_a_fault_says_what_it_is(schedule):
     _, fault = add(schedule)
     assert repr(fault) == "<Fault freeze sensor, not active>"

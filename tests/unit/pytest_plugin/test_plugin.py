@@ -115,6 +115,20 @@ def test_a_bus_that_broke_is_told_once(pytester):
     result.stdout.fnmatch_lines(["*the bench's bus broke before: *none_such*"])
 
 
+def test_a_failed_test_shows_its_faults(pytester):
+    pytester.makepyfile(
+        "def test_fails(bench, faults):\n"
+        "    with faults.freeze('pressure_a', duration=0.01):\n"
+        "        bench.run(0.02)\n"
+        "        assert False\n"
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["*- faults -*", "(0.001000) freeze pressure_a begins", "(0.011000) freeze pressure_a ends"]
+    )
+
+
 def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):
     pytester.makepyfile(
         "import pytest\n@pytest.mark.hil_hardware\ndef test_it():\n    assert False"

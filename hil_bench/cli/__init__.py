@@ -26,6 +26,7 @@ VERBS = {
     "analyse": "the paper's analyses, of Table I or of your bench: numbers, tables, figures",
     "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
     "plot": "draw a recording",
+    "commission": "take an axis into operation step by step: report and recording",
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",

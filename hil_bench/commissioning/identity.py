@@ -77,7 +77,9 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.2) -> N
         sighting: of the node.
         timeout: longest wait for each answer [s]; the first that is missing ends the reading.
     """
-    node = network.add_node(sighting.node_id, sdo_timeout=timeout)
+    node = network.nodes.get(sighting.node_id)
+    if node is None:
+        node = network.add_node(sighting.node_id, sdo_timeout=timeout)
     facts: dict[str, object] = {}
     try:
         for name, read in _READERS.items():

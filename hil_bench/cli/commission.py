@@ -1,0 +1,202 @@
+"""`hil-bench commission`: a plan's steps on an axis, its report and its recording."""
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from platform import python_version
+
+from drivers import DriverError
+from hil_bench import __version__
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.commissioning.measures import StepResult
+from hil_bench.commissioning.plan import CommissioningPlan, Step, load_plan
+from hil_bench.commissioning.report import ReportHead, verdict_of, write_report
+from hil_bench.commissioning.session import CHANNELS, Commissioning, Console, commission
+from hil_bench.config import BenchConfig, load_config
+from hil_bench.errors import BusError, ConfigError
+from hil_bench.recording.formats import Heading
+from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.recording.network_tap import NetworkTap
+from hil_bench.recording.recorder import RecordingPlan
+from hil_bench.recording.recorder_process import RecorderProcess
+
+_EXAMPLES = """\
+examples:
+  hil-bench commission examples/commissioning.toml --virtual
+  hil-bench commission plan.toml bench.toml -i socketcan -c can0
+  hil-bench commission plan.toml bench.toml --virtual --machine other.toml    a dry run on a
+                                                       virtual machine that differs from bench.toml
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "commission",
+        description="Take an axis into operation step by step, on a machine or on the virtual\n"
+        "bench: communication, sensors, direction, dead band, ramp, steps, frequency response,\n"
+        "leakage. A step that leaves a limit closes the valve at once. Leaves a report and a\n"
+        "recording.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("plan", type=Path, metavar="PLAN.toml", help="steps, limits, what is right")
+    add_bench_arguments(parser)
+    add_virtual_argument(parser)
+    parser.add_argument(
+        "--machine",
+        metavar="FILE",
+        help="with --virtual: the bench.toml of the machine, where it differs from the data sheet",
+    )
+    parser.add_argument(
+        "--yes", action="store_true", help="move without asking; --virtual never asks"
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("hil-bench-commissioning"),
+        metavar="DIR",
+        help="where report and recording go (hil-bench-commissioning)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the plan, write report and recording, print the verdicts.
+
+    Raises:
+        ConfigError: --machine without --virtual, or the output directory cannot be made.
+    """
+    if args.machine and not args.virtual:
+        raise ConfigError("--machine: is a virtual one; give --virtual too")
+    plan = load_plan(args.plan)
+    if args.config is None and plan.bench is not None:
+        args.config = str(plan.bench)
+    config = load_bench_config(args)
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--output {args.output}: cannot be made: {error.strerror}") from None
+    machine = load_config(args.machine, seed=args.seed) if args.machine else config
+    started = datetime.now(UTC)
+    with open_network(args, machine) as opened:
+        found = _commission(args, opened, config, plan)
+    head = _head(args, opened, config, started)
+    paths = write_report(args.output, found, head)
+    for finding in found.findings:
+        print(f"found     {finding.name}: {finding.evidence}; {finding.mend}")
+    print(f"verdict   {verdict_of(found)}")
+    print(f"report    {paths[0]}, {paths[1]}")
+    print(f"recording {_recording_path(args)}")
+    return ExitCode.DONE if found.passed else ExitCode.CHECK_FAILED
+
+
+def _commission(
+    args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, plan: CommissioningPlan
+) -> Commissioning:
+    """Run the plan while all is recorded.
+
+    Raises:
+        BusError: the bus cannot be used.
+    """
+    console = Console(
+        confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
+        begin=lambda step: None if args.quiet else _print_begin(step),
+        end=lambda result: None if args.quiet else _print_end(result),
+    )
+    with _recording(args, opened) as recording:
+        try:
+            return commission(opened.network, config, plan, console=console, recording=recording)
+        except DriverError as error:
+            raise BusError(str(error)) from error
+
+
+@contextlib.contextmanager
+def _recording(args: argparse.Namespace, opened: OpenNetwork) -> Iterator[RecordingSink]:
+    """Record samples and frames: in virtual time here, else by another process.
+
+    Yields:
+        What takes the samples.
+    """
+    is_virtual = opened.virtual is not None
+    started = None if is_virtual else datetime.now(UTC)
+    heading = Heading(f"hil-bench {__version__}, commissioning by {args.plan}", started)
+    plan = RecordingPlan((_recording_path(args),), CHANNELS, heading=heading)
+    recording = InlineRecorder(plan) if is_virtual else RecorderProcess(plan)
+    recording.start()
+    opened.network.observe = NetworkTap(recording, opened.network.now).observe
+    try:
+        yield recording
+    finally:
+        opened.network.observe = None
+        recording.stop()
+
+
+def _recording_path(args: argparse.Namespace) -> Path:
+    path: Path = args.output / "commissioning.mf4"
+    return path
+
+
+def _confirmed(opened: OpenNetwork, plan: CommissioningPlan) -> bool:
+    """Ask before the first motion.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    print(f"The axis on {opened.description} is going to move:", file=sys.stderr)
+    for step in plan.steps:
+        if step.kind.moves:
+            print(f"  {step.kind}: {_limits_text(step)}", file=sys.stderr)
+    if not sys.stdin.isatty():
+        raise ConfigError(
+            "nobody to ask before motion, for this is no terminal; --yes moves unasked"
+        )
+    answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
+    return answer.strip().lower() == "yes"
+
+
+def _limits_text(step: Step) -> str:
+    limits = step.limits
+    low, high = (1e3 * bound for bound in limits.position)
+    lowest, highest = (1e-5 * bound for bound in limits.pressure)
+    return (
+        f"position {low:g} to {high:g} mm, speed to {1e3 * limits.speed:g} mm/s, "
+        f"pressure {lowest:g} to {highest:g} bar, time to {limits.time:g} s"
+    )
+
+
+def _print_begin(step: Step) -> None:
+    print(f"{step.kind:14}", end="", flush=True)
+
+
+def _print_end(result: StepResult) -> None:
+    wrong = [
+        f"{measure.name} {measure.text()} ({measure.range_text()} is right)"
+        for measure in result.measures
+        if not measure.is_right
+    ]
+    text = "; ".join(filter(None, [result.problem, *wrong]))
+    print(f"{result.verdict:8} {text}".rstrip(), flush=True)
+
+
+def _head(
+    args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, started: datetime
+) -> ReportHead:
+    return ReportHead(
+        "Commissioning report",
+        {
+            "date": f"{started:%Y-%m-%d %H:%M:%S} UTC",
+            "plan": str(args.plan),
+            "data sheet": str(config.path or "built-in bench"),
+            "bus": opened.description + (f" ({args.machine})" if args.machine else ""),
+            "versions": f"hil-bench {__version__}, python-can {version('python-can')}, "
+            f"canopen {version('canopen')}, Python {python_version()}",
+            "recording": _recording_path(args).name,
+        },
+    )

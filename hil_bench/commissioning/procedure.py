@@ -1,0 +1,115 @@
+"""What every step of a commissioning has at hand, and the first of them."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from drivers import Network
+from hil_bench.commissioning.comparison import Mend, compare
+from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdict
+from hil_bench.commissioning.members import Members
+from hil_bench.commissioning.plan import Step, expected_speed
+from hil_bench.commissioning.rig import Rig
+from hil_bench.config import AxisConfig, BenchConfig
+from hil_bench.plant import PlantParameters
+from hil_bench.recording.channels import Recording
+
+APPROACH_TIME = 15.0
+"""Longest time to a starting position [s]."""
+
+REST = 0.3
+"""Time with the valve closed between two motions [s]."""
+
+_APPROACH_SPEED = 0.05
+_APPROACH_GAIN = 4.0
+_NEAR_ENOUGH = 2e-3
+
+
+@dataclass
+class Procedure:
+    """What the steps share.
+
+    Attributes:
+        network: of the drivers.
+        config: the bench as it should be.
+        axis: the axis, with its data sheet.
+        members: its nodes.
+        rig: the drivers in step.
+        dead_zone: spool position at which the valve opens, by the data sheet or as measured [-].
+        creep: what is added to it while the piston does not move [-].
+    """
+
+    network: Network
+    config: BenchConfig
+    axis: AxisConfig
+    members: Members
+    rig: Rig
+    dead_zone: float = math.nan
+    creep: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.dead_zone):
+            self.dead_zone = self.parameters.beta / self.parameters.full_opening
+
+    @property
+    def parameters(self) -> PlantParameters:
+        """The data sheet of the axis."""
+        return self.axis.parameters
+
+    def go_to(self, target: float) -> None:
+        """Bring the piston slowly to a position [m]."""
+        full_speed = expected_speed(1.0, self.parameters)
+        self.creep = 0.0
+
+        def approach(distance: float) -> float:
+            if abs(distance) < _NEAR_ENOUGH:
+                return 0.0
+            speed = min(_APPROACH_GAIN * abs(distance), _APPROACH_SPEED)
+            # Grows until it moves, wherever the dead band really ends.
+            self.creep = min(self.creep + 1e-4, 0.3) if distance else 0.0
+            opening = self.dead_zone + speed / full_speed * (1.0 - self.dead_zone)
+            return math.copysign(min(opening + 0.2 * self.creep, 0.9), distance)
+
+        self.rig.move_to(target, approach, timeout=APPROACH_TIME)
+
+    def force(self, trace: Recording) -> Any:  # noqa: ANN401 - a column of a structured array
+        """Return the piston's force by its pressures, P_A A_A - P_B A_B [N]."""
+        return trace["P_A"] * self.parameters.A_A - trace["P_B"] * self.parameters.A_B
+
+
+def communication(procedure: Procedure, step: Step) -> StepResult:
+    """Compare the nodes with bench and EDS files, and set them up.
+
+    Raises nothing of its own: a device that cannot be set up raises a `DriverError`.
+    """
+    result = StepResult(step.kind)
+    names = {node.node_id: node for node in procedure.members}
+    differences = [
+        difference
+        for difference in compare(procedure.network, procedure.config)
+        if difference.node_id in names
+    ]
+    foreign = [difference for difference in differences if difference.mend is Mend.NODE]
+    result.findings += [_identity_finding(difference.what) for difference in foreign]
+    result.measures.append(Measure("nodes as configured", float(4 - len(foreign)), "nodes", low=4))
+    result.measures.append(
+        Measure("settings that differ from the EDS", float(len(differences) - len(foreign)), "")
+    )
+    if foreign:
+        result.verdict = Verdict.STOPPED
+        result.problem = "a node is not the one that its EDS describes; nothing was moved"
+        return result
+    procedure.rig.set_up()
+    return result
+
+
+def _identity_finding(what: str) -> Finding:
+    mend = "look at the device, or take the EDS that belongs to it: hil-bench scan"
+    if "cannot read" in what:
+        return Finding("node not usable", what, mend)
+    if "0x1018.03" in what:
+        return Finding("wrong EDS revision", what, mend)
+    if "0x1018" in what or "0x1000" in what:
+        return Finding("another device", what, mend)
+    name = "node missing" if "does not answer" in what else "node not usable"
+    return Finding(name, what, mend)

@@ -1,0 +1,283 @@
+"""The axis under commission, from the drivers' side: sampled, guarded, recorded.
+
+Each cycle sends a SYNC, waits for the values of all devices, checks them against the limits of the
+step, and only then commands the valve. Leaving a limit, a value that does not come, a device that
+reboots or a fault of the valve closes the valve before anything else happens.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers import (
+    DriverError,
+    Network,
+    PositionSensor,
+    PressureSensor,
+    ProportionalValve,
+)
+from hil_bench.commissioning.measures import SAMPLE_CHANNELS
+from hil_bench.commissioning.members import Members
+from hil_bench.commissioning.plan import Limits
+from hil_bench.errors import HilBenchError
+from hil_bench.recording.channels import TIME, Recording, recording_dtype
+from hil_bench.recording.inline_recorder import RecordingSink
+
+logger = logging.getLogger(__name__)
+
+CONTROLLER_ID = 127
+"""Node-ID under which we send our heartbeat, which the valve watches."""
+
+HEARTBEAT_PERIOD = 0.05
+"""Time between two of our heartbeats [s]."""
+
+COMMAND_TIMEOUT = 0.1
+"""Time without command after which the valve closes by itself [s]."""
+
+ANSWER_TIMEOUT = 0.1
+"""Longest wait for the answer to a SYNC [s]."""
+
+
+class LimitError(HilBenchError):
+    """A step left one of its limits, and the valve was closed."""
+
+
+class Sample(NamedTuple):
+    """What the drivers told at one moment; the fields of `SAMPLE_CHANNELS`, in SI units."""
+
+    time: float
+    position: float
+    speed: float
+    pressure_a: float
+    pressure_b: float
+    spool_setpoint: float
+    spool_position: float
+
+
+class Rig:
+    """The drivers of one axis, sampled in step.
+
+    Args:
+        network: the network that they are on.
+        members: the nodes of the axis.
+        period: between two samples [s].
+        recording: takes each sample and the step's number; None for nobody.
+
+    Attributes:
+        valve: its driver.
+        period: as passed in.
+        missed: cycles in which not every device answered in time.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        members: Members,
+        *,
+        period: float,
+        recording: RecordingSink | None = None,
+    ) -> None:
+        self._network = network
+        self._recording = recording
+        self.period = period
+        self.missed = 0
+        self._members = members
+        node = members.valve
+        self.valve = ProportionalValve(network, node.node_id, node.eds)
+        self._position = PositionSensor(network, members.position.node_id, members.position.eds)
+        self._pressures = tuple(
+            PressureSensor(network, node.node_id, node.eds)
+            for node in (members.pressure_a, members.pressure_b)
+        )
+        self._devices = (self.valve, self._position, *self._pressures)
+        self._limits: Limits | None = None
+        self._step_start = self._next = self._origin = network.now()
+        self._step_number = 0
+        self._boot_ups: tuple[int, ...] = ()
+
+    def set_up(self) -> None:
+        """Configure the devices, bring their nodes to OPERATIONAL and take first values."""
+        network = self._network
+        network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+        self.valve.setup(command_timeout=COMMAND_TIMEOUT, heartbeat_timeout=4 * HEARTBEAT_PERIOD)
+        self._position.setup()
+        for sensor in self._pressures:
+            sensor.setup()
+        for node in self._members:
+            network.start_node(node.node_id)
+        since = network.now()
+        network.sync()
+        for device in self._devices:
+            network.wait_until(
+                lambda device=device: device.received_at > since,  # type: ignore[misc]
+                1.0,
+                f"{device.node}: first value with SYNC",
+            )
+        self._boot_ups = self._count_boot_ups()
+
+    def begin_step(self, number: int, limits: Limits) -> None:
+        """Take the limits of a step, whose time begins now."""
+        self._limits = limits
+        self._step_number = number
+        self._step_start = self._next = self._network.now()
+
+    def enable(self) -> None:
+        """Bring the valve to ACTIVE with the spool centred."""
+        self.valve.reset_fault()
+        self.valve.enable()
+        self._next = self._network.now()
+
+    def close_valve(self) -> None:
+        """Centre the spool at once and disable the valve; never raises a `DriverError`."""
+        try:
+            self.valve.spool_setpoint = 0.0
+            self.valve.disable()
+        except DriverError as error:
+            logger.warning("%s: spool centred, but not disabled: %s", self.valve.node, error)
+
+    def close(self) -> None:
+        """Leave the valve disabled, and no longer watching us."""
+        self.valve.close()
+
+    def move(self, command: Callable[[float], float], duration: float) -> Recording:
+        """Command the spool for some time, from now on, and return the samples.
+
+        Whatever goes wrong closes the valve first.
+
+        Args:
+            command: set-point [-] at a time since now [s].
+            duration: how long [s].
+        """
+        try:
+            return self._sample_for(duration, command)
+        except BaseException:
+            self.close_valve()
+            raise
+
+    def watch(self, duration: float) -> Recording:
+        """Return samples of some time [s] without any command."""
+        return self._sample_for(duration, None)
+
+    def move_to(self, target: float, approach: Callable[[float], float], *, timeout: float) -> None:
+        """Bring the piston to a position.
+
+        Args:
+            target: [m].
+            approach: set-point [-] for a distance still to go [m]; 0 where it is near enough.
+            timeout: longest time [s].
+
+        Raises:
+            LimitError: it did not get there.
+        """
+        end = self._network.now() + timeout
+        try:
+            u = 0.0
+            while self._network.now() < end:
+                sample = self._cycle(u)
+                u = approach(target - sample.position)
+                if u == 0.0 and abs(sample.speed) < 1e-3:
+                    self._cycle(0.0)
+                    return
+        except BaseException:
+            self.close_valve()
+            raise
+        self.close_valve()
+        raise LimitError(f"position {target * 1e3:.0f} mm not reached within {timeout:g} s")
+
+    def _sample_for(self, duration: float, command: Callable[[float], float] | None) -> Recording:
+        rows = []
+        self._next = self._network.now()
+        start = self._next
+        for number in range(round(duration / self.period)):
+            time = number * self.period
+            rows.append(self._cycle(None if command is None else command(time)))
+        samples = np.array(rows, dtype=np.float64)
+        samples[:, 0] -= start - self._origin
+        return samples.view(recording_dtype((TIME, *SAMPLE_CHANNELS))).reshape(-1)
+
+    def _cycle(self, u: float | None) -> Sample:
+        """Take one sample, check it, then command the spool; None sends no command."""
+        network = self._network
+        network.pump_until(self._next)
+        since = network.now()
+        network.sync()
+        if not network.wait_for(lambda: self._is_newer_than(since), ANSWER_TIMEOUT):
+            self.missed += 1
+        self._check_devices()
+        sample = self._read(since)
+        self._check(sample)
+        if u is not None:
+            self.valve.check_active()
+            self.valve.spool_setpoint = u
+        if self._recording is not None:
+            self._recording.append_row((*sample, float(self._step_number)))
+        self._next = max(self._next + self.period, since)
+        return sample
+
+    def _read(self, since: float) -> Sample:
+        position = self._position
+        return Sample(
+            since - self._origin,
+            position.position,
+            position.speed,
+            self._pressures[0].pressure,
+            self._pressures[1].pressure,
+            self.valve.spool_setpoint,
+            self.valve.spool_position,
+        )
+
+    def _check_devices(self) -> None:
+        """Notice a device that has booted.
+
+        Raises:
+            LimitError: one has.
+        """
+        for device, before, now in zip(
+            self._devices, self._boot_ups, self._count_boot_ups(), strict=True
+        ):
+            if now != before:
+                raise LimitError(f"{device.node} rebooted")
+
+    def _check(self, sample: Sample) -> None:
+        """Compare a sample with the limits.
+
+        Raises:
+            LimitError: it is beyond one.
+        """
+        limits = self._limits
+        if limits is None:
+            return
+        _check_range("position", sample.position, limits.position, 1e-3, "mm")
+        _check_range("speed", sample.speed, (-limits.speed, limits.speed), 1e-3, "mm/s")
+        _check_range("pressure at A", sample.pressure_a, limits.pressure, 1e5, "bar")
+        _check_range("pressure at B", sample.pressure_b, limits.pressure, 1e5, "bar")
+        elapsed = self._network.now() - self._step_start
+        if elapsed > limits.time:
+            raise LimitError(f"time {elapsed:.1f} s is beyond its limit of {limits.time:g} s")
+
+    def _is_newer_than(self, since: float) -> bool:
+        return all(device.received_at > since for device in self._devices)
+
+    def _count_boot_ups(self) -> tuple[int, ...]:
+        return tuple(device.node.boot_ups for device in self._devices)
+
+
+def _check_range(
+    what: str, value: float, limits: tuple[float, float], factor: float, unit: str
+) -> None:
+    """Compare a value with its limits.
+
+    Raises:
+        LimitError: it is beyond them, or no number.
+    """
+    low, high = limits
+    if math.isnan(value):
+        raise LimitError(f"{what} is not valid, says its sensor")
+    if not low <= value <= high:
+        beyond = low if value < low else high
+        raise LimitError(
+            f"{what} {value / factor:.4g} {unit} is beyond its limit of {beyond / factor:g} {unit}"
+        )

@@ -1,0 +1,171 @@
+"""A whole commissioning: the steps of a plan one after the other, and what they found."""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from drivers import BusLostError, DriverError, Network
+from hil_bench.commissioning.direction import direction
+from hil_bench.commissioning.discovery import Method, discover
+from hil_bench.commissioning.identity import NodeDescription, describe
+from hil_bench.commissioning.measures import SAMPLE_CHANNELS, Finding, StepResult, Verdict
+from hil_bench.commissioning.members import find_members
+from hil_bench.commissioning.plan import (
+    CommissioningPlan,
+    Step,
+    StepKind,
+    check_against,
+    choose_axis,
+)
+from hil_bench.commissioning.procedure import Procedure, communication
+from hil_bench.commissioning.responses import chirp, steps
+from hil_bench.commissioning.rig import LimitError, Rig
+from hil_bench.commissioning.standstill import leakage, sensors
+from hil_bench.commissioning.sweeps import dead_band, ramp
+from hil_bench.config import BenchConfig
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.inline_recorder import RecordingSink
+
+logger = logging.getLogger(__name__)
+
+CHANNELS = (*SAMPLE_CHANNELS, Channel("step", "-"))
+"""Signals of a commissioning's recording, after the time: what the drivers told, and the step's
+number, from 1."""
+
+_STEPS: Mapping[StepKind, Callable[[Procedure, Step], StepResult]] = {
+    StepKind.COMMUNICATION: communication,
+    StepKind.SENSORS: sensors,
+    StepKind.DIRECTION: direction,
+    StepKind.DEAD_BAND: dead_band,
+    StepKind.RAMP: ramp,
+    StepKind.STEPS: steps,
+    StepKind.CHIRP: chirp,
+    StepKind.LEAKAGE: leakage,
+}
+
+_PATIENCE = 0.5  # that nodes have to show themselves [s]
+
+_DECISIVE = {StepKind.COMMUNICATION, StepKind.DIRECTION}
+"""Steps without which the axis is not moved any further."""
+
+
+@dataclass(frozen=True, slots=True)
+class Commissioning:
+    """What a commissioning found.
+
+    Attributes:
+        axis: the axis.
+        results: one a step of the plan.
+        nodes: what each node says of itself.
+        missed: samples for which not every device answered in time.
+    """
+
+    axis: str
+    results: tuple[StepResult, ...]
+    nodes: tuple[NodeDescription, ...]
+    missed: int
+
+    @property
+    def passed(self) -> bool:
+        """Whether every step has."""
+        return all(result.verdict is Verdict.PASSED for result in self.results)
+
+    @property
+    def findings(self) -> list[Finding]:
+        """The faults named, in the order of the steps."""
+        return [finding for result in self.results for finding in result.findings]
+
+
+class Console(NamedTuple):
+    """Whom a commissioning talks to.
+
+    Attributes:
+        confirm: asked once before the first motion; False leaves all motion out.
+        begin: told each step as it begins.
+        end: told each step's result.
+    """
+
+    confirm: Callable[[], bool] = lambda: True
+    begin: Callable[[Step], None] = lambda _step: None
+    end: Callable[[StepResult], None] = lambda _result: None
+
+
+UNATTENDED = Console()
+"""Nobody: moves without asking."""
+
+
+def commission(
+    network: Network,
+    config: BenchConfig,
+    plan: CommissioningPlan,
+    *,
+    console: Console = UNATTENDED,
+    recording: RecordingSink | None = None,
+) -> Commissioning:
+    """Run a plan on the axis behind a bus, and leave its valve disabled.
+
+    Args:
+        network: of the drivers.
+        config: the bench as it should be: nodes, EDS files, data sheet.
+        plan: the steps.
+        console: whom to ask and to tell.
+        recording: takes the samples, with `CHANNELS`.
+    """
+    axis = choose_axis(plan, config)
+    check_against(plan, axis)
+    members = find_members(config, axis.name)
+    rig = Rig(network, members, period=plan.period, recording=recording)
+    sightings = discover(network, Method.SDO, patience=_PATIENCE)
+    nodes = [describe(network, sighting) for sighting in sightings]
+    procedure = Procedure(network, config, axis, members, rig)
+    try:
+        results = _run_steps(procedure, plan.steps, console)
+    finally:
+        rig.close()
+    return Commissioning(axis.name, tuple(results), tuple(nodes), rig.missed)
+
+
+def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) -> list[StepResult]:
+    results: list[StepResult] = []
+    obstacle, is_confirmed = "", False
+    for number, step in enumerate(planned, start=1):
+        if not obstacle and step.kind.moves and not is_confirmed:
+            is_confirmed = console.confirm()
+            obstacle = "" if is_confirmed else "motion was not confirmed"
+        console.begin(step)
+        if obstacle:
+            result = StepResult(step.kind, Verdict.NOT_RUN, problem=obstacle)
+        else:
+            result = _run_step(procedure, number, step)
+            if step.kind in _DECISIVE and result.verdict is not Verdict.PASSED:
+                obstacle = f"step {step.kind} {result.verdict}"
+            elif result.verdict is Verdict.STOPPED:
+                obstacle = f"step {step.kind} was stopped"
+        results.append(result)
+        console.end(result)
+    return results
+
+
+def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
+    """Run a step; whatever stops it, the valve is closed before anybody is told.
+
+    Raises:
+        BusLostError: nothing can be reached any more; the valve closes by itself.
+    """
+    rig, network = procedure.rig, procedure.network
+    begin = network.now()
+    rig.begin_step(number, step.limits)
+    result = StepResult(step.kind, Verdict.STOPPED)
+    try:
+        result = _STEPS[step.kind](procedure, step)
+        if step.kind.moves:
+            rig.close_valve()
+    except BusLostError:
+        raise
+    except (LimitError, DriverError) as error:
+        rig.close_valve()
+        result.problem = f"{error}; the valve was closed"
+    result.duration = network.now() - begin
+    result.judge()
+    return result

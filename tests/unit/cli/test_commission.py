@@ -1,0 +1,96 @@
+"""`hil-bench commission`."""
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
+
+PLAN = """
+[plan]
+bench = "sheet.toml"
+period_ms = 4
+[limits]
+position_mm = [-150, 150]
+speed_mm_s = 400
+pressure_bar = [-1, 110]
+[communication]
+[sensors]
+duration_s = 0.2
+[direction]
+"""
+FAST = "[bench]\ntick_us = 2000\nstep_us = 100\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr("hil_bench.commissioning.report.importlib.util.find_spec", lambda _: None)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "plan.toml").write_text(PLAN)
+    (tmp_path / "sheet.toml").write_text(FAST)
+    return tmp_path
+
+
+def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys):
+    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in out[:3]] == [
+        ["communication", "passed"],
+        ["sensors", "passed"],
+        ["direction", "passed"],
+    ]
+    assert out[3] == "verdict   passed"
+    report = (folder / "out" / "report.md").read_text(encoding="utf-8")
+    assert "| data sheet | sheet.toml |" in report
+    assert "| 4 | HIL bench linear encoder |" in report
+    signals = read_recording(folder / "out" / "commissioning.mf4")
+    assert sorted(set(signals["step"])) == [2.0, 3.0]
+    # The set-point of the direction's pulses: 40 % each way, out of the valve's own words too.
+    assert (signals["spool_setpoint"].min(), signals["spool_setpoint"].max()) == (-0.4, 0.4)
+    frames = list(read_frames(folder / "out" / "commissioning.mf4"))
+    assert {0x080, 0x201, 0x181, 0x184} <= {logged.frame.can_id for logged in frames}
+    sent = {logged.frame.can_id for logged in frames if not logged.is_received}
+    assert 0x201 in sent
+    assert 0x181 not in sent
+
+
+def test_another_machine_than_the_data_sheets_fails_by_name(folder, capsys):
+    (folder / "machine.toml").write_text(
+        FAST + "[plant.axis1]\nsupply_pressure_bar = 0.001\ntank_pressure_bar = 0\n"
+    )
+    arguments = ["plan.toml", "--virtual", "--machine", "machine.toml"]
+    assert main(["commission", *arguments, "--quiet"]) == 1
+    out = capsys.readouterr().out
+    assert out.startswith("found     no supply pressure: no motion and no force: ")
+    assert "verdict   failed" in out
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_silent_bus_fails_and_nobody_is_asked(capsys):
+    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 1
+    out, err = capsys.readouterr()
+    assert out.count("found     node missing: ") == 4
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["plan.toml", "--machine", "sheet.toml"],
+            "--machine: is a virtual one; give --virtual too",
+        ),
+        (
+            ["no.toml", "--virtual"],
+            "no.toml: cannot be read: No such file or directory; give a TOML file",
+        ),
+        (
+            ["plan.toml", "--virtual", "--output", "sheet.toml"],
+            "--output sheet.toml: cannot be made: File exists",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_arguments_that_cannot_be_meant(arguments, message, capsys):
+    assert main(["commission", *arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"

@@ -1,0 +1,323 @@
+"""Commissioning a virtual machine: sound, and with each fault that it must find and name."""
+
+import dataclasses
+
+import can
+import pytest
+
+from drivers import Network
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.commissioning.measures import Verdict
+from hil_bench.commissioning.plan import StepKind, load_plan
+from hil_bench.commissioning.session import Console, commission
+from hil_bench.config import load_config
+from hil_bench.devices.valve_state_machine import FAULT_STATES
+from hil_bench.virtual_bench import VirtualBench
+
+BENCH = "[bench]\ntick_us = 2000\nstep_us = 100\n"
+PLAN = """
+[plan]
+period_ms = 4
+[limits]
+position_mm = [-150, 150]
+speed_mm_s = 400
+pressure_bar = [-1, 110]
+[communication]
+[sensors]
+duration_s = 0.3
+[direction]
+"""
+WHOLE_PLAN = f"""{PLAN.replace("period_ms = 4", "period_ms = 2")}
+[dead_band]
+duration_s = 3
+[ramp]
+duration_s = 2
+[steps]
+duration_s = 0.3
+[chirp]
+[leakage]
+duration_s = 1
+"""
+NODES = """
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.pressure_a]
+profile = "pressure_404"
+node_id = 2
+source = "{a}"
+[nodes.pressure_b]
+profile = "pressure_404"
+node_id = 3
+source = "{b}"
+[nodes.position]
+profile = "encoder_406"
+node_id = 4
+"""
+
+
+class Machine:
+    """A virtual machine, and the controller's side of it, which knows the data sheet only."""
+
+    def __init__(self, folder, machine="", sheet="", plan=PLAN):
+        self.bench = VirtualBench(self._config(folder / "machine.toml", machine))
+        self.network = Network(self.bench.bus, clock=self.bench.now)
+        self.bench.pump = self.network.pump
+        self.sheet = self._config(folder / "sheet.toml", sheet)
+        path = folder / "plan.toml"
+        path.write_text(plan)
+        self.plan = load_plan(path)
+        self.axis = self.bench.bench.axes[0]
+
+    @staticmethod
+    def _config(path, text):
+        path.write_text(BENCH + text)
+        return load_config(path)
+
+    def commission(self, **console):
+        return commission(self.network, self.sheet, self.plan, console=Console(**console))
+
+    def is_closed(self):
+        return self.axis.valve.command(0) == 0.0
+
+    def when_it_moves(self, act):
+        """Do something once, in the middle of the first motion."""
+
+        def observe(_now):
+            if self.axis.plant.output.x > 5e-3:
+                self.bench.observers.remove(observe)
+                act()
+
+        self.bench.observers.append(observe)
+
+
+@pytest.fixture
+def machine(tmp_path):
+    return lambda *texts, **options: Machine(tmp_path, *texts, **options)
+
+
+def verdicts(found):
+    return [result.verdict for result in found.results]
+
+
+def names(found):
+    return [finding.name for finding in found.findings]
+
+
+def value(found, name):
+    (measure,) = [m for result in found.results for m in result.measures if m.name == name]
+    return measure.value
+
+
+def test_a_sound_machine_passes_and_its_data_sheet_is_found_again(machine):
+    tested = machine(plan=WHOLE_PLAN)
+    found = tested.commission()
+    assert found.passed, [(r.kind, r.problem, r.measures) for r in found.results]
+    assert names(found) == []
+    assert [result.kind for result in found.results] == list(StepKind)
+    # Table I: overlap 0.3 of 1.3 mm each side; friction 600 N and 2000 N s/m.
+    assert value(found, "dead band") == pytest.approx(2 * 0.3 / 1.3, rel=0.12)
+    assert value(found, "Coulomb friction") == pytest.approx(600, rel=0.25)
+    assert value(found, "viscous friction") == pytest.approx(2000, rel=0.3)
+    # omega^2 = E (A_A^2 / V_A + A_B^2 / V_B) / m = 447.5 rad/s = 71.2 Hz at mid-stroke.
+    assert value(found, "eigenfrequency") == pytest.approx(71.2, rel=0.03)
+    assert value(found, "effective bulk modulus") == pytest.approx(100.0, rel=0.06)
+    assert tested.is_closed()
+    assert tested.axis.valve.state.name in {"DISABLED", "INIT"}
+    assert found.missed == 0
+    assert [node.node_id for node in found.nodes] == [1, 2, 3, 4]
+
+
+def test_swapped_pressure_sensors_are_named(machine):
+    found = machine(NODES.format(a="P_B", b="P_A")).commission()
+    assert names(found) == ["pressure sensors swapped"]
+    assert verdicts(found)[-1] is Verdict.FAILED
+
+
+def test_a_reversed_position_sensor_is_named(machine):
+    reverse = '[nodes.position.objects]\n"0x6000" = 8\n'
+    tested = machine(NODES.format(a="P_A", b="P_B") + reverse)
+    assert names(tested.commission()) == ["position sensor reversed"]
+
+
+def test_a_wrong_revision_is_named_and_nothing_moves(machine):
+    other = '[nodes.position.objects]\n"0x1018.03" = 0x00020001\n'
+    tested = machine(NODES.format(a="P_A", b="P_B") + other)
+    found = tested.commission(confirm=lambda: pytest.fail("asked to move"))
+    assert names(found) == ["wrong EDS revision"]
+    assert verdicts(found) == [Verdict.STOPPED, Verdict.NOT_RUN, Verdict.NOT_RUN]
+    assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
+
+
+def test_a_valve_of_the_other_polarity_is_named(machine):
+    tested = machine()
+    command = tested.axis.valve.command
+    tested.axis.valve.command = lambda now: -command(now)
+    assert names(tested.commission()) == ["valve inverted"]
+
+
+class CrossedHoses:
+    """A plant whose A and B are exchanged behind the valve; the spool shows nothing of it."""
+
+    def __init__(self, plant):
+        self._plant = plant
+
+    def __getattr__(self, name):
+        return getattr(self._plant, name)
+
+    def step(self, plant_input, steps=1):
+        output = self._plant.step(plant_input._replace(u=-plant_input.u), steps)
+        return output._replace(nu=-output.nu)
+
+
+def test_crossed_hoses_are_named(machine):
+    tested = machine()
+    axis = dataclasses.replace(tested.axis, plant=CrossedHoses(tested.axis.plant))
+    tested.bench.bench.axes = (axis,)
+    assert names(tested.commission()) == ["valve inverted"]
+
+
+def test_a_stuck_position_sensor_is_named(machine):
+    stuck = '[[faults]]\nkind = "freeze"\ntarget = "position"\nat_s = 0.5\n'
+    assert names(machine(stuck).commission()) == ["position sensor stuck"]
+
+
+def test_a_bench_without_pressure_is_named(machine):
+    tested = machine("[plant.axis1]\nsupply_pressure_bar = 0.001\ntank_pressure_bar = 0\n")
+    assert names(tested.commission()) == ["no supply pressure"]
+
+
+OIL = "[plant.axis1]\nbulk_modulus_mpa = 700\nmoving_mass_kg = 200\n"
+CHIRP_PLAN = PLAN.replace("[sensors]\nduration_s = 0.3\n", "") + "[chirp]\n"
+
+
+@pytest.mark.parametrize(("air", "expected"), [(0, []), (10, ["air in the oil"])])
+def test_air_in_the_oil_is_named(machine, air, expected):
+    """Real oil on a greater mass; 10 % of air make it as soft as 400 MPa at 50 bar."""
+    found = machine(f"{OIL}entrained_air_percent = {air}\n", OIL, plan=CHIRP_PLAN).commission()
+    assert names(found) == expected
+
+
+LEAKAGE_PLAN = PLAN + "[leakage]\nduration_s = 1\n"
+
+
+def test_a_leaking_chamber_is_named(machine):
+    leaking = "[plant.axis1]\nexternal_leakage_a_l_min_bar = 0.002\n"
+    assert "leakage" in names(machine(leaking, plan=LEAKAGE_PLAN).commission())
+
+
+@pytest.mark.parametrize(
+    ("limit", "problem"),
+    [
+        ("position_mm = [-150, 5]", "position 5."),
+        ("speed_mm_s = 20", "speed "),
+        ("pressure_bar = [0, 52]", "pressure at B "),
+        ("time_s = 0.5", "time 0.5 s is beyond its limit of 0.5 s"),
+    ],
+)
+def test_leaving_a_limit_closes_the_valve_at_once_and_says_which(machine, limit, problem):
+    tested = machine(plan=f"{PLAN}{limit}\n" if "position" not in limit else PLAN)
+    if "position" in limit:
+        # A plan of 5 mm is refused beforehand; the machine's valve opens further than it should.
+        plan = tested.plan
+        limits = dataclasses.replace(plan.steps[2].limits, position=(-0.15, 0.005))
+        steps = (*plan.steps[:2], dataclasses.replace(plan.steps[2], limits=limits))
+        tested.plan = dataclasses.replace(plan, steps=steps)
+    found = tested.commission()
+    result = found.results[-1]
+    assert result.verdict is Verdict.STOPPED
+    assert problem in result.problem
+    assert "beyond its limit of " in result.problem
+    assert result.problem.endswith("; the valve was closed")
+    assert tested.is_closed()
+    signals = tested.bench.signals
+    if "position" in limit:
+        # Two periods of 2 ms until it is seen and commanded, the spool's 3 ms, 65 mm/s or less
+        # after the start's oscillation.
+        assert signals["axis1.position"].max() < 5.0e-3 + 1.5e-3
+
+
+RESET_ENCODER = can.Message(arbitration_id=0, data=[129, 4], is_extended_id=False)
+
+
+def test_a_node_that_reboots_in_motion_closes_the_valve(machine):
+    tested = machine()
+    tested.when_it_moves(lambda: tested.bench.bus.send(RESET_ENCODER))
+    found = tested.commission()
+    direction = found.results[-1]
+    assert direction.verdict is Verdict.STOPPED
+    assert direction.problem == "node 4 rebooted; the valve was closed"
+    assert tested.is_closed()
+
+
+def test_a_valve_fault_in_motion_is_told(machine):
+    tested = machine()
+    reset_valve = can.Message(arbitration_id=0, data=[128, 1], is_extended_id=False)
+    tested.when_it_moves(lambda: tested.bench.bus.send(reset_valve))  # NMT: PRE-OPERATIONAL
+    direction = tested.commission().results[-1]
+    assert direction.verdict is Verdict.STOPPED
+    assert "node 1" in direction.problem
+    assert tested.is_closed()
+
+
+def test_a_node_that_answers_aborts_only_is_not_usable(machine):
+    tested = machine()
+    tick = tested.bench.bench.tick
+
+    def abort(answer):
+        return Frame(0x584, b"\x80" + answer.data[1:4] + (0x0800_0000).to_bytes(4, "little"))
+
+    def tick_with_aborts(frames, now):
+        return [abort(frame) if frame.can_id == 0x584 else frame for frame in tick(frames, now)]
+
+    tested.bench.bench.tick = tick_with_aborts
+    found = tested.commission()
+    assert names(found) == ["node not usable"]
+    assert "0x08000000" in found.findings[0].evidence
+
+
+def test_a_silent_bus_is_told_node_by_node(tmp_path):
+    with (
+        can.Bus(interface="virtual", channel="test_silent") as bus,
+        Network(bus, clock=(ticks := iter(range(10**9))).__next__) as network,
+    ):
+        del ticks
+        path = tmp_path / "plan.toml"
+        path.write_text(PLAN)
+        found = commission(network, load_config(), load_plan(path))
+    assert names(found) == ["node missing"] * 4
+    assert verdicts(found) == [Verdict.STOPPED, Verdict.NOT_RUN, Verdict.NOT_RUN]
+
+
+def test_without_consent_nothing_moves(machine):
+    tested = machine()
+    found = tested.commission(confirm=lambda: False)
+    assert verdicts(found) == [Verdict.PASSED, Verdict.PASSED, Verdict.NOT_RUN]
+    assert found.results[-1].problem == "motion was not confirmed"
+    assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
+
+
+def test_an_interruption_closes_the_valve(machine):
+    tested = machine()
+
+    def interrupt():
+        raise KeyboardInterrupt
+
+    tested.when_it_moves(interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        tested.commission()
+    assert tested.is_closed()
+
+
+def test_a_controller_that_falls_silent_is_the_valves_to_notice(machine):
+    """The set-up has the valve watch our commands: 0.1 s without one is a fault that closes it."""
+    tested = machine()
+
+    def fall_silent():
+        tested.bench.bus.send = lambda _message, _timeout=None: None
+
+    tested.when_it_moves(fall_silent)
+    assert tested.commission().results[-1].verdict is Verdict.STOPPED
+    tested.bench.run(0.2)
+    assert tested.is_closed()
+    assert tested.axis.valve.state in FAULT_STATES

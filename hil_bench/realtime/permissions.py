@@ -24,6 +24,8 @@ GRANT_MEMORY = (
 CAP_IPC_LOCK = 14
 CAP_SYS_NICE = 23
 
+_EVERYBODY = ["0", "0", "4294967295"]  # the uid_map outside of user namespaces
+
 
 def may_lock_memory() -> bool:
     """Return whether this process may lock all memory that it has and will have.
@@ -33,14 +35,22 @@ def may_lock_memory() -> bool:
     return IS_LINUX and (linux.memory_limit() is None or has_capability(CAP_IPC_LOCK))
 
 
-def has_capability(number: int) -> bool:
-    """Return whether this process has a capability of linux/capability.h in force."""
+def has_capability(number: int, process: Path = Path("/proc/self")) -> bool:
+    """Return whether a process has a capability of linux/capability.h over the whole machine.
+
+    In a user namespace, such as a container without root has, capabilities go no further than that.
+
+    Args:
+        number: the capability.
+        process: where the kernel tells of the process.
+    """
     try:
-        lines = Path("/proc/self/status").read_text("utf-8").splitlines()
+        lines = (process / "status").read_text("utf-8").splitlines()
+        is_everywhere = (process / "uid_map").read_text("utf-8").split() == _EVERYBODY
     except OSError:
         return False
     masks = [int(line.split()[1], 16) for line in lines if line.startswith("CapEff:")]
-    return bool(masks and masks[0] >> number & 1)
+    return is_everywhere and bool(masks and masks[0] >> number & 1)
 
 
 def format_cpus(cpus: Iterable[int]) -> str:

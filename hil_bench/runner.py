@@ -10,7 +10,7 @@ from hil_bench.config import RealtimeConfig
 from hil_bench.errors import BusError, TimingError
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed
-from hil_bench.realtime.statistics import TickSummary
+from hil_bench.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.transports.transport import Transport, TransportCounters
 
 FRAMES_PER_MILLISECOND = 32
@@ -43,11 +43,13 @@ class RunReport:
         ticks: statistics of the loop.
         frames: what passed the bus.
         lost: why the run ended early, None where it did not.
+        statistics: of the loop, with its histograms.
     """
 
     ticks: TickSummary
     frames: TransportCounters
     lost: BusError | TimingError | None
+    statistics: TickStatistics
 
 
 def run_paced(
@@ -81,7 +83,7 @@ def run_paced(
     frames = transport.counters()
     if frames.is_down and lost is None:
         lost = BusError(f"{transport.description}: the interface was down at the end")
-    return RunReport(pacer.statistics.summary(), frames, lost)
+    return RunReport(pacer.statistics.summary(), frames, lost, pacer.statistics)
 
 
 def frames_per_tick(period: int) -> int:

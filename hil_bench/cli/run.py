@@ -5,6 +5,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.assembly import build_bench
@@ -18,6 +19,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.loop_summary import frame_lines, load_line, loop_lines, node_lines
 from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbus
@@ -102,6 +104,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help=f"end with exit code {ExitCode.TIMING} if a tick overran",
     )
+    parser.add_argument(
+        "--histograms",
+        type=Path,
+        metavar="FILE",
+        help="write the timing of the run as JSON, with the histograms of lateness and work",
+    )
     add_lockstep_arguments(parser)
     add_recording_arguments(parser)
     parser.set_defaults(run=run)
@@ -140,12 +148,14 @@ def run(args: argparse.Namespace) -> int:
         if not args.lockstep:
             opened = open_recording(args, config, bench, is_real_time=True)
             recording = stack.enter_context(opened)
+        histograms = stack.enter_context(HistogramFile(args.histograms))
         bus = stack.enter_context(open_bus(args, config))
         modbus = stack.enter_context(open_modbus(config, bench))
         print(introduction(config, bus, modbus), flush=True)
         if args.lockstep:
             return lock_step(args, config, bench, bus, wish)
         report = run_until_told(args, config, bench, (bus, modbus), wish, recording)
+        histograms.write(report, config.tick_ns, bus.bitrate)
     lines = summary_lines(report, config, bench, bus) + recording_lines(args.record, recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
@@ -165,10 +175,10 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
     if args.hub is not None and not 0 <= args.hub <= 65535:
         raise ConfigError(f"--hub {args.hub}: a port from 1 to 65535 is right, or 0 for a free one")
-    if args.lockstep and args.strict_timing:
-        raise ConfigError(
-            "--strict-timing: in lock-step there is no real time to miss; leave it out"
-        )
+    for option in ("strict_timing", "histograms", "realtime", "overrun"):
+        if args.lockstep and getattr(args, option):
+            flag = f"--{option.replace('_', '-')}"
+            raise ConfigError(f"{flag}: in lock-step there is no real time to miss; leave it out")
     check_recording_arguments(args)
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")

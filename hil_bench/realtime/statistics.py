@@ -7,6 +7,7 @@ another process reads while the loop runs.
 
 import ctypes
 import multiprocessing
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -113,6 +114,17 @@ class DurationHistogram:
             raise ValueError(f"percentile {percent}: 0 to 100 is right")
         rank = max(1.0, self.count * percent / 100)
         return min(self._edge(rank), self.maximum) / NS_PER_US
+
+    def bins(self) -> Iterator[tuple[float, int]]:
+        """Yield the bins that are not empty, the smallest first.
+
+        Yields:
+            The largest value that falls into it [us], and its count.
+        """
+        for index in range(_BINS):
+            if self._row[index]:
+                edge = _upper_edge(index) if index < _BINS - 1 else self.maximum
+                yield edge / NS_PER_US, self._row[index]
 
     def summary(self) -> DurationSummary:
         """Return median, 99th, 99.9th percentile and maximum."""

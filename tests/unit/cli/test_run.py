@@ -1,5 +1,6 @@
 """`hil-bench run` on python-can's virtual bus, with a clock that jumps."""
 
+import json
 import re
 
 import pytest
@@ -58,6 +59,23 @@ def test_ticks_that_are_skipped_count_towards_the_duration(monkeypatch, capsys):
     ticks, skipped = re.search(r"ticks +(\d+) .* (\d+) skipped", capsys.readouterr().out).groups()
     assert int(skipped) > 0
     assert 100 <= int(ticks) + int(skipped) <= 110
+
+
+def test_the_histograms_are_for_programs(tmp_path):
+    path = tmp_path / "timing.json"
+    assert main(["run", *BUS, "-b", "100000", "--duration", "0.02", "--histograms", str(path)]) == 0
+    timing = json.loads(path.read_text())
+    assert (timing["ticks"], timing["overruns"], timing["tick_us"]) == (20, 0, 1000)
+    assert timing["lateness"]["bins"] == [{"to_us": 0.0, "count": 20}]  # the clock jumps
+    assert timing["work"]["p99_us"] == 0.0
+    assert timing["frames"]["sent"] == 4
+    assert round(timing["bus_load"], 3) == 0.120
+    assert timing["ended_by"] is None
+
+
+def test_a_file_that_cannot_be_written_is_told_before_the_bus_is_opened(tmp_path, capsys):
+    assert main(["run", *BUS, "--histograms", str(tmp_path / "no" / "file")]) == 2
+    assert "cannot be written: No such file or directory" in capsys.readouterr().err
 
 
 def test_the_bus_load_is_told(capsys):

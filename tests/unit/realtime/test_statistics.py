@@ -71,6 +71,13 @@ def test_beyond_the_last_bin_the_maximum_is_all_that_is_known():
     assert histogram.percentile(50) == histogram.percentile(100) == 2**60 / 1_000
 
 
+def test_bins_are_those_with_values_in_them():
+    histogram = DurationHistogram()
+    for duration in (3, 3, 256, 2**50):
+        histogram.record(duration)
+    assert list(histogram.bins()) == [(0.003, 2), (0.257, 1), (2**50 / 1_000, 1)]
+
+
 def test_a_negative_duration_counts_as_zero():
     histogram = histogram_of(-5, 10)
     assert (histogram.count, histogram.percentile(50)) == (2, 0)

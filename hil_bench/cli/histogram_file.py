@@ -1,0 +1,77 @@
+"""The timing of a run as a file for programs: summary and histograms in JSON."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from hil_bench.errors import ConfigError
+from hil_bench.realtime.statistics import DurationHistogram
+from hil_bench.runner import RunReport
+from hil_bench.transports.bus_load import load_of
+
+
+class HistogramFile:
+    """A file that is opened before the run and written after it.
+
+    Args:
+        path: the file; None for none.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._file: IO[str] | None = None
+        if path is None:
+            return
+        try:
+            self._file = path.open("w", encoding="ascii")
+        except OSError as error:
+            right = "give a file in a directory of yours"
+            raise ConfigError(
+                f"--histograms {path}: cannot be written: {error.strerror}; {right}"
+            ) from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._file is not None:
+            self._file.close()
+
+    def write(self, report: RunReport, period_ns: int, bitrate: int) -> None:
+        """Write what a run did."""
+        if self._file is not None:
+            json.dump(timing(report, period_ns, bitrate), self._file, indent=1)
+            self._file.write("\n")
+
+
+def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:
+    """Return the timing of a run: counts, and for each duration percentiles and bins."""
+    ticks = report.ticks
+    elapsed = (ticks.ticks + ticks.skipped) * period_ns
+    statistics = report.statistics
+    return {
+        "tick_us": period_ns / 1000,
+        "ticks": ticks.ticks,
+        "overruns": ticks.overruns,
+        "skipped": ticks.skipped,
+        "lateness": asdict(ticks.lateness) | {"bins": bins(statistics.lateness)},
+        "work": asdict(ticks.work) | {"bins": bins(statistics.work)},
+        "frames": asdict(report.frames),
+        "bus_load": load_of(report.frames.bits, elapsed, bitrate),
+        "bitrate": bitrate,
+        "ended_by": None if report.lost is None else str(report.lost),
+    }
+
+
+def bins(histogram: DurationHistogram) -> list[dict[str, float]]:
+    """Return the bins that are not empty: largest value [us], and count."""
+    return [{"to_us": edge, "count": count} for edge, count in histogram.bins()]

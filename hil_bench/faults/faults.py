@@ -224,8 +224,8 @@ class Faults(FaultSchedule):
         return self.add(kind, sensor, SensorEffect(point, make), when)
 
     def _disturb(self, kind: FaultKind, node: str, rule: Rule, which: Which) -> Fault:
-        direction = choose("direction", Direction, which.get("direction", Direction.BOTH))
-        meeting = Meeting(rule, direction, identifier(which.get("can_id")))
+        direction = choose("direction", Direction, which.pop("direction", Direction.BOTH))
+        meeting = Meeting(rule, direction, identifier(which.pop("can_id", None)))
         return self.add(kind, node, LineEffect(self._line(node), meeting), which)
 
     def _line(self, name: str) -> Line:

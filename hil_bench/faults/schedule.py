@@ -84,7 +84,13 @@ class FaultSchedule:
         self._set_due()
 
     def add(self, kind: FaultKind, target: str, effect: Effect, when: When) -> Fault:
-        """Return a new fault, which begins by itself."""
+        """Return a new fault, which begins by itself.
+
+        Raises:
+            TypeError: `when` has a key that is none.
+        """
+        if unknown := set(when) - set(When.__annotations__):
+            raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'")
         at, duration = when.get("at"), when.get("duration")
         fault = Fault(
             kind,

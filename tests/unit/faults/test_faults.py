@@ -53,6 +53,21 @@ def test_frames_that_cannot_be_are_refused(faults, which, message):
     assert str(caught.value) == f"faults: {message}"
 
 
+@pytest.mark.parametrize(
+    ("verb", "arguments", "keyword"),
+    [
+        ("freeze", ("position",), "att"),
+        ("silence", ("valve",), "can_id"),
+        ("lose", ("valve",), "id"),
+    ],
+)
+def test_a_keyword_that_is_none_is_refused(faults, verb, arguments, keyword):
+    """As Python does it itself, which looks at the keywords of a signature only."""
+    message = rf"^{verb}\(\) got an unexpected keyword argument '{keyword}'$"
+    with pytest.raises(TypeError, match=message):
+        getattr(faults, verb)(*arguments, **{keyword: 1})
+
+
 def test_what_was_refused_left_nothing(faults):
     assert faults.active == ()
     with pytest.raises(ConfigError):

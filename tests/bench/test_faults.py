@@ -105,8 +105,10 @@ class TestSensors:
     def test_broken_wire_of_a_position_sensor(self, bench, faults, position):
         with faults.break_wire("position"):
             bench.run(0.01)
+            assert not position.is_valid  # by the EMCY
             assert position.node.read_integer(0x6503) == 1  # alarm: position error
         bench.run(0.01)
+        assert position.is_valid
         assert position.node.read_integer(0x6503) == 0
         assert emcys(bench, 4) == [0x1000, 0x0000]
 

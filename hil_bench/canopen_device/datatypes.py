@@ -100,6 +100,16 @@ class IntegerType(DataType):
         return int.from_bytes(raw, "little", signed=self.signed)
 
 
+class TimeType(IntegerType):
+    """TIME_OF_DAY and TIME_DIFFERENCE: milliseconds in the low 32 bits, days above them."""
+
+    __slots__ = ()
+
+    def __init__(self, code: int, name: str) -> None:
+        super().__init__(code, 48, signed=False)
+        self.name = name
+
+
 class RealType(DataType):
     """REAL32 and REAL64 (IEEE 754, little endian), infinities and NaN included."""
 
@@ -197,6 +207,8 @@ REAL64: Final = RealType(0x11, 64)
 VISIBLE_STRING: Final = VisibleStringType(0x09, "VISIBLE_STRING", bits=0, zero="")
 OCTET_STRING: Final = BytesType(0x0A, "OCTET_STRING", bits=0, zero=b"")
 UNICODE_STRING: Final = UnicodeStringType(0x0B, "UNICODE_STRING", bits=0, zero="")
+TIME_OF_DAY: Final = TimeType(0x0C, "TIME_OF_DAY")
+TIME_DIFFERENCE: Final = TimeType(0x0D, "TIME_DIFFERENCE")
 DOMAIN: Final = BytesType(0x0F, "DOMAIN", bits=0, zero=b"")
 
 DATA_TYPES: Final[dict[int, DataType]] = {
@@ -207,7 +219,7 @@ DATA_TYPES: Final[dict[int, DataType]] = {
         *(IntegerType(0x14, 56, signed=True), IntegerType(0x18, 40, signed=False)),
         *(IntegerType(0x19, 48, signed=False), IntegerType(0x1A, 56, signed=False)),
         *(UNSIGNED8, UNSIGNED16, UNSIGNED24, UNSIGNED32, UNSIGNED64, REAL32, REAL64),
-        *(VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN),
+        *(VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN, TIME_OF_DAY, TIME_DIFFERENCE),
     )
 }
 """Every data type that an object may have, by its code."""

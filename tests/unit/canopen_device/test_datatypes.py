@@ -34,6 +34,9 @@ INTEGERS = [t for t in DATA_TYPES.values() if isinstance(t, IntegerType)]
         (datatypes.OCTET_STRING, b"\x00\xff", "00ff"),
         (datatypes.UNICODE_STRING, "aé", "6100e900"),
         (datatypes.DOMAIN, b"\x01", "01"),
+        # 3 600 000 ms after midnight, day 16 384: 0x0036EE80 and 0x4000.
+        (datatypes.TIME_OF_DAY, 0x4000_0036_EE80, "80ee36000040"),
+        (datatypes.TIME_DIFFERENCE, 1, "010000000000"),
     ],
 )
 def test_value_on_the_bus(data_type, value, raw):

@@ -428,9 +428,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--repeats", type=int, default=7)
     args = parser.parse_args()
-    print(
-        f"{platform.machine()}, Python {platform.python_version()}, the fastest of {args.repeats} rounds, in turns\n"
-    )
+    print(f"{platform.machine()}, Python {platform.python_version()}; ", end="")
+    print(f"the fastest of {args.repeats} rounds, in turns\n")
     makers = (partial(OurNodes, 10_000), PeerNodes, partial(OurNodes, 1000))
     rounds = [[measure(make, args.syncs) for make in makers] for _ in range(args.repeats)]
     ours, peer, ticked = (fastest(column) for column in zip(*rounds, strict=True))

@@ -347,13 +347,13 @@ class Bench:
     def _merge_routes(self) -> None:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""
         self._merged = [node.routes for node in self.nodes]
-        routes: dict[int, tuple[Handler, ...]] = {}
+        routes: dict[int, list[Handler]] = {}
         for node, table in zip(self.nodes, self._merged, strict=True):
             line = self._lines.get(node)
             for can_id, handler in table.items():
                 taker = handler if line is None else line.guard(handler)
-                routes[can_id] = (*routes.get(can_id, ()), taker)
-        self._routes = routes
+                routes.setdefault(can_id, []).append(taker)
+        self._routes = {can_id: tuple(handlers) for can_id, handlers in routes.items()}
         # A node routes what it sends itself too, so a second handler is another node's.
         self._overheard = frozenset(
             can_id for can_id, handlers in routes.items() if len(handlers) > 1
@@ -362,6 +362,4 @@ class Bench:
         self._timeless = frozenset(requests - self._overheard)
 
     def _routes_changed(self) -> bool:
-        return any(
-            node.routes is not table for node, table in zip(self.nodes, self._merged, strict=True)
-        )
+        return [node.routes for node in self.nodes] != self._merged

@@ -13,6 +13,11 @@ CHAPTER = Chapter("Error control")
 
 CONSUMER = 0x1016
 HEARTBEAT_LOST, NO_ERROR = 0x8130, 0x0000
+WATCHED_MS = 500
+"""Consumer heartbeat time [ms]; ten times our own period, for our host may be held up, too."""
+LOST_AFTER = 0.7
+"""Time after which a heartbeat that is watched so has been missed [s]."""
+
 _INCOMPATIBLE = 0x06040043
 _PERIOD_MS = 100
 _BEATS = 20
@@ -110,22 +115,22 @@ def life_guarding(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check("7.5.2.19", "a heartbeat that stays out is an EMCY 8130h", Impact.WRITE)
 def heartbeat_consumer(dut: DeviceUnderTest) -> None:
-    """Send a heartbeat of a free node-ID, watched with 200 ms, and stop."""
+    """Send a heartbeat of a free node-ID that the device watches, and stop."""
     producer = watched_producer(dut)
-    with dut.setting(CONSUMER, 1, producer << 16 | 200):
+    with dut.setting(CONSUMER, 1, producer << 16 | WATCHED_MS):
         beat(dut, producer)
         if dut.wire.take(dut.is_emergency, 0.001) is not None:
             raise Deviation("EMCY while the heartbeat came in time")
-        dut.wire.wait(0.3)
-        dut.emergency(HEARTBEAT_LOST, "200 ms without a heartbeat")
+        dut.wire.wait(LOST_AFTER)
+        dut.emergency(HEARTBEAT_LOST, f"{WATCHED_MS} ms without a heartbeat")
 
 
 @CHAPTER.check("7.5.2.19", "nobody is watched before its first heartbeat", Impact.WRITE)
 def consumer_waits(dut: DeviceUnderTest) -> None:
     """Watch a node-ID that never sends."""
     producer = watched_producer(dut)
-    with dut.setting(CONSUMER, 1, producer << 16 | 100):
-        arrival = dut.wire.take(dut.is_emergency, 0.5)
+    with dut.setting(CONSUMER, 1, producer << 16 | _PERIOD_MS):
+        arrival = dut.wire.take(dut.is_emergency, 5 * _PERIOD_MS / 1000)
         if arrival is not None:
             raise Deviation(f"EMCY {arrival.frame.data.hex(' ')} before the first heartbeat")
 
@@ -135,7 +140,7 @@ def watched_twice(dut: DeviceUnderTest) -> None:
     """Give 1016h the same node-ID with two times."""
     producer = watched_producer(dut)
     dut.writable(CONSUMER, 2)
-    with dut.setting(CONSUMER, 1, producer << 16 | 200):
+    with dut.setting(CONSUMER, 1, producer << 16 | WATCHED_MS):
         raw = (producer << 16 | 300).to_bytes(4, "little")
         request = b"\x23\x16\x10\x02" + raw
         dut.sdo.expect_abort(request, _INCOMPATIBLE)
@@ -155,10 +160,10 @@ def error_behaviour(dut: DeviceUnderTest) -> str:
         dut.boot()
         if 0x1029 in dut.objects:
             dut.write(0x1029, 1, choice)
-        dut.write(CONSUMER, 1, producer << 16 | 200)
+        dut.write(CONSUMER, 1, producer << 16 | WATCHED_MS)
         with dut.watched(), dut.operational():
             beat(dut, producer)
-            dut.wire.wait(0.4)
+            dut.wire.wait(LOST_AFTER)
             dut.expect_state(right, f"a lost heartbeat with 1029h.01 = {choice}")
     dut.boot()
     return f"{len(choices)} choices"

@@ -22,8 +22,8 @@ FRAMES_WHEN_LATE = 4
 back until the loop is on time again, so a flood that this machine cannot keep up with costs
 answers' latency and never a tick."""
 
-SHORTEST_ROUND = 200_000
-"""Time before a tick [ns] in which nothing is served any more: longer than serving takes."""
+TIME_OF_FRAME = 50_000
+"""Time that it takes to serve a frame [ns], and more: what does not fit in before a tick waits."""
 
 ROUNDS_BETWEEN_TICKS = 16
 """How often the bus is looked at between two ticks, each time for `FRAMES_WHEN_LATE` frames: a
@@ -157,11 +157,12 @@ class _Bus:
             return
         for _ in range(ROUNDS_BETWEEN_TICKS):
             remaining = self._pacer.remaining()
-            if remaining < SHORTEST_ROUND or not self._transport.wait(remaining * 1e-9):
+            if remaining < TIME_OF_FRAME or not self._transport.wait(remaining * 1e-9):
                 return
-            if self._pacer.remaining() < SHORTEST_ROUND:
+            room = self._pacer.remaining() // TIME_OF_FRAME
+            if room <= 0:
                 return
-            frames = self._transport.receive(FRAMES_WHEN_LATE)
+            frames = self._transport.receive(min(room, FRAMES_WHEN_LATE))
             count = next(
                 (n for n, frame in enumerate(frames) if not self._bench.is_timeless(frame)),
                 len(frames),

@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
 from hil_bench.cli.exit_codes import ExitCode
@@ -84,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
             results.append(result)
             if not args.json and not args.quiet:
                 print(report.line(result), flush=True)
-    _tell(results, args, objects, allowed)
+        device = _description(dut)
+    _tell(results, args, device, allowed)
     return ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE
 
 
@@ -146,9 +146,18 @@ def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
     return True
 
 
-def _tell(
-    results: list[Result], args: argparse.Namespace, objects: ObjectDictionary, allowed: Impact
-) -> None:
+def _description(dut: DeviceUnderTest) -> str:
+    """Return what was tested: the node, the name of its EDS, and what the device says it is."""
+    words = [f"Node {dut.node_id}", Path(dut.objects.source).name]
+    for subindex, what in enumerate(("vendor", "product", "revision", "serial number"), start=1):
+        try:
+            words.append(f"{what} {dut.number(0x1018, subindex):08X}h")
+        except Deviation:
+            continue  # only the vendor must be there, and the report says where it is not
+    return ", ".join(words)
+
+
+def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed: Impact) -> None:
     """Print the summary and write the report.
 
     Raises:
@@ -163,7 +172,6 @@ def _tell(
         print(report.summary(results), file=sys.stderr)
     if args.report is None:
         return
-    device = f"Node {args.node_id}, {Path(objects.source).name}"
     text = report.markdown(results, device=device, allowed=allowed, command=_command(args))
     try:
         args.report.write_text(text, encoding="utf-8")

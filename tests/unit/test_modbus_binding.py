@@ -122,6 +122,15 @@ def test_each_tick_has_its_number_in_all_units(side):
         assert side.read(unit_id, Table.INPUT_REGISTERS, "sample") == first + 3
 
 
+def test_a_fault_of_a_sensor_shows_here_too(side):
+    with side.bench.faults.break_wire("pressure_a"):
+        side.tick(count=2)
+        assert side.read(PRESSURE_A, Table.DISCRETE_INPUTS, "valid") == 0
+        assert math.isnan(side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure"))
+    side.tick(count=2)
+    assert side.read(PRESSURE_A, Table.DISCRETE_INPUTS, "valid") == 1
+
+
 def test_an_overload_is_no_value_and_says_why(side):
     device = side.bench.axes[0].sensors[0]
     output = side.plant.output._replace(P_A=400e5, P_B=400e5)

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 
 from hil_bench.bench import Bench
-from hil_bench.cli.loop_summary import frame_lines, node_lines
+from hil_bench.cli.loop_summary import fault_lines, frame_lines, node_lines
 from hil_bench.cli.recording_arguments import open_recording, recording_lines
 from hil_bench.config import BenchConfig
 from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
@@ -62,5 +62,6 @@ def summary_lines(report: LockStepReport, config: BenchConfig, bench: Bench) -> 
         "summary",
         speed_line(report, config),
         *frame_lines(report.frames, bench.unrouted),
+        *fault_lines(bench),
         *node_lines(config, bench),
     ]

@@ -9,6 +9,8 @@ from hil_bench.runner import RunReport
 from hil_bench.transports.bus_load import bitrate_text, load_of
 from hil_bench.transports.transport import TransportCounters
 
+_SHOWN_FAULT_EVENTS = 20
+
 
 def loop_lines(summary: TickSummary, period_ns: int) -> list[str]:
     """Return what the loop did, a line a fact."""
@@ -50,6 +52,15 @@ def load_line(report: RunReport, period_ns: int, bitrate: int) -> str:
     duration = (report.ticks.ticks + report.ticks.skipped) * period_ns
     load = load_of(report.frames.bits, duration, bitrate)
     return f"bus load  {load:.1%} of {bitrate_text(bitrate)}"
+
+
+def fault_lines(bench: Bench) -> list[str]:
+    """Return which faults began and ended last, a line each."""
+    return [
+        f"fault     {event.time * 1e-9:.3f} s {event.kind} {event.target} "
+        f"{'begins' if event.is_begin else 'ends'}"
+        for event in list(bench.faults.events)[-_SHOWN_FAULT_EVENTS:]
+    ]
 
 
 def node_lines(config: BenchConfig, bench: Bench) -> list[str]:

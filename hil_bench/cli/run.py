@@ -21,7 +21,13 @@ from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.loop_summary import frame_lines, load_line, loop_lines, node_lines
+from hil_bench.cli.loop_summary import (
+    fault_lines,
+    frame_lines,
+    load_line,
+    loop_lines,
+    node_lines,
+)
 from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
@@ -328,5 +334,6 @@ def summary_lines(report: RunReport, config: BenchConfig, bench: Bench, bus: Ope
         *loop_lines(report.ticks, config.tick_ns),
         *frame_lines(report.frames, bench.unrouted),
         load_line(report, config.tick_ns, bus.bitrate),
+        *fault_lines(bench),
         *node_lines(config, bench),
     ]

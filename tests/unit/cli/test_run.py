@@ -132,6 +132,7 @@ def test_faults_are_announced(capsys):
     assert main(["run", *BUS, "--duration", "0.02", *words]) == 0
     text = capsys.readouterr().out
     assert "fault  freeze pressure_a at 2 s, for 1 s\nfault  stick valve at 0 s\n" in text
+    assert "fault     0.000 s stick valve begins\n" in text  # in the summary
 
 
 def test_a_fault_of_what_is_not_there_is_told(capsys):

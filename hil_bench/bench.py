@@ -219,7 +219,8 @@ class Bench:
         self.unrouted = 0
         self._steps = steps
         self._routes: dict[int, tuple[Handler, ...]] = {}
-        self._merged: list[Mapping[int, Handler]] = []
+        self._listeners: dict[int, tuple[Node, ...]] = {}
+        self._merged: dict[Node, Mapping[int, Handler]] = {}
         self._lines = self.faults.lines
         self._overheard: frozenset[int] = frozenset()
         self._timeless: frozenset[int] = frozenset()
@@ -261,7 +262,7 @@ class Bench:
         if now >= self.faults.due:
             self.faults.advance(now)
             self._join_lines()
-        self._take(frames, now)
+        self._take(frames, now, self.nodes)
         for hold in self.faults.holds:
             hold()
         for number, axis in enumerate(self.axes):
@@ -269,7 +270,7 @@ class Bench:
         sent: list[Frame] = []
         for babble in self.faults.babbles:
             babble(sent.append)
-        return self._send(now, sent)
+        return self._send(now, sent, self.nodes)
 
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Do what a tick does, but leave plant and devices where they are: no time passes.
@@ -283,28 +284,39 @@ class Bench:
         Returns:
             The frames that the nodes send, in the order they would reach the bus.
         """
-        self._take(frames, now)
-        return self._send(now, [])
+        nodes = self._concerned(frames)
+        self._take(frames, now, nodes)
+        return self._send(now, [], nodes)
 
-    def _take(self, frames: Sequence[Frame], now: int) -> None:
+    def _concerned(self, frames: Sequence[Frame]) -> Sequence[Node]:
+        """Return the nodes that may have something to do once these frames are received."""
+        if len(frames) != 1 or self._heard or self._lines:
+            return self.nodes
+        (frame,) = frames
+        return () if frame.is_extended else self._listeners.get(frame.can_id, ())
+
+    def _take(self, frames: Sequence[Frame], now: int, nodes: Sequence[Node]) -> None:
         """Receive frames, and act on deadlines that have passed."""
         self._receive(frames, now)
-        for node in self.nodes:
+        for node in nodes:
             if now >= node.deadline:
                 node.expire(now)
 
-    def _send(self, now: int, sent: list[Frame]) -> list[Frame]:
-        """Return `sent` and what the nodes send: PDOs, then what has time."""
+    def _send(self, now: int, sent: list[Frame], nodes: Sequence[Node]) -> list[Frame]:
+        """Return `sent` and what these nodes send: PDOs, then what has time."""
         if self._lines:
             self._send_by_lines(now, sent)
         else:
-            for node in self.nodes:
+            for node in nodes:
                 node.transmit_pdos(now, sent.append)
-            for node in self.nodes:
+            for node in nodes:
                 if now >= node.deadline:
                     node.serve(now, sent.append)
-        if self._routes_changed():
-            self._merge_routes()
+        merged = self._merged
+        for node in nodes:
+            if node.routes is not merged[node]:
+                self._merge_routes()
+                break
         overheard = self._overheard
         self._heard = [frame for frame in sent if frame.can_id in overheard]
         return sent
@@ -346,20 +358,20 @@ class Bench:
 
     def _merge_routes(self) -> None:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""
-        self._merged = [node.routes for node in self.nodes]
+        self._merged = {node: node.routes for node in self.nodes}
         routes: dict[int, list[Handler]] = {}
-        for node, table in zip(self.nodes, self._merged, strict=True):
+        listeners: dict[int, list[Node]] = {}
+        for node, table in self._merged.items():
             line = self._lines.get(node)
             for can_id, handler in table.items():
                 taker = handler if line is None else line.guard(handler)
                 routes.setdefault(can_id, []).append(taker)
+                listeners.setdefault(can_id, []).append(node)
         self._routes = {can_id: tuple(handlers) for can_id, handlers in routes.items()}
+        self._listeners = {can_id: tuple(nodes) for can_id, nodes in listeners.items()}
         # A node routes what it sends itself too, so a second handler is another node's.
         self._overheard = frozenset(
             can_id for can_id, handlers in routes.items() if len(handlers) > 1
         )
         requests = {can_id for node in self.nodes for can_id in node.sdo_ids}
         self._timeless = frozenset(requests - self._overheard)
-
-    def _routes_changed(self) -> bool:
-        return [node.routes for node in self.nodes] != self._merged

@@ -13,6 +13,8 @@
 #define STOP_CYCLES 20
 #define RPDO1 0x200
 
+enum { DISABLED = 1, HOLD = 3 }; /* control words of CiA 408 */
+
 static enum outcome fail(const struct device *device, const char *what, unsigned number)
 {
     fprintf(stderr, "firmware: %s (node %u): ", device->name, device->node_id);
@@ -25,14 +27,6 @@ static bool all_booted(const struct canopen *master)
 {
     for (int i = 0; i < DEVICES; i++)
         if (!master->devices[i].has_booted)
-            return false;
-    return true;
-}
-
-static bool all_answered(const struct canopen *master)
-{
-    for (int i = 0; i < DEVICES; i++)
-        if (!master->devices[i].has_answered)
             return false;
     return true;
 }
@@ -152,26 +146,33 @@ static void decode(const struct axis *axis, struct feedback *feedback)
     feedback->pressures[1] = read_float(devices[PRESSURE_B].pdo.data);
 }
 
-enum outcome axis_cycle(struct axis *axis, uint16_t control_word, double setpoint,
-                        int64_t deadline_us, struct feedback *feedback)
+/* Sends the command and SYNC and takes the answers. */
+static void exchange(struct axis *axis, uint16_t control_word, double setpoint,
+                     int64_t deadline_us)
 {
     struct canopen *master = axis->master;
     int16_t steps = (int16_t)lround(setpoint * axis->full_scale);
     const uint8_t command[] = {(uint8_t)control_word, (uint8_t)(control_word >> 8),
                                (uint8_t)steps, (uint8_t)((uint16_t)steps >> 8)};
 
-    if (!canopen_send(master, RPDO1 + master->devices[VALVE].node_id, command, sizeof command) ||
-        !canopen_sync(master))
+    canopen_send(master, RPDO1 + master->devices[VALVE].node_id, command, sizeof command);
+    canopen_sync(master, deadline_us);
+}
+
+enum outcome axis_cycle(struct axis *axis, uint16_t control_word, double setpoint,
+                        int64_t deadline_us, struct feedback *feedback)
+{
+    bool is_complete = true;
+
+    exchange(axis, control_word, setpoint, deadline_us);
+    if (axis->master->is_lost)
         return BUS_LOST;
-    if (canopen_wait(master, all_answered, deadline_us))
-        axis->misses = 0;
-    else if (master->is_lockstep)
-        return BUS_LOST;
-    else
-        axis->misses++;
+    for (int i = 0; i < DEVICES; i++)
+        is_complete &= axis->master->devices[i].has_answered;
+    axis->misses = is_complete ? 0 : axis->misses + 1;
     decode(axis, feedback);
     for (int i = 0; i < DEVICES; i++) {
-        enum outcome outcome = check(axis, &master->devices[i]);
+        enum outcome outcome = check(axis, &axis->master->devices[i]);
         if (outcome != DONE)
             return outcome;
     }
@@ -180,15 +181,13 @@ enum outcome axis_cycle(struct axis *axis, uint16_t control_word, double setpoin
 
 void axis_stop(struct axis *axis)
 {
-    struct feedback feedback;
+    struct canopen *master = axis->master;
 
-    for (int i = 0; i < STOP_CYCLES; i++) {
-        uint16_t control_word = i < STOP_CYCLES / 2 ? 3 : 1; /* hold, then disabled */
-        int64_t deadline_us = canopen_now_us(axis->master) + axis->master->period_us;
-        if (axis_cycle(axis, control_word, 0.0, deadline_us, &feedback) != DONE)
-            return; /* what can still be said has been said: set-point 0 */
-        canopen_listen(axis->master, deadline_us);
+    for (int i = 0; i < STOP_CYCLES && !master->is_lost; i++) {
+        int64_t deadline_us = canopen_now_us(master) + master->period_us;
+        exchange(axis, i < STOP_CYCLES / 2 ? HOLD : DISABLED, 0.0, deadline_us);
+        canopen_listen(master, deadline_us);
     }
-    if (watch_us(axis->master, false))
-        canopen_nmt(axis->master, NMT_PRE_OPERATIONAL);
+    if (!master->is_lost && watch_us(master, false))
+        canopen_nmt(master, NMT_PRE_OPERATIONAL);
 }

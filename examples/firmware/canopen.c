@@ -72,7 +72,8 @@ bool canopen_wait(struct canopen *master, condition is_done, int64_t deadline_us
     while (!is_done(master)) {
         int64_t left_us = guard_us - wall_us();
         enum receive_result result = can_bus_receive(&master->bus, &frame, left_us);
-        if (result == RECEIVE_LOST || (result == RECEIVE_NOTHING && left_us <= 0))
+        master->is_lost |= result == RECEIVE_LOST;
+        if (master->is_lost || (result == RECEIVE_NOTHING && left_us <= 0))
             return false;
         if (result == RECEIVE_FRAME)
             take(master, &frame);
@@ -97,7 +98,8 @@ bool canopen_send(struct canopen *master, uint16_t id, const void *data, uint8_t
     struct frame frame = {.id = id, .length = length};
 
     memcpy(frame.data, data, length);
-    return can_bus_send(&master->bus, &frame);
+    master->is_lost |= !can_bus_send(&master->bus, &frame);
+    return !master->is_lost;
 }
 
 bool canopen_nmt(struct canopen *master, enum nmt_command command)
@@ -118,21 +120,38 @@ static bool send_heartbeat(struct canopen *master)
     return canopen_send(master, HEARTBEAT + master->node_id, &state, 1);
 }
 
-bool canopen_sync(struct canopen *master)
+static bool has_sdo_answer(const struct canopen *master)
 {
+    return master->has_sdo_answer;
+}
+
+static bool all_answered(const struct canopen *master)
+{
+    for (int i = 0; i < DEVICES; i++)
+        if (!master->devices[i].has_answered)
+            return false;
+    return true;
+}
+
+void canopen_sync(struct canopen *master, int64_t deadline_us)
+{
+    const uint8_t request[8] = {0x40, 0x00, 0x10, 0x00}; /* of 0x1000, the device type */
+
     for (int i = 0; i < DEVICES; i++) {
         master->devices[i].has_answered = false;
         master->devices[i].silence++;
     }
-    if (!send_heartbeat(master) || !canopen_send(master, SYNC, "", 0))
-        return false;
+    send_heartbeat(master);
+    canopen_send(master, SYNC, "", 0);
     master->syncs++;
-    return can_bus_flush(&master->bus);
-}
-
-static bool has_sdo_answer(const struct canopen *master)
-{
-    return master->has_sdo_answer;
+    master->has_sdo_answer = false;
+    if (master->is_lockstep)
+        canopen_send(master, SDO_REQUEST + master->devices[master->fence].node_id, request, 8);
+    master->is_lost |= !can_bus_flush(&master->bus);
+    if (!master->is_lockstep)
+        canopen_wait(master, all_answered, deadline_us);
+    else if (!canopen_wait(master, has_sdo_answer, deadline_us))
+        master->fence = (master->fence + 1) % DEVICES; /* it is silent: ask another one */
 }
 
 /* Sends a request and waits for the answer, an abort included. */

@@ -2,8 +2,9 @@
  * SDO, SYNC, its own heartbeat, and what its devices send: TPDO 1, heartbeat, emergency.
  *
  * Two kinds of time. In real time it is CLOCK_MONOTONIC. In lock-step it is the number of SYNCs
- * times their period, since it is SYNC that lets the time of the test bench pass; waits then end
- * by what arrives, and a bench that says nothing for LOCKSTEP_PATIENCE_US is taken for dead.
+ * times their period, since it is SYNC that lets the time of the test bench pass. There, an SDO
+ * request follows each SYNC: frames act in the order of the bus, so with its answer all has arrived
+ * that the SYNC brought, also where a device is silent.
  */
 #ifndef CANOPEN_H
 #define CANOPEN_H
@@ -11,7 +12,7 @@
 #include "can_bus.h"
 
 #define DEVICES 4
-#define LOCKSTEP_PATIENCE_US 20000000
+#define LOCKSTEP_PATIENCE_US 5000000
 
 enum nmt_command { NMT_START = 0x01, NMT_PRE_OPERATIONAL = 0x80, NMT_RESET_NODE = 0x81 };
 
@@ -42,6 +43,8 @@ struct canopen {
     int64_t next_heartbeat_us;
     struct frame sdo_answer;
     bool has_sdo_answer;
+    int fence; /* the device whose SDO answer ends a cycle in lock-step */
+    bool is_lost; /* whether the bus is */
 };
 
 /* Time that has passed [us], see above. */
@@ -59,8 +62,9 @@ bool canopen_send(struct canopen *master, uint16_t id, const void *data, uint8_t
 /* Sends an NMT command to all devices. */
 bool canopen_nmt(struct canopen *master, enum nmt_command command);
 
-/* Sends SYNC, and our heartbeat where it is due; forgets which devices have answered. */
-bool canopen_sync(struct canopen *master);
+/* Sends SYNC, and our heartbeat where it is due, and takes the devices' answers until all are there
+ * or the deadline has passed; in lock-step until all has arrived that will. */
+void canopen_sync(struct canopen *master, int64_t deadline_us);
 
 /* Writes or reads an object of a device; false with a line on standard error. */
 bool canopen_write(struct canopen *master, const struct device *device, uint16_t index,

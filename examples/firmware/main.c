@@ -215,12 +215,11 @@ int main(int argc, char **argv)
     outcome = axis_start(&axis, &master);
     if (outcome == DONE) {
         outcome = control(&axis, &options, &report);
-        if (outcome == BUS_LOST)
-            fprintf(stderr, "firmware: bus %s: lost\n", options.bus);
-        else
-            axis_stop(&axis);
+        axis_stop(&axis);
         print_report(&report);
     }
+    if (master.is_lost)
+        fprintf(stderr, "firmware: bus %s: lost\n", options.bus);
     can_bus_close(&master.bus);
     return (int)outcome;
 }

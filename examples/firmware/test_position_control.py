@@ -75,3 +75,23 @@ def test_what_cannot_be_done_is_said_in_one_line(controller, arguments, exit_cod
     )
     assert done.returncode == exit_code
     assert len(done.stderr.splitlines()) == 1
+
+
+def interrupted_by(bench, controller, fault):
+    """Let a fault happen in the middle of a move; return the exit code."""
+    bench.run_until(lambda: bench.values["axis1.position"] > 0.02, timeout=10.0)
+    fault()
+    return controller.wait(timeout=10.0)
+
+
+def test_a_broken_wire_ends_the_move_with_the_valve_safe(bench, faults, start):
+    controller = start("--targets-mm", "150")
+    assert interrupted_by(bench, controller, lambda: faults.break_wire("pressure_a")) == 1
+    assert "pressure A (node 2): emergency 0x" in controller.stderr
+    assert abs(bench.values["axis1.spool_position"]) < 0.01
+
+
+def test_a_sensor_without_power_is_noticed(bench, faults, start):
+    controller = start("--targets-mm", "150")
+    assert interrupted_by(bench, controller, lambda: faults.reset("position")) == 1
+    assert "position (node 4): " in controller.stderr

@@ -1,6 +1,7 @@
 """Arguments that name a bench: its file, its seed, its bus."""
 
 import argparse
+import math
 import tomllib
 from collections.abc import Sequence
 
@@ -111,3 +112,18 @@ def load_bench_config(args: argparse.Namespace, *, modbus: bool = False) -> Benc
         modbus=modbus,
         faults=[parse_fault(words) for words in getattr(args, "fault", [])],
     )
+
+
+def read_speed(text: str) -> float:
+    """Return a speed.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        speed = math.inf if text == "max" else float(text)
+    except ValueError:
+        speed = math.nan
+    if not speed > 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: a positive number or max is right")
+    return speed

@@ -6,6 +6,7 @@ import importlib.util
 import math
 from pathlib import Path
 
+from hil_bench.cli.arguments import read_speed
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
@@ -32,6 +33,7 @@ _EXAMPLES = """\
 examples:
   hil-bench demo
   hil-bench demo --duration 30 --output results
+  hil-bench demo --speed 0.1            in slow motion
   hil-bench demo --speed max            as fast as the machine can
   hil-bench demo --sensors modbus       the valve on CANopen, the sensors on Modbus
   hil-bench demo --record demo.mf4      signals and frames while it runs
@@ -66,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="where recording and plot go (hil-bench-demo)",
     )
     parser.add_argument(
-        "--speed", choices=("1", "max"), default="1", help="real time (1), or without waiting"
+        "--speed", type=read_speed, default=1.0, metavar="X", help="times real time (1), or max"
     )
     parser.add_argument(
         "--sensors",
@@ -94,7 +96,8 @@ def run(args: argparse.Namespace) -> int:
     session = DemoSession(
         config,
         duration=args.duration,
-        is_paced=args.speed == "1",
+        is_paced=math.isfinite(args.speed),
+        speed=args.speed,
         sensors=sensors,
         recording=RecordingWish(tuple(args.record), args.trigger, args.pre_trigger),
     )

@@ -32,7 +32,7 @@ from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.config import BenchConfig, NodeConfig, Profile
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
-from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
@@ -88,6 +88,7 @@ class DemoSession:
         config: the bench; its first axis is moved.
         duration: length of the motion [s].
         is_paced: whether the ticks wait for real time.
+        speed: how fast that passes.
         sensors: where the controller reads the sensors; the valve is on CANopen.
         recording: what to record while it runs.
 
@@ -104,6 +105,7 @@ class DemoSession:
         *,
         duration: float,
         is_paced: bool,
+        speed: float = 1.0,
         sensors: SensorBus = SensorBus.CANOPEN,
         recording: RecordingWish = NO_RECORDING,
     ) -> None:
@@ -112,7 +114,7 @@ class DemoSession:
         self._sensor_bus = sensors
         self.statistics = TickStatistics(is_shared=True) if is_paced else None
         self._pacer = (
-            Pacer(MonotonicClock(), config.tick_ns, statistics=self.statistics)
+            Pacer(ScaledClock(MonotonicClock(), speed), config.tick_ns, statistics=self.statistics)
             if is_paced
             else None
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import can
 
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.config import BenchConfig
@@ -62,7 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="of these, as seen by who recorded them (default: %(default)s)",
     )
     parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="X", help="times as fast (1), or max"
+        "--speed", type=read_speed, default=1.0, metavar="X", help="times as fast (1), or max"
     )
     virtual = parser.add_argument_group("set-points into the plant")
     virtual.add_argument(
@@ -177,18 +177,3 @@ def _tolerance(text: str) -> tuple[str, float]:
     if not 0 <= tolerance < math.inf:
         raise ConfigError(f'--tolerance "{text}": {right}')
     return name, tolerance
-
-
-def _speed(text: str) -> float:
-    """Return a speed.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
-    try:
-        speed = math.inf if text == "max" else float(text)
-    except ValueError:
-        speed = math.nan
-    if not speed > 0:
-        raise argparse.ArgumentTypeError(f"{text!r}: a positive number or max is right")
-    return speed

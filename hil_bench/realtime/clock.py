@@ -1,5 +1,6 @@
 """Clocks: the one place where time is read, so that everything else can be run on virtual time."""
 
+import math
 import time
 from typing import Protocol
 
@@ -31,6 +32,30 @@ class MonotonicClock:
         """Sleep until `deadline` [ns], never returning before it."""
         while (remaining := deadline - time.monotonic_ns()) > 0:
             time.sleep(remaining * 1e-9)
+
+
+class ScaledClock:
+    """Another clock, faster or slower, that agrees with it at the moment it is made.
+
+    Args:
+        clock: the clock.
+        speed: how fast this one goes in comparison, above 0.
+    """
+
+    def __init__(self, clock: Clock, speed: float) -> None:
+        self._clock = clock
+        self._speed = speed
+        self._start = clock.now()
+
+    def now(self) -> int:
+        """Return the scaled time [ns]."""
+        return self._start + int((self._clock.now() - self._start) * self._speed)
+
+    def sleep_until(self, deadline: int) -> None:
+        """Sleep until `deadline` [ns] of the scaled time, never returning before it."""
+        while self.now() < deadline:
+            remaining = math.ceil((deadline - self.now()) / self._speed)
+            self._clock.sleep_until(self._clock.now() + remaining)
 
 
 class VirtualClock:

@@ -1,4 +1,7 @@
-"""The example's controller in C, against the bench in lock-step on the bench's own hub."""
+"""The example's controller in C, against the bench in lock-step on the bench's own hub.
+
+Its own tests are run by tests/test_ci_recipes.py.
+"""
 
 import shutil
 import subprocess
@@ -9,7 +12,6 @@ import pytest
 from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
 from hil_bench.virtual_bench import VirtualBench
 
-pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.skipif(
     not (shutil.which("make") and shutil.which("cc")),
     reason="no C compiler; apt-get install make gcc libc6-dev",
@@ -24,12 +26,6 @@ def controller(tmp_path_factory):
     make = ["make", "--silent", "-C", EXAMPLE, f"BUILD={build}"]
     subprocess.run(make, check=True)  # noqa: S603 - our own Makefile
     return build / "position_control"
-
-
-def test_its_own_tests_pass(pytester, monkeypatch):
-    monkeypatch.setenv("PYTEST_ADDOPTS", "")
-    result = pytester.runpytest_subprocess(EXAMPLE, "-p", "no:cacheprovider", "-rs")
-    result.assert_outcomes(passed=10, skipped=1)  # one is for real time only
 
 
 def frames_of_a_session(controller, directory):

@@ -178,3 +178,15 @@ def test_the_trace_is_the_same_for_every_hash_seed(hash_seed):
 
 def search_path():
     return [str(Path(__file__).parent), *filter(None, sys.path)]
+
+
+def test_a_frame_is_served_by_whom_it_concerns_and_the_others_stay_as_they_are():
+    bench, lockstep = make_lockstep()
+    twin = build_bench(load_config())
+    twin.start(0)
+    twin.tick([], 0)
+    for frame in (*SYNCHRONOUS_TPDOS, START_ALL, Frame(0x000, b"\x80\x02"), command(100)):
+        # Two frames at once look at every node.
+        assert lockstep.receive(frame) == twin.serve([frame, Frame(0x7FF)], 0)
+    assert lockstep.receive(SYNC) == twin.tick([SYNC], TICK)
+    assert [node.state for node in bench.nodes] == [node.state for node in twin.nodes]

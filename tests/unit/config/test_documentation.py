@@ -144,6 +144,13 @@ def test_the_example_of_real_sensors_has_no_ideal_one() -> None:
     assert [node.chain.is_ideal for node in config.nodes[1:]] == [False] * 3
 
 
+def test_the_example_of_sixteen_axes_has_64_nodes() -> None:
+    config = load_config(ROOT / "examples" / "sixteen_axes.toml")
+
+    assert len(config.axes) == 16
+    assert sorted(node.node_id for node in config.nodes) == list(range(1, 65))
+
+
 def test_the_example_of_two_axes_loads() -> None:
     config = load_config(ROOT / "examples" / "two_axes.toml")
 

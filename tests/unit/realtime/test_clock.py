@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.realtime.clock import MonotonicClock, VirtualClock
+from hil_bench.realtime.clock import MonotonicClock, ScaledClock, VirtualClock
 
 
 def test_a_virtual_clock_stands_still_between_waits():
@@ -34,3 +34,22 @@ def test_the_monotonic_clock_never_wakes_before_the_deadline():
         deadline = clock.now() + delay
         clock.sleep_until(deadline)
         assert clock.now() >= deadline
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, 3.0])
+def test_a_scaled_clock_goes_as_fast_as_asked_from_where_the_other_is(speed):
+    other = VirtualClock(start=5_000)
+    clock = ScaledClock(other, speed)
+    assert clock.now() == 5_000
+    other.advance(3_000)
+    assert clock.now() == 5_000 + int(3_000 * speed)
+
+
+@pytest.mark.parametrize("speed", [0.1, 1.0, 3.0, 1e6])
+def test_a_scaled_clock_wakes_at_its_deadline_never_before(speed):
+    other = VirtualClock(start=5_000)
+    clock = ScaledClock(other, speed)
+    clock.sleep_until(1_005_000)
+    assert clock.now() >= 1_005_000
+    # One nanosecond less of the other clock would have been too early.
+    assert int((other.now() - 1 - 5_000) * speed) < 1_000_000

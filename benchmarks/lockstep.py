@@ -1,0 +1,176 @@
+"""Simulated seconds per second in lock-step: in this process, and over the hub.
+
+    python benchmarks/lockstep.py [--seconds S] [--repeats N]
+
+In each cycle of 1 ms of bench time every valve gets its RPDO, SYNC follows, and every node answers
+with its TPDO. In this process the cycle is calls, and the seconds are those of the processor; over
+the hub another process sends the frames over TCP and waits for all answers, and the seconds are
+those of the clock. Best of some repeats, since other programs only make it slower.
+"""
+
+import argparse
+import multiprocessing
+import platform
+import shutil
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hil_bench.assembly import build_bench
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import BenchConfig, ValveConfig, load_config
+from hil_bench.lockstep import LockStep, run_lockstep
+from hil_bench.plant import PlantInput
+from hil_bench.transports.hosted_bus import HostedBus
+
+ROOT = Path(__file__).parents[1]
+SYNC = Frame(0x080)
+
+
+def valves_of(config: BenchConfig) -> list[int]:
+    """Return the node-IDs of the valves."""
+    return [node.node_id for node in config.nodes if isinstance(node, ValveConfig)]
+
+
+def set_up_frames(config: BenchConfig) -> Iterator[Frame]:
+    """Yield what has every node answer each SYNC and no timer, and brings all to OPERATIONAL."""
+    for node in config.nodes:
+        yield Frame(0x600 + node.node_id, bytes.fromhex("2f00180201000000"))  # 0x1800.02 = 1
+        yield Frame(0x600 + node.node_id, bytes.fromhex("2b00180500000000"))  # 0x1800.05 = 0
+    yield Frame(0x000, b"\x01\x00")
+
+
+def cycle_frames(valves: Sequence[int], number: int) -> list[Frame]:
+    """Return the frames of one cycle: a set-point that goes to and fro, and SYNC."""
+    setpoint = 8192 if number // 500 % 2 else -8192
+    data = struct.pack("<Hh", 7, setpoint)
+    return [*(Frame(0x200 + node_id, data) for node_id in valves), SYNC]
+
+
+def start_lockstep(config: BenchConfig) -> LockStep:
+    """Return a powered-on bench."""
+    bench = build_bench(config)
+    bench.start(0)
+    bench.tick([], 0)
+    return LockStep(bench.tick, bench.serve, tick_ns=config.tick_ns)
+
+
+def measure_plants(config: BenchConfig, cycles: int) -> float:
+    """Return seconds of bench time per second of the processor for the plants alone."""
+    bench = build_bench(config)
+    started = time.process_time()
+    for number in range(cycles):
+        given = PlantInput(6e-4 if number // 500 % 2 else -6e-4)
+        for axis in bench.axes:
+            axis.plant.step(given, config.steps_per_tick)
+    return cycles * config.tick_ns * 1e-9 / (time.process_time() - started)
+
+
+def measure_in_process(config: BenchConfig, cycles: int) -> float:
+    """Return seconds of bench time per second of the processor, frames in and out included."""
+    lockstep = start_lockstep(config)
+    for frame in set_up_frames(config):
+        lockstep.receive(frame)
+    valves = valves_of(config)
+    script = [cycle_frames(valves, number) for number in range(cycles)]
+    answers = 0
+    started = time.process_time()
+    for frames in script:
+        for frame in frames:
+            answers += len(lockstep.receive(frame))
+    elapsed = time.process_time() - started
+    assert answers >= cycles * len(config.nodes), answers  # noqa: S101 - or it measured nothing
+    return cycles * config.tick_ns * 1e-9 / elapsed
+
+
+def command_text(frames: Sequence[Frame]) -> bytes:
+    """Return "send" commands of the socketcand protocol."""
+    return b"".join(
+        b"< send %03X %d %b >" % (frame.can_id, len(frame.data), frame.data.hex(" ").encode())
+        for frame in frames
+    )
+
+
+def control(port: int, path: Path | None, cycles: int) -> None:
+    """Be the controller: send each cycle's frames and wait for as many as answer them."""
+    config = load_config(path)
+    with socket.create_connection(("127.0.0.1", port)) as bus:
+        bus.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for command in (b"< open can0 >", b"< rawmode >", command_text([*set_up_frames(config)])):
+            bus.recv(100)
+            bus.sendall(command)
+        hear(bus, 2 * len(config.nodes))
+        valves = valves_of(config)
+        texts = [command_text(cycle_frames(valves, number)) for number in (0, 500)]
+        for number in range(cycles):
+            bus.sendall(texts[number // 500 % 2])
+            hear(bus, len(config.nodes))
+
+
+def hear(bus: socket.socket, count: int) -> None:
+    """Wait for as many messages."""
+    while count > 0:
+        count -= bus.recv(65_536).count(b">")
+
+
+def measure_over_hub(config: BenchConfig, cycles: int) -> float:
+    """Return seconds of bench time per second, the controller in a process of its own."""
+    hub = HostedBus()
+    arguments = hub.port, config.path, cycles
+    controller = multiprocessing.get_context("spawn").Process(target=control, args=arguments)
+    controller.start()
+    lockstep = start_lockstep(config)
+    report = run_lockstep(lockstep, hub, stopped=lambda: lockstep.syncs >= cycles)
+    controller.join()
+    hub.close()
+    return (report.now - config.tick_ns) * 1e-9 / report.moved
+
+
+def measure_firmware(config: BenchConfig) -> float:
+    """Return seconds of bench time per second with the controller in C of examples/firmware."""
+    with tempfile.TemporaryDirectory() as build:
+        make = ["make", "--silent", "-C", ROOT / "examples" / "firmware", f"BUILD={build}"]
+        subprocess.run(make, check=True)  # noqa: S603 - our own Makefile
+        hub = HostedBus()
+        targets = ",".join(["60", "-60"] * 7)
+        bus = ["--bus", f"127.0.0.1:{hub.port}", "--lockstep"]
+        command = [f"{build}/position_control", *bus, "--targets-mm", targets]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as controller:  # noqa: S603
+            lockstep = start_lockstep(config)
+            report = run_lockstep(lockstep, hub, stopped=lambda: controller.poll() is not None)
+        hub.close()
+    return report.now * 1e-9 / report.moved
+
+
+def main() -> None:
+    """Print the figures as a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=5.0, help="of bench time, each repeat")
+    parser.add_argument("--repeats", type=int, default=5)
+    args = parser.parse_args()
+    cycles = round(args.seconds * 1000)
+    four, many = load_config(), load_config(ROOT / "examples" / "sixteen_axes.toml")
+    rows = [
+        ("plants alone, in process", measure_plants),
+        ("frames in and out, in process", measure_in_process),
+        ("over the hub, controller in another process", measure_over_hub),
+    ]
+    print(f"{platform.machine()}, Python {platform.python_version()}, best of {args.repeats}\n")
+    print("| | 4 nodes, 1 axis | 64 nodes, 16 axes |\n|---|---|---|")
+    for name, measure in rows:
+        best = [
+            max(measure(config, count) for _ in range(args.repeats))
+            for config, count in ((four, cycles), (many, cycles // 5))
+        ]
+        print(f"| {name} | {best[0]:.1f} | {best[1]:.1f} |", flush=True)
+    if shutil.which("make") and shutil.which("cc"):
+        best_firmware = max(measure_firmware(four) for _ in range(args.repeats))
+        print(f"| over the hub, examples/firmware | {best_firmware:.1f} | |")
+
+
+if __name__ == "__main__":
+    main()

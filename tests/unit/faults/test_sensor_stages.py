@@ -75,3 +75,4 @@ def test_a_lag_may_begin_elsewhere():
     lag = Lag(1.0, TICK, start=0.0)
     # The input goes from 0 to 1 within the tick: T / (2 τ) of it is through.
     assert lag.follow(1.0) == pytest.approx(0.0005, rel=1e-3)
+    assert Lag(1.0, TICK, start=2.0).follow(2.0) == 2.0

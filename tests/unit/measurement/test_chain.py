@@ -206,6 +206,13 @@ def test_speed_counts_samples_where_they_are_slower_than_ticks():
     assert speeds == pytest.approx([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0])
 
 
+def test_a_window_shorter_than_a_sample_is_one():
+    unit = chain(speed_window_ns=MS, sampling_period_ns=2 * MS)
+    for position in [0.0, 0.0, 2e-3, 2e-3, 8e-3]:
+        unit.measure(position)
+    assert unit.speed(99.0) == pytest.approx(6e-3 / 2e-3)
+
+
 def test_without_a_window_speed_is_the_true_one():
     unit = chain(resolution=0.1)
     unit.measure(1.0)

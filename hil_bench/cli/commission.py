@@ -2,24 +2,31 @@
 
 import argparse
 import contextlib
+import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
 
-from drivers import DriverError
 from hil_bench import __version__
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.commissioning.measures import StepResult
-from hil_bench.commissioning.plan import CommissioningPlan, Step, load_plan
+from hil_bench.commissioning.plan import (
+    CommissioningPlan,
+    Step,
+    check_against,
+    choose_axis,
+    load_plan,
+)
 from hil_bench.commissioning.report import ReportHead, verdict_of, write_report
-from hil_bench.commissioning.session import CHANNELS, Commissioning, Console, commission
+from hil_bench.commissioning.session import Commissioning, Console, commission, recorded_channels
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.recording.channels import Channel
 from hil_bench.recording.formats import Heading
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.network_tap import NetworkTap
@@ -72,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         ConfigError: --machine without --virtual, or the output directory cannot be made.
+        BusError: the bus was lost; the report tells how far it came.
     """
     if args.machine and not args.virtual:
         raise ConfigError("--machine: is a virtual one; give --virtual too")
@@ -79,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)
     config = load_bench_config(args)
+    check_against(plan, choose_axis(plan, config))
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -94,48 +103,65 @@ def run(args: argparse.Namespace) -> int:
     print(f"verdict   {verdict_of(found)}")
     print(f"report    {paths[0]}, {paths[1]}")
     print(f"recording {_recording_path(args)}")
+    if found.lost:
+        raise BusError(found.lost)
+    if found.is_interrupted:
+        return ExitCode.INTERRUPTED
     return ExitCode.DONE if found.passed else ExitCode.CHECK_FAILED
 
 
 def _commission(
     args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, plan: CommissioningPlan
 ) -> Commissioning:
-    """Run the plan while all is recorded.
-
-    Raises:
-        BusError: the bus cannot be used.
-    """
+    """Run the plan while all is recorded."""
     console = Console(
         confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
         begin=lambda step: None if args.quiet else _print_begin(step),
         end=lambda result: None if args.quiet else _print_end(result),
     )
-    with _recording(args, opened) as recording:
-        try:
-            return commission(opened.network, config, plan, console=console, recording=recording)
-        except DriverError as error:
-            raise BusError(str(error)) from error
+    channels = recorded_channels(choose_axis(plan, config).name)
+    with _recording(args, opened, channels) as (recording, origin), _sigterm_as_interrupt():
+        return commission(
+            opened.network, config, plan, console=console, recording=recording, origin=origin
+        )
 
 
 @contextlib.contextmanager
-def _recording(args: argparse.Namespace, opened: OpenNetwork) -> Iterator[RecordingSink]:
+def _recording(
+    args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel]
+) -> Iterator[tuple[RecordingSink, float]]:
     """Record samples and frames: in virtual time here, else by another process.
 
     Yields:
-        What takes the samples.
+        What takes the samples, and its time 0 on the network's clock [s].
     """
     is_virtual = opened.virtual is not None
     started = None if is_virtual else datetime.now(UTC)
     heading = Heading(f"hil-bench {__version__}, commissioning by {args.plan}", started)
-    plan = RecordingPlan((_recording_path(args),), CHANNELS, heading=heading)
+    plan = RecordingPlan((_recording_path(args),), tuple(channels), heading=heading)
     recording = InlineRecorder(plan) if is_virtual else RecorderProcess(plan)
     recording.start()
-    opened.network.observe = NetworkTap(recording, opened.network.now).observe
+    tap = NetworkTap(recording, opened.network.now)
+    opened.network.observe = tap.observe
     try:
-        yield recording
+        yield recording, tap.origin
     finally:
         opened.network.observe = None
         recording.stop()
+
+
+@contextlib.contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """Have SIGTERM end the motion as Ctrl-C does.
+
+    Yields:
+        Nothing.
+    """
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _recording_path(args: argparse.Namespace) -> Path:

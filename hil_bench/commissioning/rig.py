@@ -65,6 +65,7 @@ class Rig:
         members: the nodes of the axis.
         period: between two samples [s].
         recording: takes each sample and the step's number; None for nobody.
+        origin: time 0 of the recording on the network's clock [s]; None for now.
 
     Attributes:
         valve: its driver.
@@ -79,6 +80,7 @@ class Rig:
         *,
         period: float,
         recording: RecordingSink | None = None,
+        origin: float | None = None,
     ) -> None:
         self._network = network
         self._recording = recording
@@ -94,7 +96,8 @@ class Rig:
         )
         self._devices = (self.valve, self._position, *self._pressures)
         self._limits: Limits | None = None
-        self._step_start = self._next = self._origin = network.now()
+        self._step_start = self._next = network.now()
+        self._origin = self._next if origin is None else origin
         self._step_number = 0
         self._boot_ups: tuple[int, ...] = ()
 

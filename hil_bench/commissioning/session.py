@@ -29,9 +29,19 @@ from hil_bench.recording.inline_recorder import RecordingSink
 
 logger = logging.getLogger(__name__)
 
-CHANNELS = (*SAMPLE_CHANNELS, Channel("step", "-"))
-"""Signals of a commissioning's recording, after the time: what the drivers told, and the step's
-number, from 1."""
+INTERRUPTED = "interrupted; the valve was closed"
+"""Problem of the step in which Ctrl-C came."""
+
+
+def recorded_channels(axis: str) -> tuple[Channel, ...]:
+    """Return the signals of a commissioning's recording, after the time.
+
+    They have the names of a bench's recording, so that it can be drawn and replayed like one, and
+    hold what the drivers told; `step` is the number of the step, from 1.
+    """
+    samples = [Channel(f"{axis}.{channel.name}", channel.unit) for channel in SAMPLE_CHANNELS]
+    return (*samples, Channel("step", "-"))
+
 
 _STEPS: Mapping[StepKind, Callable[[Procedure, Step], StepResult]] = {
     StepKind.COMMUNICATION: communication,
@@ -43,6 +53,8 @@ _STEPS: Mapping[StepKind, Callable[[Procedure, Step], StepResult]] = {
     StepKind.CHIRP: chirp,
     StepKind.LEAKAGE: leakage,
 }
+
+_LOST = "the bus was lost"
 
 _PATIENCE = 0.5  # that nodes have to show themselves [s]
 
@@ -59,12 +71,16 @@ class Commissioning:
         results: one a step of the plan.
         nodes: what each node says of itself.
         missed: samples for which not every device answered in time.
+        lost: how the bus was lost, empty where it was not.
+        is_interrupted: whether Ctrl-C ended it.
     """
 
     axis: str
     results: tuple[StepResult, ...]
     nodes: tuple[NodeDescription, ...]
     missed: int
+    lost: str = ""
+    is_interrupted: bool = False
 
     @property
     def passed(self) -> bool:
@@ -102,20 +118,24 @@ def commission(
     *,
     console: Console = UNATTENDED,
     recording: RecordingSink | None = None,
+    origin: float | None = None,
 ) -> Commissioning:
     """Run a plan on the axis behind a bus, and leave its valve disabled.
+
+    A lost bus, a limit or Ctrl-C ends the motion, not the function: what was found is returned.
 
     Args:
         network: of the drivers.
         config: the bench as it should be: nodes, EDS files, data sheet.
         plan: the steps.
         console: whom to ask and to tell.
-        recording: takes the samples, with `CHANNELS`.
+        recording: takes the samples, with `recorded_channels`.
+        origin: time 0 of the recording on the network's clock [s]; None for now.
     """
     axis = choose_axis(plan, config)
     check_against(plan, axis)
     members = find_members(config, axis.name)
-    rig = Rig(network, members, period=plan.period, recording=recording)
+    rig = Rig(network, members, period=plan.period, recording=recording, origin=origin)
     sightings = discover(network, Method.SDO, patience=_PATIENCE)
     nodes = [describe(network, sighting) for sighting in sightings]
     procedure = Procedure(network, config, axis, members, rig)
@@ -123,7 +143,15 @@ def commission(
         results = _run_steps(procedure, plan.steps, console)
     finally:
         rig.close()
-    return Commissioning(axis.name, tuple(results), tuple(nodes), rig.missed)
+    problems = [result.problem for result in results]
+    return Commissioning(
+        axis.name,
+        tuple(results),
+        tuple(nodes),
+        rig.missed,
+        lost=next((problem for problem in problems if problem.startswith(_LOST)), ""),
+        is_interrupted=INTERRUPTED in problems,
+    )
 
 
 def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) -> list[StepResult]:
@@ -148,11 +176,7 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
 
 
 def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
-    """Run a step; whatever stops it, the valve is closed before anybody is told.
-
-    Raises:
-        BusLostError: nothing can be reached any more; the valve closes by itself.
-    """
+    """Run a step; whatever stops it, the valve is closed before anybody is told."""
     rig, network = procedure.rig, procedure.network
     begin = network.now()
     rig.begin_step(number, step.limits)
@@ -161,8 +185,11 @@ def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
         result = _STEPS[step.kind](procedure, step)
         if step.kind.moves:
             rig.close_valve()
-    except BusLostError:
-        raise
+    except KeyboardInterrupt:
+        rig.close_valve()
+        result.problem = INTERRUPTED
+    except BusLostError as error:
+        result.problem = f"{_LOST}: {error}; the valve closes by itself"
     except (LimitError, DriverError) as error:
         rig.close_valve()
         result.problem = f"{error}; the valve was closed"

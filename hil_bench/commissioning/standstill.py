@@ -52,6 +52,7 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
     result = StepResult(step.kind)
     values, rig = step.values, procedure.rig
     rig.enable()
+    procedure.go_to(0.5 * sum(step.limits.position))
     u, moving = values["opening"], values["motion_time"]
     rig.move(lambda time: u if time < moving else 0.0, moving + REST)
     trace = result.trace = rig.move(lambda _time: 0.0, values["duration"])

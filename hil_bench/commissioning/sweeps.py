@@ -1,5 +1,7 @@
 """Slow sweeps of the spool: dead band, speed against spool, friction against speed."""
 
+import math
+
 import numpy as np
 
 from hil_bench.commissioning import estimation
@@ -22,8 +24,10 @@ class Triangle:
         self._duration = duration
 
     def __call__(self, time: float) -> float:
-        """Return the set-point at a time [s]."""
-        phase = (time / self._duration) % 1.0
+        """Return the set-point at a time [s]; 0 after the whole."""
+        if not 0.0 <= time < self._duration:
+            return 0.0
+        phase = time / self._duration
         sign = 1.0 if phase < 0.5 else -1.0
         part = 2.0 * (phase % 0.5)
         return sign * self._amplitude * (1.0 - abs(2.0 * part - 1.0))
@@ -76,7 +80,10 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     result = StepResult(step.kind)
     trace = result.trace = _sweep(procedure, step)
     parameters, values = procedure.parameters, step.values
-    spool, speed, force = trace["spool_position"], trace["speed"], procedure.force(trace)
+    spool, speed = trace["spool_position"], trace["speed"]
+    # What the oil's oscillation takes to move the mass is no friction.
+    inertia = parameters.m * estimation.derivative(speed, procedure.rig.period)
+    force = procedure.force(trace) - inertia
     band = estimation.dead_band(spool, speed)
     sheet = expected_speed(1.0, parameters) / (1.0 - parameters.beta / parameters.full_opening)
     share = values["gain_tolerance"]
@@ -106,7 +113,7 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
         ),
         Measure("load force", found.load, "N"),
     ]
-    line = np.array([speed.min(), -slowest, slowest, speed.max()])
+    line = np.array([speed.min(), -slowest, math.nan, slowest, speed.max()])
     fit = found.load + np.sign(line) * found.coulomb + found.viscous * line
     result.curves += [
         Curve(

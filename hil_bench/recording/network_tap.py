@@ -14,16 +14,19 @@ class NetworkTap:
     Args:
         recording: what takes the frames; its time 0 is now.
         clock: the network's time [s].
+
+    Attributes:
+        origin: time 0 of the recording on that clock [s].
     """
 
     def __init__(self, recording: RecordingSink, clock: Callable[[], float]) -> None:
         self._recording = recording
         self._clock = clock
-        self._start = clock()
+        self.origin = clock()
 
     def now(self) -> float:
         """Return the time on the recording's time base [s]."""
-        return self._clock() - self._start
+        return self._clock() - self.origin
 
     def observe(self, message: can.Message) -> None:
         """Record a frame that the network received or sent."""

@@ -45,12 +45,16 @@ def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys
     assert "| 4 | HIL bench linear encoder |" in report
     signals = read_recording(folder / "out" / "commissioning.mf4")
     assert sorted(set(signals["step"])) == [2.0, 3.0]
+    setpoint = signals["axis1.spool_setpoint"]
     # The set-point of the direction's pulses: 40 % each way, out of the valve's own words too.
-    assert (signals["spool_setpoint"].min(), signals["spool_setpoint"].max()) == (-0.4, 0.4)
+    assert (setpoint.min(), setpoint.max()) == (-0.4, 0.4)
     frames = list(read_frames(folder / "out" / "commissioning.mf4"))
     assert {0x080, 0x201, 0x181, 0x184} <= {logged.frame.can_id for logged in frames}
     sent = {logged.frame.can_id for logged in frames if not logged.is_received}
     assert 0x201 in sent
+    # One time base: the sample of a SYNC is dated when the SYNC was sent.
+    syncs = [round(logged.now * 1e-9, 6) for logged in frames if logged.frame.can_id == 0x080]
+    assert {round(time, 6) for time in signals["time"]} <= set(syncs)
     assert 0x181 not in sent
 
 

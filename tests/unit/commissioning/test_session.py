@@ -297,16 +297,36 @@ def test_without_consent_nothing_moves(machine):
     assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
 
 
-def test_an_interruption_closes_the_valve(machine):
-    tested = machine()
+def test_an_interruption_closes_the_valve_and_leaves_what_was_found(machine):
+    tested = machine(plan=LEAKAGE_PLAN)
 
     def interrupt():
         raise KeyboardInterrupt
 
     tested.when_it_moves(interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        tested.commission()
+    found = tested.commission()
+    assert verdicts(found)[2:] == [Verdict.STOPPED, Verdict.NOT_RUN]
+    assert found.results[2].problem == "interrupted; the valve was closed"
+    assert found.is_interrupted
     assert tested.is_closed()
+
+
+def test_a_lost_bus_ends_the_motion_and_leaves_what_was_found(machine):
+    tested = machine(plan=LEAKAGE_PLAN)
+
+    def lose():
+        raise can.CanOperationError("the cable is out")
+
+    def lose_the_bus():
+        tested.bench.bus.send = lambda _message, _timeout=None: lose()
+
+    tested.when_it_moves(lose_the_bus)
+    found = tested.commission()
+    assert verdicts(found)[2:] == [Verdict.STOPPED, Verdict.NOT_RUN]
+    assert found.lost == (
+        "the bus was lost: cannot send on embedded bench: the cable is out; the valve closes by "
+        "itself"
+    )
 
 
 def test_a_controller_that_falls_silent_is_the_valves_to_notice(machine):

@@ -3,10 +3,7 @@
 import argparse
 import contextlib
 import math
-from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
@@ -17,6 +14,7 @@ from hil_bench.cli.arguments import (
     add_loop_arguments,
     load_bench_config,
 )
+from hil_bench.cli.bench_bus import HUB_CHANNEL, OpenBus, open_bus
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.histogram_file import HistogramFile
@@ -43,7 +41,7 @@ from hil_bench.cli.status_line import (
     bus_status_row,
 )
 from hil_bench.config import BenchConfig, FaultConfig
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import ConfigError
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
@@ -51,15 +49,8 @@ from hil_bench.recording.inline_recorder import RecordingSink
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.runner import RunReport, run_paced
 from hil_bench.telemetry import RecordingTap
-from hil_bench.transports.bus_load import USUAL_BITRATE, BusLoad
-from hil_bench.transports.can_interfaces import bitrate_of
-from hil_bench.transports.hosted_bus import HostedBus
-from hil_bench.transports.hub_process import HubProcess
-from hil_bench.transports.opening import open_transport
+from hil_bench.transports.bus_load import BusLoad
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT
-from hil_bench.transports.transport import Transport
-
-HUB_CHANNEL = "can0"
 
 _EXAMPLES = f"""\
 examples:
@@ -188,64 +179,6 @@ def check_arguments(args: argparse.Namespace) -> None:
     check_recording_arguments(args)
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
-
-
-class OpenBus(NamedTuple):
-    """A bus that is open.
-
-    Attributes:
-        transport: the bench's end of it.
-        join: python-can's flags for another program's end, empty where the bus says it all.
-        check: raises a `BusError` when the bus is gone without the transport noticing.
-        bitrate: that the bus's load refers to [bit/s].
-    """
-
-    transport: Transport
-    join: str
-    check: Callable[[], None]
-    bitrate: int
-
-
-@contextlib.contextmanager
-def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
-    """Open the bus of the configuration, or host one and join it.
-
-    Yields:
-        The bus.
-    """
-    with contextlib.ExitStack() as stack:
-        if args.hub is None:
-            bus = config.bus
-            transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
-            bitrate = bus.bitrate or bitrate_of(str(bus.channel)) or USUAL_BITRATE
-            opened = OpenBus(transport, "", lambda: None, bitrate)
-        elif args.lockstep:
-            hosted = HostedBus(port=args.hub, channel=HUB_CHANNEL)
-            flags = join_flags(hosted.host, hosted.port)
-            opened = OpenBus(hosted, flags, lambda: None, USUAL_BITRATE)
-        else:
-            hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
-            address = {"host": hub.host, "port": hub.port}
-            transport = open_transport("socketcand", HUB_CHANNEL, None, address)
-            flags = join_flags(hub.host, hub.port)
-            opened = OpenBus(transport, flags, partial(check_hub, hub), USUAL_BITRATE)
-        stack.callback(opened.transport.close)
-        yield opened
-
-
-def join_flags(host: str, port: int) -> str:
-    """Return python-can's flags for another program on the hub."""
-    return f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={host} port={port}"
-
-
-def check_hub(hub: HubProcess) -> None:
-    """Notice that the hub's process is gone.
-
-    Raises:
-        BusError: it is.
-    """
-    if not hub.alive:
-        raise BusError(f"hub {hub.host}:{hub.port}: its process has ended; start the bench again")
 
 
 def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:

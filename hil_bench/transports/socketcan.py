@@ -118,6 +118,7 @@ class SocketCanTransport:
 
     Attributes:
         description: the bus in words.
+        channel: as passed in.
         receive_buffer: what the kernel granted [byte]; it counts its own overhead in.
 
     Raises:
@@ -126,7 +127,7 @@ class SocketCanTransport:
 
     def __init__(self, bus: RawCanBus, channel: str) -> None:
         self.description = f"socketcan {channel}"
-        self._channel = channel
+        self.channel = channel
         self._bus = bus
         self._socket = bus.socket
         self._pending: deque[bytes] = deque()
@@ -267,18 +268,18 @@ class SocketCanTransport:
         if not self._is_down:
             self._is_down = True
             self._outages += 1
-            reason = _reason(error.errno, self._channel)
+            reason = _reason(error.errno, self.channel)
             logger.warning("%s: %s; the bench goes on without it", self.description, reason)
 
     def _look(self) -> None:
         """Find out now and then whether the interface is up again; its socket then works on."""
         self._looks += 1
-        if self._looks % _CALLS_PER_LOOK == 0 and is_up(self._channel):
+        if self._looks % _CALLS_PER_LOOK == 0 and is_up(self.channel):
             self._is_down = False
             logger.warning("%s: the interface is up again", self.description)
 
     def _lost(self, error: OSError) -> str:
-        return f"{self.description}: bus lost: {_reason(error.errno, self._channel)}"
+        return f"{self.description}: bus lost: {_reason(error.errno, self.channel)}"
 
 
 def _reason(code: int | None, channel: str) -> str:

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from hil_bench.cli import main
-from hil_bench.cli.run import check_hub
+from hil_bench.cli.bench_bus import check_hub
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import VirtualClock
 

@@ -124,8 +124,14 @@ class DeviceUnderTest:
 
     @contextlib.contextmanager
     def watched(self) -> Iterator[None]:
-        """Have the device tell its NMT state by a heartbeat; where it has none, by guarding."""
+        """Have the device tell its NMT state by a heartbeat; where it has none, by guarding.
+
+        Raises:
+            NotApplicable: it has neither, and the EDS promises neither.
+        """
         variable = self.objects.find(*HEARTBEAT_TIME)
+        if variable is None and 0x100C not in self.objects and self.guard() is None:
+            raise NotApplicable("the device tells its NMT state neither by heartbeat nor guarding")
         if variable is None or not variable.access.writable:
             yield
             return

@@ -1,5 +1,7 @@
 """A device under test in virtual time: the node of the other tests, with the defect it is given."""
 
+import contextlib
+
 import pytest
 
 from hil_bench.canopen_device.eds import load_eds
@@ -60,7 +62,17 @@ def eds_path(request):
 
 
 @pytest.fixture
-def laboratory(eds_path):
-    laboratory = Laboratory(eds_path)
-    yield laboratory
-    laboratory.bus.shutdown()
+def make_laboratory():
+    with contextlib.ExitStack() as stack:
+
+        def make(eds):
+            laboratory = Laboratory(eds)
+            stack.callback(laboratory.bus.shutdown)
+            return laboratory
+
+        yield make
+
+
+@pytest.fixture
+def laboratory(make_laboratory, eds_path):
+    return make_laboratory(eds_path)

@@ -10,6 +10,7 @@ import struct
 import pytest
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.frame import Frame
 
 SDO_ANSWER, HEARTBEAT, EMCY, TPDO = 0x585, 0x705, 0x085, 0x185
 
@@ -108,8 +109,134 @@ def twice(can_id):
     return lambda frame: [frame] * (1 + (frame.can_id == can_id))
 
 
+def starts(beginning):
+    """A condition: the data begin so."""
+    return lambda data: data[: len(beginning)] == beginning
+
+
+def emergency_after(beginning):
+    """A defect: an EMCY follows an SDO answer that begins so."""
+    emergency = Frame(EMCY, b"\x30\x81\x11\0\0\0\0\0")
+
+    def says(frame):
+        is_it = frame.can_id == SDO_ANSWER and starts(beginning)(frame.data)
+        return [frame, emergency] if is_it else [frame]
+
+    return says
+
+
+def written_otherwise(asked, done):
+    """A defect: a download of one value is taken for that of another."""
+    asked, done = bytes.fromhex(asked), bytes.fromhex(done)
+
+    def hears(frame):
+        if frame.can_id == 0x605 and starts(asked)(frame.data):
+            return [frame._replace(data=done + frame.data[len(done) :])]
+        return [frame]
+
+    return hears
+
+
+def with_own_serial_number(specifiers):
+    """A defect: whatever serial number LSS names, it is one's own (0x1018.04 of device.eds)."""
+
+    def hears(frame):
+        if frame.can_id == 0x7E5 and frame.data[0] in specifiers:
+            return [frame._replace(data=frame.data[:1] + b"\x78\x56\x34\x12\0\0\0")]
+        return [frame]
+
+    return hears
+
+
+def is_first_segment(frame):
+    return frame.can_id == 0x605 and len(frame.data) == 8 and frame.data[0] == 0
+
+
 # Name of the defect: the defect, the clause that it breaks, the chapter that finds it.
 SAYS = {
+    "no heartbeat": (
+        altered(HEARTBEAT, lambda d: d if d == b"\0" else None),
+        "7.5.2.20",
+        "Error control",
+    ),
+    "EMCY for nothing": (emergency_after(b"\x60\x16\x10\x01"), "7.5.2.19", "Error control"),
+    "EMCY 0000h with another register": (
+        altered(EMCY, flips(2, 0x10, lambda d: d[:2] == b"\0\0")),
+        "7.2.7.1",
+        "EMCY",
+    ),
+    "another code in the history": (
+        altered(SDO_ANSWER, flips(4, 1, starts(b"\x43\x03\x10\x01"))),
+        "7.5.2.4",
+        "EMCY",
+    ),
+    "five entries of identity": (
+        altered(SDO_ANSWER, flips(4, 1, starts(b"\x4f\x18\x10\x00"))),
+        "7.5.2.21",
+        "Object dictionary",
+    ),
+    "every answer twice": (twice(SDO_ANSWER), "7.2.4.3.6", "SDO upload"),
+    "wrong length of a segmented upload": (
+        altered(SDO_ANSWER, flips(4, 1, starts(b"\x41"))),
+        "7.2.4.3.7",
+        "SDO upload",
+    ),
+    "another object in a confirmation": (
+        altered(SDO_ANSWER, flips(1, 1, starts(b"\x60"))),
+        "7.2.4.3.3",
+        "SDO download",
+    ),
+    "wrong toggle in a confirmation": (
+        altered(SDO_ANSWER, flips(0, 0x10, starts(b"\x20"))),
+        "7.2.4.3.4",
+        "SDO download",
+    ),
+    "block upload without its last segment": (
+        altered(SDO_ANSWER, lambda d: None if is_second_block_segment(d) else d),
+        "7.2.4.3.13",
+        "SDO block transfer",
+    ),
+    "block upload with a wrong end": (
+        altered(SDO_ANSWER, flips(0, 0x20, lambda d: d[0] & 0xE3 == 0xC1)),
+        "7.2.4.3.13",
+        "SDO block transfer",
+    ),
+    "block upload with a wrong length": (
+        altered(SDO_ANSWER, flips(4, 1, starts(b"\xc6"))),
+        "7.2.4.3.13",
+        "SDO block transfer",
+    ),
+    "block upload with a wrong beginning": (
+        altered(SDO_ANSWER, flips(0, 0x18, starts(b"\xc6"))),
+        "7.2.4.3.14",
+        "SDO block transfer",
+    ),
+    "block download with a wrong beginning": (
+        altered(SDO_ANSWER, flips(0, 0x10, starts(b"\xa4"))),
+        "7.2.4.3.9",
+        "SDO block transfer",
+    ),
+    "block download with a wrong confirmation": (
+        altered(SDO_ANSWER, flips(0, 1, starts(b"\xa2"))),
+        "7.2.4.3.9",
+        "SDO block transfer",
+    ),
+    "block download with a wrong end": (
+        altered(SDO_ANSWER, flips(0, 2, starts(b"\xa1"))),
+        "7.2.4.3.9",
+        "SDO block transfer",
+    ),
+    "produces no SYNC": (altered(0x080, lambda _: None), "7.5.2.6", "SYNC and TIME"),
+    "stores in a way that there is not": (
+        altered(SDO_ANSWER, flips(5, 1, starts(b"\x43\x10\x10\x01"))),
+        "7.5.2.13",
+        "Store and restore",
+    ),
+    "LSS takes a reserved bit timing": (
+        altered(0x7E4, lambda d: d[:1] + bytes(7) if d[0] == 0x13 else d),
+        "CiA 305, configure bit timing",
+        "LSS",
+    ),
     "no boot-up": (altered(HEARTBEAT, lambda d: None if d == b"\0" else d), "7.2.8.3.3", "NMT"),
     "boot-up with a wrong byte": (
         altered(HEARTBEAT, lambda d: b"\x7f" if d == b"\0" else d),
@@ -303,6 +430,73 @@ SAYS = {
 }
 
 HEARS = {
+    "heartbeat cannot be switched off": (
+        written_otherwise("2b171000 0000", "2b171000 0a00"),
+        "7.5.2.20",
+        "Error control",
+    ),
+    "does not know 1029h": (
+        written_otherwise("2f291001 02", "2f291001 00"),
+        "7.5.2.32",
+        "Error control",
+    ),
+    "EMCY cannot be switched off": (
+        written_otherwise("23141000 85000080", "23141000 85000000"),
+        "7.5.2.17",
+        "EMCY",
+    ),
+    "knows no inhibit time of EMCY": (
+        written_otherwise("2b151000 d007", "2b151000 0000"),
+        "7.5.2.18",
+        "EMCY",
+    ),
+    "stores other bytes": (
+        lambda f: [f._replace(data=b"\0!" + f.data[2:])] if is_first_segment(f) else [f],
+        "7.2.4.3.4",
+        "SDO download",
+    ),
+    "stores another value": (
+        written_otherwise("2b171000 e110", "2b171000 0000"),
+        "7.5.2.13",
+        "Store and restore",
+    ),
+    "restores at once": (
+        written_otherwise("2b171000 e110", "2b171000 0000"),
+        "7.5.2.14",
+        "Store and restore",
+    ),
+    "keeps to the old SYNC": (deaf_to(0x6D2), "7.5.2.5", "SYNC and TIME"),
+    "takes a counter of 1": (
+        written_otherwise("2f191000 01", "2f191000 02"),
+        "7.5.2.22",
+        "SYNC and TIME",
+    ),
+    "does not leave OPERATIONAL": (
+        lambda f: [f._replace(data=b"\x01\x05")] if f.data == b"\x80\x05" else [f],
+        "7.3.2.3",
+        "TPDO",
+    ),
+    "takes a reserved type": (written_otherwise("2f001802 f1", "2f001802 01"), "7.5.2.37", "TPDO"),
+    "misses RPDOs too early": (
+        written_otherwise("2b001405 f401", "2b001405 0a00"),
+        "7.5.2.35",
+        "RPDO",
+    ),
+    "answers to any LSS address": (
+        with_own_serial_number({0x43}),
+        "CiA 305, switch state selective",
+        "LSS",
+    ),
+    "is any LSS address": (
+        with_own_serial_number({0x4A, 0x4B}),
+        "CiA 305, identify remote slave",
+        "LSS",
+    ),
+    "does not identify itself": (
+        lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x46 else [f],
+        "CiA 305, identify remote slave",
+        "LSS",
+    ),
     "deaf to SYNC": (deaf_to(0x080), "7.5.2.37", "TPDO"),
     "deaf to RPDO": (deaf_to(0x205), "7.5.2.35", "RPDO"),
     "obeys commands to others": (hears_any_node, "7.2.8.3.1", "NMT"),

@@ -97,3 +97,78 @@ def test_an_abort_names_the_object_of_its_transfer(laboratory):
             assert data[1:4] == begun
             aborts += 1
     assert aborts > 3
+
+
+def test_a_heartbeat_that_is_on_is_judged_without_writing(laboratory):
+    laboratory.dut.write(0x1017, 0, 100)
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Error control"]
+    (result,) = laboratory.run(Impact.READ, chapters)
+    assert (result.outcome, result.detail) == (Outcome.PASSED, "every 100 ms")
+    laboratory.says = lambda f: [f._replace(data=b"\x06")] if f.can_id == 0x705 else [f]
+    (result,) = laboratory.run(Impact.READ, chapters)
+    assert "heartbeat 06; one byte of 04, 05 or 7F is right" in result.detail
+    laboratory.says = lambda f: [] if f.can_id == 0x705 else [f]
+    (result,) = laboratory.run(Impact.READ, chapters)
+    assert result.detail == "no heartbeat, though 1017h is 100 ms"
+
+
+SMALLEST = """
+[FileInfo]
+FileName=smallest.eds
+
+[DeviceInfo]
+
+[MandatoryObjects]
+SupportedObjects=3
+1=0x1000
+2=0x1001
+3=0x1018
+
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+
+[1001]
+ParameterName=Error register
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+
+[1018]
+ParameterName=Identity
+ObjectType=0x9
+SubNumber=2
+
+[1018sub0]
+ParameterName=Highest sub-index
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+DefaultValue=1
+
+[1018sub1]
+ParameterName=Vendor-ID
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+"""
+
+
+def test_the_smallest_device_passes_and_the_rest_is_not_applicable(make_laboratory, tmp_path):
+    path = tmp_path / "smallest.eds"
+    path.write_text(SMALLEST, encoding="ascii")
+    results = make_laboratory(path).run()
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    skipped = [r for r in results if r.outcome is Outcome.NOT_APPLICABLE]
+    assert all(r.detail for r in skipped)
+    # NMT, SDO and what mandatory objects there are; node guarding is there without 0x100C, too.
+    assert {r.chapter for r in results if r.outcome is Outcome.PASSED} == {
+        "NMT",
+        "Object dictionary",
+        "SDO upload",
+        "SDO download",
+        "SDO block transfer",
+        "SYNC and TIME",
+    }

@@ -74,7 +74,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 _THRESHOLDS = (
     ("--position-mm", "position", "mm", 1.0),
     ("--pressure-bar", "pressures", "bar", 3.0),
-    ("--spool-percent", "spool", "%", 3.0),
+    ("--spool-percent", "spool", "%%", 3.0),
 )
 
 

@@ -5,13 +5,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import pytest
-from hypothesis import settings
 
 from hil_bench.plant import PlantParameters, PlantState, balanced_state, paper_parameters
 from hil_bench.plant.kernel import kernel
-
-settings.register_profile("compiled", deadline=None)  # the first call of a kernel compiles it
-settings.load_profile("compiled")
 
 _TANH_GAIN = 400.0  # Ruderman 2017, section IV-B
 

@@ -84,8 +84,8 @@ def compare(
 def expected_values(node: Node, config: NodeConfig) -> dict[Key, int | float]:
     """Return the number that each configurable object should hold, by EDS and configuration.
 
-    An object for which neither gives a value has no right one. Entries of a PDO mapping beyond
-    its number of entries mean nothing.
+    An object for which neither gives a value has no right one, nor has one that is bound to the
+    plant. Entries of a PDO mapping beyond its number of entries mean nothing.
     """
     values = {
         (variable.index, variable.subindex): value
@@ -95,11 +95,11 @@ def expected_values(node: Node, config: NodeConfig) -> dict[Key, int | float]:
     for key, given in config.objects.items():
         if (number := _number(given)) is not None:
             values[key] = number
-    commanded = _commanded(values)
+    passing = _commanded(values) | {(bound.index, bound.subindex) for bound in config.bindings}
     return {
         key: value
         for key, value in values.items()
-        if key not in commanded and not _is_beyond_mapping(key, values)
+        if key not in passing and not _is_beyond_mapping(key, values)
     }
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from device_profiles import IMITATIONS
 from hil_bench.commissioning.comparison import Mend, compare
 from hil_bench.commissioning.settlement import apply, concise_dcf, plan_writes
 from hil_bench.config import load_config
@@ -155,3 +156,21 @@ def test_a_device_that_falls_silent_is_named_once(device, device_network, config
     ]
     assert len(found) == 1
     assert "0x1000" in found[0].what
+
+
+BOUND = f"""
+[nodes.io]
+node_id = 10
+eds = "{IMITATIONS / "analogue_io_401.eds"}"
+[nodes.io.objects]
+"0x1601.00" = 1
+"0x6411.02" = {{ sink = "axis1.spool_setpoint", scale = 16384 }}
+"""
+
+
+def test_what_a_bound_object_holds_is_no_difference(open_bench, config_of):
+    _, network = open_bench(BOUND)
+    node = network.add_node(10, IMITATIONS / "analogue_io_401.eds")
+    node.write(0x6411, 2, 8192)
+    assert node.read_integer(0x6411, 2) == 8192
+    assert compare(network, config_of(BOUND)) == []

@@ -45,7 +45,8 @@ def direction(procedure: Procedure, step: Step) -> StepResult:
         Measure("spool with positive set-point", spool, "-", u - 0.05, u + 0.05),
     ]
     stands = max(map(abs, v)) < STANDSTILL or moved < max(noise, 1e-4)
-    result.findings += _findings(procedure, v[0] - v[1], change, spool / u, stands=stands)
+    if stands or v[0] * v[1] < 0.0:  # the same way twice has no direction to judge
+        result.findings += _findings(procedure, v[0] - v[1], change, spool / u, stands=stands)
     return result
 
 

@@ -151,9 +151,15 @@ def frequency_response(
     )
 
 
-def derivative(values: Samples, period: float) -> Samples:
+def derivative(values: Samples, time: Samples) -> Samples:
     """Return the slope at each sample by the samples beside it; at the ends by one of them."""
-    return np.asarray(np.gradient(values, period))
+    return np.asarray(np.gradient(values, time))
+
+
+def resample(time: Samples, values: Samples, period: float) -> Samples:
+    """Return values at equal distances from the first time on, straight lines between samples."""
+    count = round((time[-1] - time[0]) / period) + 1
+    return np.asarray(np.interp(time[0] + period * np.arange(count), time, values))
 
 
 def undo_derivative(measured: FrequencyResponse, period: float) -> FrequencyResponse:

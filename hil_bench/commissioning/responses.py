@@ -74,10 +74,14 @@ def chirp(procedure: Procedure, step: Step) -> StepResult:
     swept = trace[trace["time"] >= SETTLING]
     band = (start, min(end, 0.4 / rig.period))
     # By the position: the sensor's own speed may be the mean of some time.
-    speed = estimation.derivative(swept["position"], rig.period)
+    spool, positions = (
+        estimation.resample(swept["time"], swept[name], rig.period)
+        for name in ("spool_position", "position")
+    )
+    grid = rig.period * np.arange(len(positions), dtype=np.float64)
+    speed = estimation.derivative(positions, grid)
     measured = estimation.undo_derivative(
-        estimation.frequency_response(swept["spool_position"], speed, rig.period, band),
-        rig.period,
+        estimation.frequency_response(spool, speed, rig.period, band), rig.period
     )
     mode = estimation.fit_mode(measured)
     position = float(swept["position"].mean())

@@ -41,6 +41,13 @@ ANSWER_TIMEOUT = 0.1
 """Longest wait for the answer to a SYNC [s]."""
 
 
+MOST_LEFT_OUT = 0.1
+"""Share of samples that a motion may lack and still be judged."""
+
+ROUNDING = 1e-6
+"""What the division of two times may lack of a whole number."""
+
+
 class LimitError(HilBenchError):
     """A step left one of its limits, and the valve was closed."""
 
@@ -191,12 +198,27 @@ class Rig:
         raise LimitError(f"position {target * 1e3:.0f} mm not reached within {timeout:g} s")
 
     def _sample_for(self, duration: float, command: Callable[[float], float] | None) -> Recording:
+        """Take a sample at each point of a grid of periods; what is late leaves points out.
+
+        Raises:
+            LimitError: too many were left out.
+        """
         rows = []
-        self._next = self._network.now()
-        start = self._next
-        for number in range(round(duration / self.period)):
+        start = self._network.now()
+        count = round(duration / self.period)
+        number = 0
+        while number < count:
             time = number * self.period
+            self._next = start + time
             rows.append(self._cycle(None if command is None else command(time)))
+            passed = int((self._network.now() - start) / self.period + ROUNDING)
+            number = max(number + 1, passed)
+        left_out = 1.0 - len(rows) / count
+        if left_out > MOST_LEFT_OUT:
+            raise LimitError(
+                f"{left_out:.0%} of the samples were left out: this computer or this bus is too "
+                f"slow for period_ms = {self.period * 1e3:g}; give a longer one"
+            )
         samples = np.array(rows, dtype=np.float64)
         samples[:, 0] -= start - self._origin
         return samples.view(recording_dtype((TIME, *SAMPLE_CHANNELS))).reshape(-1)

@@ -82,7 +82,7 @@ def ramp(procedure: Procedure, step: Step) -> StepResult:
     parameters, values = procedure.parameters, step.values
     spool, speed = trace["spool_position"], trace["speed"]
     # What the oil's oscillation takes to move the mass is no friction.
-    inertia = parameters.m * estimation.derivative(speed, procedure.rig.period)
+    inertia = parameters.m * estimation.derivative(speed, trace["time"])
     force = procedure.force(trace) - inertia
     band = estimation.dead_band(spool, speed)
     sheet = expected_speed(1.0, parameters) / (1.0 - parameters.beta / parameters.full_opening)

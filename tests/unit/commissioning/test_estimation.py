@@ -13,6 +13,7 @@ from hil_bench.commissioning.estimation import (
     frequency_response,
     friction,
     noise,
+    resample,
     rise_time,
     slope,
     undo_derivative,
@@ -98,12 +99,21 @@ def test_a_derivative_by_differences_is_corrected():
     period, frequency = 2e-3, 100.0
     wave = np.sin(2 * np.pi * frequency * TIME)
     true = 2 * np.pi * frequency * np.cos(2 * np.pi * frequency * TIME)
-    measured = frequency_response(wave, derivative(wave, period), period, (99.9, 100.1))
+    measured = frequency_response(wave, derivative(wave, TIME), period, (99.9, 100.1))
     corrected = undo_derivative(measured, period)
     expected = frequency_response(wave, true, period, (99.9, 100.1))
     assert np.abs(corrected.response) == pytest.approx(np.abs(expected.response), rel=0.02)
     # sin(x) / x at x = 0.4 π is 0.757: without the correction a quarter would be missing.
     assert np.abs(measured.response / expected.response) == pytest.approx(0.757, rel=0.02)
+
+
+def test_left_out_samples_are_bridged():
+    whole = np.sin(2 * np.pi * TIME)
+    kept = np.ones(len(TIME), dtype=bool)
+    kept[7::11] = False
+    found = resample(TIME[kept], whole[kept], 2e-3)
+    # A straight line over two periods is off by (2 pi f h)^2 / 2 of the amplitude: 8e-5 here.
+    assert found == pytest.approx(whole, abs=1e-4)
 
 
 def test_rise_time_between_two_samples():

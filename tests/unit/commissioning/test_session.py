@@ -237,6 +237,26 @@ def test_leaving_a_limit_closes_the_valve_at_once_and_says_which(machine, limit,
         assert signals["axis1.position"].max() < 5.0e-3 + 1.5e-3
 
 
+def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
+    """Two of three samples are left out: each command costs 10 ms where 4 ms are asked for."""
+    tested = machine()
+    send = tested.network.sync
+
+    def slow_sync():
+        tested.bench.bus.advance(0.008)
+        send()
+
+    tested.network.sync = slow_sync
+    found = tested.commission()
+    sensors = found.results[1]
+    assert names(found) == []
+    assert sensors.verdict is Verdict.STOPPED
+    assert "of the samples were left out: this computer or this bus is too slow for" in (
+        sensors.problem
+    )
+    assert "period_ms = 4; give a longer one" in sensors.problem
+
+
 RESET_ENCODER = can.Message(arbitration_id=0, data=[129, 4], is_extended_id=False)
 
 

@@ -1,0 +1,57 @@
+"""Recordings of a bench on a real bus: of one that ends, and of one that is killed."""
+
+import signal
+import time
+
+from hil_bench.errors import ConfigError
+from hil_bench.recording.files import read_recording
+from hil_bench.recording.frames import read_frames
+
+NMT_START_ALL = "000#0100"
+NMT = 0x000
+POSITION = 0x184  # TPDO 1 of node 4, event timer 10 ms
+BOOT_UPS = [0x701, 0x702, 0x703, 0x704]
+END_TIMEOUT = 30.0  # for a recorder to end after its bench, however slow the machine [s]
+
+
+def test_signals_and_frames_of_a_run_are_in_its_file_and_play_back(
+    start_bench, start, cansend, watch, channel, tmp_path
+):
+    path = tmp_path / "run.mf4"
+    bench = start_bench("--record", path)
+    cansend(NMT_START_ALL)
+    watch.wait_for(POSITION)
+    ended = bench.stop()
+    rows = read_recording(path)
+    frames = list(read_frames(path))
+    assert f"recorded  {len(rows)} rows, {len(frames)} frames: {path}" in ended.stdout
+    assert f"ticks     {len(rows)} of 1000 us" in ended.stdout
+    assert [f.frame.can_id for f in frames if not f.is_received][:4] == BOOT_UPS
+    assert [f.frame.can_id for f in frames if f.is_received] == [NMT]
+    watch.take_all()
+    played = start(
+        "hil-bench", "replay", path, "-i", "socketcan", "-c", channel, "--frames", "received"
+    ).wait()
+    assert (played.exit_code, played.stderr) == (0, "")
+    assert [frame.arbitration_id for frame in watch.take_all()] == [NMT]
+
+
+def test_a_killed_bench_leaves_its_recorder_to_write_what_it_has(
+    start_bench, cansend, watch, tmp_path
+):
+    path = tmp_path / "run.mf4"
+    bench = start_bench("--record", path)
+    cansend(NMT_START_ALL)
+    watch.wait_for(POSITION)
+    bench.stop(signal.SIGKILL)
+    watch.take_all()
+    sent = sum(frame.arbitration_id == POSITION for frame in watch.frames)
+    deadline = time.monotonic() + END_TIMEOUT
+    recorded = -1
+    while recorded < sent - 1:  # the tick that was under way may be missing
+        assert time.monotonic() < deadline, f"{recorded} of {sent} frames"
+        time.sleep(0.05)
+        try:
+            recorded = sum(f.frame.can_id == POSITION for f in read_frames(path))
+        except ConfigError:  # just being written
+            continue

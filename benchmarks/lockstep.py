@@ -146,6 +146,40 @@ def measure_firmware(config: BenchConfig) -> float:
     return report.now * 1e-9 / report.moved
 
 
+def config_of(axes: int) -> BenchConfig:
+    """Return a bench of as many axes, four nodes each."""
+    lines = []
+    for number in range(axes):
+        lines.append(f"[plant.axis{number}]")
+        for offset, (profile, extra) in enumerate(
+            (
+                ("valve_408", ""),
+                ("pressure_404", 'source = "P_A"'),
+                ("pressure_404", 'source = "P_B"'),
+                ("encoder_406", ""),
+            ),
+            start=1,
+        ):
+            node_id = 4 * number + offset
+            lines += [
+                *(f"[nodes.node{node_id}]", f'profile = "{profile}"', f"node_id = {node_id}"),
+                *(f'axis = "axis{number}"', extra),
+            ]
+    with tempfile.TemporaryDirectory() as directory:
+        path = Path(directory) / "bench.toml"
+        path.write_text("\n".join(lines), encoding="utf-8")
+        return load_config(path)
+
+
+def print_axes(cycles: int, repeats: int) -> None:
+    """Print how many axes one core holds at 1 kHz."""
+    print("\n| axes | nodes | work a tick, us | share of 1 ms |\n|---|---|---|---|")
+    for axes in (1, 2, 4, 8, 16, 24, 31):
+        config = config_of(axes)
+        speed = max(measure_in_process(config, cycles) for _ in range(repeats))
+        print(f"| {axes} | {4 * axes} | {1000 / speed:.0f} | {100 / speed:.0f} % |", flush=True)
+
+
 def main() -> None:
     """Print the figures as a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -170,6 +204,7 @@ def main() -> None:
     if shutil.which("make") and shutil.which("cc"):
         best_firmware = max(measure_firmware(four) for _ in range(args.repeats))
         print(f"| over the hub, examples/firmware | {best_firmware:.1f} | |")
+    print_axes(cycles // 10, args.repeats)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@
         bench.run_until(lambda: position.position > 0.05, timeout=2.0)
 
 Every test gets a fresh bench in virtual time. With ``--hil-interface`` the fixtures `can_bus`,
-`network`, `valve`, `pressure` and `position` bind the physical bus instead, and a test that asks
-for `bench` is skipped.
+`network`, `valve`, `pressure` and `position` bind the physical bus instead, and a test that looks
+into `bench` is skipped.
 
 The module loads in every pytest run of its environment, so it imports nothing of weight before a
 fixture asks.
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from hil_bench.config import BenchConfig, NodeConfig
     from hil_bench.faults.faults import Faults
     from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
+    from hil_bench.pytest_plugin.physical import PhysicalBench
     from hil_bench.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
@@ -146,10 +147,13 @@ def bench(
     hil_config: "BenchConfig",
     hil_realtime: bool,
     tmp_path_factory: pytest.TempPathFactory,
-) -> "Iterator[VirtualBench]":
-    """A fresh bench in virtual time; in real time with --hil-realtime."""
+) -> "Iterator[VirtualBench | PhysicalBench]":
+    """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
     if option(request.config, "interface"):
-        pytest.skip("needs the virtual bench, which --hil-interface turns off")
+        from hil_bench.pytest_plugin.physical import PhysicalBench
+
+        yield PhysicalBench(hil_config)
+        return
     from hil_bench.pytest_plugin.recording import make_recording_path
     from hil_bench.realtime.clock import MonotonicClock
     from hil_bench.realtime.pacer import Pacer
@@ -185,6 +189,8 @@ def firmware(
     first start on the program's SYNC lets bench time pass, or the clock with --hil-realtime. At the
     end of the test each program gets SIGTERM, and the bench serves it while it ends.
     """
+    if option(request.config, "interface"):
+        pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
     from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
 
     name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
@@ -236,13 +242,13 @@ def network(
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
 
     path = None
+    bench = request.getfixturevalue("bench")
     if option(pytestconfig, "interface"):
         network = Network(can_bus)
         path = make_recording_path(request.node)
     else:
-        virtual = request.getfixturevalue("bench")
-        network = Network(can_bus, clock=virtual.now)
-        virtual.pump = network.pump
+        network = Network(can_bus, clock=bench.now)
+    bench.pump = network.pump
     with network, record_frames(network, path):
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         yield network

@@ -82,6 +82,7 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
     )
 
 
+@pytest.mark.timeout(240)  # three processes that start Python
 def test_each_worker_has_a_bus_of_its_own(pytester):
     pytester.makepyfile(
         "import pathlib, sys\n"
@@ -138,13 +139,25 @@ def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):
     result.stdout.fnmatch_lines(["*needs the physical bench: --hil-interface names its bus*"])
 
 
-def test_the_virtual_bench_is_skipped_on_a_physical_bus(pytester):
-    pytester.makepyfile("def test_it(bench):\n    assert False")
-    result = pytester.runpytest_subprocess("-rs", "--hil-interface", "virtual")
-    result.assert_outcomes(skipped=1)
-    result.stdout.fnmatch_lines(
-        ["hil-bench: interface virtual", "*needs the virtual bench, which --hil-interface turns*"]
+def test_on_a_physical_bus_time_passes_and_who_looks_into_the_bench_is_skipped(pytester):
+    pytester.makepyfile(
+        "import pytest\n"
+        "def test_time(bench, can_bus):\n"
+        "    assert bench.run_until(lambda: bench.now() > 0.02, timeout=30) >= 0.0\n"
+        "    with pytest.raises(TimeoutError):\n"
+        "        bench.run_until(lambda: False, timeout=0.01)\n"
+        "    bench.run(0.001)\n"
+        "def test_signals(bench):\n    assert bench.signals is None\n"
+        "def test_faults(faults):\n    assert False\n"
+        "def test_firmware(firmware):\n    assert False\n"
     )
+    result = pytester.runpytest_subprocess("-rs", "--hil-interface", "virtual")
+    result.assert_outcomes(passed=1, skipped=3)
+    why = "needs the virtual bench, which --hil-interface turns off"
+    result.stdout.fnmatch_lines_random(
+        ["hil-bench: interface virtual", f"*bench.signals {why}", f"*bench.faults {why}"]
+    )
+    result.stdout.fnmatch_lines([f"*firmware {why}"])
 
 
 def test_a_physical_bus_is_opened_as_named(pytester):

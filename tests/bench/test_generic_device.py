@@ -4,6 +4,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import canopen
+import numpy as np
 import pytest
 from support.bus_side import BusSide
 
@@ -143,3 +144,17 @@ def test_every_service_is_that_of_the_eds(io, master):
     master.sync.transmit()
     master.wait(1)
     assert (len(tpdo.data), tpdo[0].raw) == (2, 13824)
+
+
+def test_no_frame_commands_more_than_full_opening_or_breaks_the_bench(master):
+    bus, random = master.bus, np.random.default_rng(1)
+    identifiers = [0x000, 0x080, 0x28A, 0x30A, 0x30A, 0x60A]
+    commands = []
+    for can_id in random.choice(identifiers, 3000):
+        data = random.bytes(random.choice([0, 1, 2, 3, 4, 5, 8]))
+        if can_id == 0x000 and len(data) != 2:
+            data = bytes([1, NODE_ID])  # NMT start, so that it is OPERATIONAL again and again
+        bus.tick(Frame(int(can_id), data))
+        commands.append(bus.bench.commands[0] / FULL_OPENING)
+    assert -1.0 <= min(commands) < -0.9  # it was commanded indeed
+    assert 0.9 < max(commands) <= 1.0

@@ -14,6 +14,7 @@ from drivers import (
 )
 from drivers.emergency import MEANINGS
 from hil_bench.plant import paper_parameters
+from hil_bench.transports.embedded import EmbeddedBus
 
 WAIT = 10.0
 """Longest wait for what must come at once [s]: a shared machine may hold the bench up."""
@@ -167,6 +168,8 @@ def test_the_position_loop_follows_its_profile(started):
     records = list(loop.run(profile, profile.duration))
     started.valve.hold(timeout=WAIT)
     hold_still(started)
-    # The controller's tolerance, and what the piston still moves while the valve closes.
-    assert started.position.position == pytest.approx(0.02, abs=1e-4)
+    # The controller's tolerance, and what the piston still moves while the valve closes. In real
+    # time a loaded machine may leave out cycles of this controller: at 0.1 m/s, 1 mm is five.
+    tolerance = 1e-4 if isinstance(started.network.bus, EmbeddedBus) else 1e-3
+    assert started.position.position == pytest.approx(0.02, abs=tolerance)
     assert profile.duration - 2 * loop.period <= records[-1].time < profile.duration

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.node import Node
-from hil_bench.config import BenchConfig, ModbusConfig, ModbusUnitConfig, Profile
+from hil_bench.config import BenchConfig, ModbusUnitConfig, Profile
 from hil_bench.config.objects import parse_object
 from hil_bench.config.register_maps import UNITS
 from hil_bench.devices.quantities import (
@@ -25,6 +25,7 @@ from hil_bench.errors import ConfigError, SdoAbort
 from hil_bench.modbus.exceptions import ExceptionCode
 from hil_bench.modbus.mailbox import Mailbox, Order
 from hil_bench.modbus.register_map import Access, Register
+from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
@@ -46,13 +47,13 @@ class ModbusPlan(NamedTuple):
     """What a server needs to know of a bench; it can be handed to another process.
 
     Attributes:
-        config: where it listens.
+        server: where it is found.
         units: by unit-ID.
         rows: the newest row of values.
         mailbox: where writes go.
     """
 
-    config: ModbusConfig
+    server: ServerConfig
     units: Mapping[int, UnitImage]
     rows: Snapshot
     mailbox: Mailbox
@@ -99,7 +100,7 @@ class ModbusBinding:
             )
             units[unit.unit_id] = UnitImage(registers, first, commands=unit.commands)
         self._readers: list[Callable[[], float]] = [quantity.read for quantity in self._quantities]
-        self.plan = ModbusPlan(config.modbus, units, Snapshot(channels), Mailbox())
+        self.plan = ModbusPlan(config.modbus.server, units, Snapshot(channels), Mailbox())
 
     def exchange(self, _bench: Bench, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.

@@ -81,12 +81,12 @@ def check_process(server: "ModbusProcess") -> None:
 
 def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
     """Return where clients find the server, a line a way in, and its units."""
-    lines = []
+    lines, serial = [], config.server.serial
     if endpoints.port is not None:
-        lines.append(f"modbus TCP {config.host}:{endpoints.port}")
-    if config.serial is not None:
-        line = f", {config.serial.baud_rate} bit/s, parity {config.serial.parity}"
-        is_pseudo = config.serial.port == "pty"  # which has neither
+        lines.append(f"modbus TCP {config.server.host}:{endpoints.port}")
+    if serial is not None:
+        line = f", {serial.baud_rate} bit/s, parity {serial.parity}"
+        is_pseudo = serial.port == "pty"  # which has neither
         lines.append(f"modbus RTU {endpoints.serial_port}{'' if is_pseudo else line}")
     units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
     return [*lines, f"units  {units}"]

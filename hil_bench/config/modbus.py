@@ -7,12 +7,13 @@ from typing import NamedTuple
 from device_profiles import REGISTERS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections, read_section
-from hil_bench.config.records import ModbusConfig, ModbusUnitConfig, Parity, Profile, SerialConfig
+from hil_bench.config.records import ModbusConfig, ModbusUnitConfig, Profile
 from hil_bench.config.register_maps import load_register_map
 from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, text
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig
 from hil_bench.units import Unit
 
 HIGHEST_UNIT_ID = 247
@@ -109,11 +110,10 @@ def build_modbus(
         _build_unit(name, unit, nodes[unit["node"].value]["profile"].value, problems)
         for name, unit in modbus.units.items()
     ]
+    line = None if serial_port is None else SerialConfig(port=serial_port, **serial)
     return ModbusConfig(
-        is_on_tcp=tcp,
-        serial=None if serial_port is None else SerialConfig(port=serial_port, **serial),
+        server=ServerConfig(is_on_tcp=tcp, serial=line, **values),
         units=tuple(unit for unit in units if unit is not None),
-        **values,
     )
 
 

@@ -11,6 +11,7 @@ from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.modbus.data_types import WordOrder
 from hil_bench.modbus.register_map import RegisterMap
+from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -92,14 +93,6 @@ class RealtimeConfig:
     priority: int = 80
     cpu: int | None = None
     overrun: OverrunPolicy = OverrunPolicy.COUNT
-
-
-class Parity(StrEnum):
-    """Parity of a serial line."""
-
-    EVEN = "even"
-    ODD = "odd"
-    NONE = "none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,23 +277,6 @@ class GenericConfig(NodeConfig):
 
 
 @dataclass(frozen=True, slots=True)
-class SerialConfig:
-    """A serial line that Modbus RTU is spoken on.
-
-    Attributes:
-        port: its device file, as in ``/dev/ttyUSB0``; ``pty`` for a new pseudo-terminal.
-        baud_rate: bit rate [bit/s].
-        parity: of each character.
-        stop_bits: of each character.
-    """
-
-    port: str
-    baud_rate: int
-    parity: Parity
-    stop_bits: int
-
-
-@dataclass(frozen=True, slots=True)
 class ModbusUnitConfig:
     """One device as Modbus clients see it.
 
@@ -326,19 +302,11 @@ class ModbusConfig:
     """The Modbus server.
 
     Attributes:
-        is_on_tcp: whether it listens on TCP.
-        host: address to listen on.
-        port: TCP port; 0 for a free one.
-        connections: most connections at a time.
-        serial: the serial line, None for none.
+        server: where it is found.
         units: the devices, each with its unit-ID.
     """
 
-    is_on_tcp: bool
-    host: str
-    port: int
-    connections: int
-    serial: SerialConfig | None
+    server: ServerConfig
     units: tuple[ModbusUnitConfig, ...]
 
 

@@ -209,7 +209,7 @@ def any_rig(request, tmp_path) -> Iterator[AnyRig]:
 
 
 @pytest.fixture(params=EMBEDDED)
-def embedded_rig_(request, tmp_path) -> Iterator[AnyRig]:
+def near_rig(request, tmp_path) -> Iterator[AnyRig]:
     """The same, where the bench is in this process."""
     with open_rig(request, tmp_path) as opened:
         yield opened

@@ -65,9 +65,9 @@ def test_a_reading_carries_unit_time_and_validity(rig):
         assert before <= reading.received_at <= rig.network.now()
 
 
-def test_before_the_first_value_there_is_none(any_rig):
-    assert any_rig.pressure_a.age == math.inf
-    for value in values(any_rig):
+def test_before_the_first_value_there_is_none(near_rig):
+    assert near_rig.pressure_a.age == math.inf
+    for value in values(near_rig):
         with pytest.raises(StaleValueError, match="never"):
             value()
 
@@ -111,11 +111,11 @@ def test_the_piston_follows_the_spool(rig, direction):
     assert rig.valve.spool_position == pytest.approx(0.0, abs=0.001)
 
 
-def test_a_set_point_that_makes_no_sense_is_refused(any_rig):
+def test_a_set_point_that_makes_no_sense_is_refused(near_rig):
     for fraction in (1.001, -2.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="a fraction from -1 to 1 is right"):
-            any_rig.valve.spool_setpoint = fraction
-        assert any_rig.valve.spool_setpoint == 0.0
+            near_rig.valve.spool_setpoint = fraction
+        assert near_rig.valve.spool_setpoint == 0.0
 
 
 def test_silence_is_a_fault_that_can_be_reset(any_rig):
@@ -141,18 +141,18 @@ def test_a_closed_valve_takes_silence_for_no_fault(any_rig):
     assert any_rig.valve.read_state() is state
 
 
-def test_another_device_under_the_address_is_refused(any_rig):
+def test_another_device_under_the_address_is_refused(near_rig):
     with pytest.raises((DeviceMismatchError, ValueError)):
-        any_rig.make("PositionSensor", 2).setup()
+        near_rig.make("PositionSensor", 2).setup()
 
 
-def test_a_device_that_is_not_there_is_an_error(embedded_rig_):
+def test_a_device_that_is_not_there_is_an_error(near_rig):
     with pytest.raises(DriverError):
-        embedded_rig_.make("PositionSensor", 99).setup()
+        near_rig.make("PositionSensor", 99).setup()
 
 
-def test_a_lost_sensor_is_never_fresh_and_comes_back(embedded_rig_):
-    rig = embedded_rig_
+def test_a_lost_sensor_is_never_fresh_and_comes_back(near_rig):
+    rig = near_rig
     rig.set_up()
     rig.sample()
     rig.pressure_a.max_age = 0.02
@@ -199,8 +199,8 @@ def test_the_position_loop_follows_its_profile(rig):
         assert records[-1].time >= profile.duration - 2 * loop.period
 
 
-def test_a_loop_whose_sensor_is_lost_ends(embedded_rig_):
-    rig = embedded_rig_
+def test_a_loop_whose_sensor_is_lost_ends(near_rig):
+    rig = near_rig
     rig.set_up()
     rig.position.max_age = 0.05
     rig.pressure_a.max_age = 0.05

@@ -9,9 +9,9 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
-from hil_bench.config import ModbusConfig, SerialConfig
 from hil_bench.errors import BusError
 from hil_bench.modbus.mailbox import Mailbox
+from hil_bench.modbus.server_config import SerialConfig, ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports.child_process import ChildProcess
 from hil_bench.transports.modbus.connections import ConnectionPool
@@ -33,8 +33,8 @@ class Plan(Protocol):
     """What is served, and where."""
 
     @property
-    def config(self) -> ModbusConfig:
-        """Where the server listens."""
+    def server(self) -> ServerConfig:
+        """Where it is found."""
 
     @property
     def units(self) -> Mapping[int, UnitImage]:
@@ -77,7 +77,7 @@ class ModbusProcess:
         self.endpoints = Endpoints(None, None)
         self._child = ChildProcess(
             _run,
-            (plan.config, plan.units, plan.rows, plan.mailbox),
+            (plan.server, plan.units, plan.rows, plan.mailbox),
             name="hil-bench-modbus",
             label="modbus",
         )
@@ -86,6 +86,11 @@ class ModbusProcess:
     def alive(self) -> bool:
         """Whether the process runs."""
         return self._child.alive
+
+    @property
+    def pid(self) -> int | None:
+        """Its process-ID, None before it runs."""
+        return self._child.pid
 
     def __enter__(self) -> Self:
         """Start the process and wait until clients may connect; `BusError` where none can."""
@@ -102,7 +107,7 @@ class ModbusProcess:
 
 
 def _run(
-    config: ModbusConfig,
+    config: ServerConfig,
     units: Mapping[int, UnitImage],
     rows: RowSource,
     mailbox: Mailbox,
@@ -116,7 +121,7 @@ def _run(
         connection.send(str(error))
 
 
-async def serve(config: ModbusConfig, server: RegisterServer, connection: Connection) -> None:
+async def serve(config: ServerConfig, server: RegisterServer, connection: Connection) -> None:
     """Serve until the process ends; `BusError` where the port cannot be had."""
     pool = ConnectionPool(server, config.connections)
     port = await _listen(config, pool) if config.is_on_tcp else None
@@ -140,7 +145,7 @@ def _open_line(config: SerialConfig, server: RegisterServer) -> str:
     return SerialLine(config, server).name
 
 
-async def _listen(config: ModbusConfig, pool: ConnectionPool) -> int:
+async def _listen(config: ServerConfig, pool: ConnectionPool) -> int:
     """Listen on TCP and return the port.
 
     Raises:

@@ -10,8 +10,8 @@ import termios
 import tty
 from typing import Protocol
 
-from hil_bench.config import Parity, SerialConfig
 from hil_bench.errors import BusError
+from hil_bench.modbus.server_config import Parity, SerialConfig
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import serial_session
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import socket
 
 import pytest
 
@@ -138,3 +139,37 @@ def test_faults_are_announced(capsys):
 def test_a_fault_of_what_is_not_there_is_told(capsys):
     assert main(["run", *BUS, "--fault", "freeze", "valve"]) == 2
     assert '"valve" is no sensor; give one of pressure_a' in capsys.readouterr().err
+
+
+def test_modbus_is_served_beside_the_bus(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text('[modbus]\nport = 0\nserial_port = "pty"\n')
+    assert main(["run", str(path), *BUS, "--duration", "0.02"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^modbus TCP 127\.0\.0\.1:\d+$", out, re.MULTILINE)
+    assert re.search(r"^modbus RTU /dev/\S+$", out, re.MULTILINE)
+    assert "units  2 pressure_a, 3 pressure_b, 4 position\n" in out
+
+
+def test_a_modbus_port_in_use_is_one_line_and_3(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        path = tmp_path / "bench.toml"
+        path.write_text(f"[modbus]\nport = {port}\n")
+        assert main(["run", str(path), *BUS, "--duration", "0.02"]) == 3
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: modbus 127.0.0.1:{port}: the port is in use; "
+        "give another port, or end the program that has it\n"
+    )
+
+
+def test_a_modbus_server_that_is_gone_is_3(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(
+        "hil_bench.transports.modbus.process.ModbusProcess.alive", property(lambda _: False)
+    )
+    path = tmp_path / "bench.toml"
+    path.write_text("[modbus]\nport = 0\n")
+    assert main(["run", str(path), *BUS, "--duration", "0.02"]) == 3
+    assert (
+        "modbus: the server's process has ended; start the bench again" in capsys.readouterr().err
+    )

@@ -155,3 +155,16 @@ def test_the_example_of_two_axes_loads() -> None:
     config = load_config(ROOT / "examples" / "two_axes.toml")
 
     assert [axis.name for axis in config.axes] == ["feed", "press"]
+
+
+def test_the_example_with_modbus_serves_all_devices() -> None:
+    modbus = load_config(ROOT / "examples" / "modbus.toml").modbus
+    assert modbus is not None
+    assert [(unit.node, unit.unit_id, unit.commands) for unit in modbus.units] == [
+        ("valve", 1, True),
+        ("pressure_a", 2, False),
+        ("pressure_b", 30, False),
+        ("position", 4, False),
+    ]
+    assert modbus.server.serial is not None
+    assert modbus.server.serial.port == "pty"

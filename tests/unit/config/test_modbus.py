@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.config import ModbusConfig, Origin, Parity, SerialConfig, load_config
+from hil_bench.config import ModbusConfig, Origin, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig
 
 Write = Callable[[str], Path]
 
@@ -39,9 +40,9 @@ def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
         (3, "pressure_b", "pressure_b", False),
         (4, "position", "position", False),
     ]
-    assert (config.is_on_tcp, config.host, config.port) == (True, "127.0.0.1", 5020)
-    assert config.connections == 64
-    assert config.serial is None
+    assert config.server == ServerConfig(
+        is_on_tcp=True, host="127.0.0.1", port=5020, connections=64, serial=None
+    )
 
 
 def test_all_keys(write: Write) -> None:
@@ -65,9 +66,13 @@ def test_all_keys(write: Write) -> None:
             """
         )
     )
-    assert config.is_on_tcp is False
-    assert (config.host, config.port, config.connections) == ("0.0.0.0", 502, 3)  # noqa: S104
-    assert config.serial == SerialConfig("/dev/ttyUSB0", 9600, Parity.NONE, 2)
+    assert config.server == ServerConfig(
+        is_on_tcp=False,
+        host="0.0.0.0",  # noqa: S104 - it is only read
+        port=502,
+        connections=3,
+        serial=SerialConfig("/dev/ttyUSB0", 9600, Parity.NONE, 2),
+    )
     (unit,) = config.units
     assert (unit.name, unit.node, unit.unit_id, unit.commands) == ("v", "valve", 17, True)
     orders = {register.word_order for register in unit.register_map.registers if register.count > 1}

@@ -113,7 +113,7 @@ def test_what_cannot_be_had_is_a_line(tmp_path, extra, message):
 def test_ctrl_c_is_left_to_the_parent(tmp_path):
     side, binding = make_binding(tmp_path)
     with ModbusProcess(binding.plan) as server, ticking(side, binding):
-        os.kill(server._child.pid, signal.SIGINT)
+        os.kill(server.pid, signal.SIGINT)
         assert len(ask(server.endpoints.port, READ, 17)) == 17
 
 

@@ -6,8 +6,8 @@ import tty
 
 import pytest
 
-from hil_bench.config import Parity, SerialConfig
 from hil_bench.errors import BusError
+from hil_bench.modbus.server_config import Parity, SerialConfig
 from hil_bench.transports.modbus import serial_line
 from hil_bench.transports.modbus.framing import crc16
 from hil_bench.transports.modbus.serial_line import SerialLine, open_serial

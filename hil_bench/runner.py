@@ -160,9 +160,7 @@ class _Bus:
             if remaining < TIME_OF_FRAME or not self._transport.wait(remaining * 1e-9):
                 return
             room = self._pacer.remaining() // TIME_OF_FRAME
-            if room <= 0:
-                return
-            frames = self._transport.receive(min(room, FRAMES_WHEN_LATE))
+            frames = self._transport.receive(max(0, min(room, FRAMES_WHEN_LATE)))
             count = next(
                 (n for n, frame in enumerate(frames) if not self._bench.is_timeless(frame)),
                 len(frames),

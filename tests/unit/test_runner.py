@@ -8,7 +8,12 @@ from hil_bench.config import load_config
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import VirtualClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import FRAMES_PER_MILLISECOND, frames_per_tick, run_paced
+from hil_bench.runner import (
+    FRAMES_PER_MILLISECOND,
+    ROUNDS_BETWEEN_TICKS,
+    frames_per_tick,
+    run_paced,
+)
 from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000
@@ -151,6 +156,7 @@ class TimedTransport(ScriptedTransport):
         self.clock = clock
         self.arrivals = list(arrivals)
         self.sent_at = []
+        self.limits = []
 
     def wait(self, timeout):
         deadline = self.clock.now() + round(timeout * 1e9)
@@ -159,6 +165,7 @@ class TimedTransport(ScriptedTransport):
         return due <= deadline
 
     def receive(self, limit):
+        self.limits.append(limit)
         frames = []
         while self.arrivals and self.arrivals[0][0] <= self.clock.now() and len(frames) < limit:
             frames.append(self.arrivals.pop(0)[1])
@@ -235,6 +242,31 @@ def test_a_flood_between_ticks_costs_none():
     assert answers([*flood, (us(8300), READ_VALVE)], ticks=11) == [(us(8320), 0x581)]
     requests = [(us(2000), READ_VALVE)] * 300
     assert len(answers(requests, ticks=30)) == 300
+
+
+def limits_of_a_run(arrivals, ticks):
+    """Run on a clock that starts at 0; return how many frames were asked for each time."""
+    clock = VirtualClock()
+    transport = TimedTransport(clock, arrivals)
+    pacer = Pacer(clock, TICK)
+    run_paced(
+        build_bench(load_config()),
+        transport,
+        pacer,
+        stopped=lambda: pacer.statistics.ticks == ticks,
+    )
+    return transport.limits
+
+
+def test_between_two_ticks_the_bus_is_looked_at_some_times_only():
+    flood = [(us(10) + 10_000 * n, Frame(0x7FF)) for n in range(90)]  # one each 10 us
+    assert len(limits_of_a_run(flood, ticks=1)) == 1 + ROUNDS_BETWEEN_TICKS
+
+
+def test_what_was_held_back_counts_among_the_frames_of_a_tick():
+    arrivals = [(us(300), SYNC)] * 10
+    # The first tick; four of the ten between the ticks, which are held back; the second tick.
+    assert limits_of_a_run(arrivals, ticks=2)[:3] == [32, 4, 32 - 4]
 
 
 def test_an_object_written_between_ticks_acts_in_the_next_one():

@@ -199,7 +199,7 @@ def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.N
     Raises:
         ConfigError: the recording's time goes back.
     """
-    full = _full_opening(config, axis)
+    full = full_opening(config, axis)
     plant = _plant_at_start(config, axis, recording, full)
     times = recording[TIME.name]
     steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
@@ -215,7 +215,7 @@ def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.N
     return rows
 
 
-def _full_opening(config: BenchConfig, axis: AxisConfig) -> float:
+def full_opening(config: BenchConfig, axis: AxisConfig) -> float:
     """Return the spool position that stands for 1 in a recording [m]."""
     for node in config.nodes:
         if isinstance(node, ValveConfig) and node.axis == axis.name:

@@ -27,6 +27,7 @@ VERBS = {
     "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
     "plot": "draw a recording",
     "commission": "take an axis into operation step by step: report and recording",
+    "identify": "find the plant's parameters, and what is known of them, from a recording",
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",

@@ -1,0 +1,149 @@
+"""`hil-bench identify`: the plant's parameters from a recording."""
+
+import argparse
+import json
+from pathlib import Path
+
+from hil_bench.analysis.errors import require_extra
+from hil_bench.analysis.study import write_figure
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.config import AxisConfig, BenchConfig, load_config
+from hil_bench.errors import ConfigError
+from hil_bench.identification.identify import Identification, identify
+from hil_bench.identification.plot import draw_trial
+from hil_bench.identification.record import AxisRecord
+from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.plant import Model
+from hil_bench.recording.files import read_recording
+from hil_bench.replay import full_opening
+
+_EXAMPLES = """\
+examples:
+  hil-bench identify run.mf4
+  hil-bench identify run.csv bench.toml --axis lift --output lift
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "identify",
+        description="Find the plant's parameters and their uncertainty from a recording, and say\n"
+        "which of them it does not tell. Writes parameters.toml, a table for bench.toml, and\n"
+        "trial.png and .svg, the model beside the part of the record that was not fitted.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("recording", type=Path, metavar="RECORDING", help="signals: .csv or .mf4")
+    parser.add_argument(
+        "config",
+        nargs="?",
+        metavar="bench.toml",
+        help="what is known of the machine, and where the search starts; without it "
+        "HIL_BENCH_CONFIG, or else the built-in bench",
+    )
+    parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("hil-bench-identify"),
+        metavar="DIR",
+        help="where the files go (%(default)s)",
+    )
+    parser.add_argument(
+        "--starts", type=int, default=24, metavar="N", help="starts that the search tries (24)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Identify, write and print; `ExitCode.CHECK_FAILED` where the model explains nothing.
+
+    Raises:
+        ConfigError: a wrong argument, or a recording that is none or tells nothing.
+    """
+    for package in ("scipy", "matplotlib", "tqdm"):
+        require_extra(package, "hil-bench identify")
+    if not 1 <= args.starts <= 10_000:
+        raise ConfigError(f"--starts {args.starts}: 1 to 10000 are right")
+    config = load_config(args.config)
+    axis = _axis(config, args.axis)
+    if axis.model is not Model.FULL_ORDER:
+        raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
+    recording = read_recording(args.recording)
+    _make_directory(args.output)
+    try:
+        record = AxisRecord.of(recording, axis.name, full_opening(config, axis))
+        found = _identify(args, config, axis, record)
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    files = _write(args.output, found, args.recording.name)
+    if args.json:
+        content = {**to_json(found), "files": [str(path) for path in files]}
+        print(json.dumps(content, indent=2))
+    else:
+        print("\n".join([summarise(found), "", *(f"wrote {path}" for path in files)]))
+    return ExitCode.DONE if is_explained(found) else ExitCode.CHECK_FAILED
+
+
+def _identify(
+    args: argparse.Namespace, config: BenchConfig, axis: AxisConfig, record: AxisRecord
+) -> Identification:
+    from tqdm import tqdm  # noqa: PLC0415 - an extra
+
+    # How long a fit takes shows only when it has converged, so the bar counts without an end.
+    with tqdm(unit=" steps", disable=True if args.quiet else None) as bar:
+
+        def report(stage: str) -> None:
+            bar.set_description(stage, refresh=False)
+            bar.update()
+
+        return identify(
+            record,
+            axis.parameters,
+            axis.options,
+            step=config.dt,
+            starts=args.starts,
+            seed=config.seed,
+            report=report,
+        )
+
+
+def _axis(config: BenchConfig, name: str | None) -> AxisConfig:
+    axes = {axis.name: axis for axis in config.axes}
+    if name is None:
+        return config.axes[0]
+    if name not in axes:
+        raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
+    return axes[name]
+
+
+def _make_directory(path: Path) -> None:
+    """Make the directory before the work, which takes a while.
+
+    Raises:
+        ConfigError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
+        ) from None
+
+
+def _write(directory: Path, found: Identification, source: str) -> list[Path]:
+    """Write the parameters and the figure; return the files.
+
+    Raises:
+        ConfigError: a file cannot be written.
+    """
+    parameters = directory / "parameters.toml"
+    try:
+        parameters.write_text(to_toml(found, source), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(
+            f"{parameters}: cannot be written: {error.strerror}; give a directory of yours"
+        ) from None
+    return [parameters, *write_figure(lambda: draw_trial(found), directory / "trial")]

@@ -1,0 +1,1 @@
+"""Identification: the plant's parameters, and what is known of them, from a recording."""

@@ -1,0 +1,224 @@
+"""The fit: from rough and quick to fine, so that it finds its way from far off."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+from hil_bench.identification.record import AxisRecord
+from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
+from hil_bench.identification.unknowns import Unknowns
+from hil_bench.plant import PlantOptions
+
+Values = npt.NDArray[np.float64]
+Report = Callable[[str], None]
+"""Takes a few words on what has just been done."""
+
+_FEWEST_PIECES = 8
+_ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
+_ENOUGH = 1e-3  # relative gain of a round below which a fit has converged
+_REFINED = 3  # of the candidates
+_SETTLINGS = 4  # of the starts, until they stay where they are
+_STRANGE = 2.0  # times the median residual: a piece that the model does not explain
+_MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
+
+LENGTH = 0.2
+"""Length of the pieces of the finest stage [s]."""
+
+
+class Stage(NamedTuple):
+    """How finely the model is held against the record.
+
+    Attributes:
+        name: for the progress bar.
+        length: of the pieces [s].
+        share: of the pieces that are used.
+        blur: by which the noise is multiplied.
+        rounds: at most.
+        coarse: by which the solver's step is longer.
+        precision: by which the steps for slopes are multiplied.
+    """
+
+    name: str
+    length: float
+    share: float
+    blur: float
+    rounds: int
+    coarse: int
+    precision: float
+
+
+ROUGH = Stage("rough", length=0.04, share=0.25, blur=5.0, rounds=2, coarse=2, precision=1.0)
+MIDDLE = Stage("middle", length=0.15, share=0.4, blur=2.0, rounds=3, coarse=2, precision=0.3)
+FINE = Stage("fine", length=LENGTH, share=1.0, blur=1.0, rounds=15, coarse=1, precision=0.05)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Where a fit has ended.
+
+    Attributes:
+        variables: the free variables.
+        covariance: of them; of what the noise of the record alone leaves open.
+        cost: as `scipy.optimize.least_squares` counts it.
+        residual: rms of the residuals, as a multiple of the noise.
+    """
+
+    variables: Values
+    covariance: Values
+    cost: float
+    residual: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fitter:
+    """Fits unknowns to a part of a record.
+
+    Attributes:
+        record: the measurement.
+        rows: the part.
+        options: of the plant.
+        step: of the plant's solver [s].
+        report: takes what has been done.
+    """
+
+    record: AxisRecord
+    rows: range
+    options: PlantOptions
+    step: float
+    report: Report = field(default=lambda _: None)
+
+    def pieces(self, stage: Stage, stroke_end: float) -> Pieces:
+        """Return the pieces of a stage.
+
+        Raises:
+            ConfigError: there are too few clear of the end stops.
+        """
+        pieces = cut_pieces(self.record, self.rows, self.record.rows_in(stage.length), stroke_end)
+        if len(pieces.rows) < _FEWEST_PIECES:
+            raise ConfigError(
+                f"the recording has {len(pieces.rows)} pieces of {stage.length:g} s clear of the "
+                f"end stops to fit to; {_FEWEST_PIECES} or more are right"
+            )
+        return pieces.share(stage.share)
+
+    def shooting(self, stage: Stage, pieces: Pieces) -> Shooting:
+        """Return pieces beside the model, as finely as a stage wants."""
+        return Shooting(
+            self.record,
+            self.options,
+            pieces,
+            max(1, round(self.record.interval / self.step / stage.coarse)),
+            self.record.noise * stage.blur,
+        )
+
+    def search(self, unknowns: Unknowns, starts: int, seed: int) -> Values:
+        """Return the best of some random candidates, refined at the shortest pieces.
+
+        Args:
+            unknowns: what is sought.
+            starts: how many candidates; what is configured is the first.
+            seed: of the random generator.
+        """
+        pieces = self.pieces(ROUGH, unknowns.known.h)
+        shooting = self.shooting(ROUGH, pieces)
+        candidates = list(draw_candidates(unknowns, starts, np.random.default_rng(seed)))
+        costs = []
+        for candidate in candidates:
+            guess = unknowns.guess(candidate)
+            shooting.restart()
+            shooting.settle(guess)
+            costs.append(float(_soft(shooting.residuals([guess])).sum()))
+            self.report("search")
+        best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
+        fits = [self.fit(unknowns, candidate, ROUGH, pieces) for candidate in best]
+        return min(fits, key=lambda fit: fit.cost).variables
+
+    def explained(self, unknowns: Unknowns, variables: Values, pieces: Pieces) -> Pieces:
+        """Return the pieces less those few in which something happens that the model lacks."""
+        guess, shooting = unknowns.guess(variables), self.shooting(FINE, pieces)
+        for _ in range(_SETTLINGS):
+            shooting.settle(guess)
+        misfits = shooting.misfits(guess)
+        is_fair = misfits <= _STRANGE * np.median(misfits)
+        return pieces.chosen(is_fair) if is_fair.mean() >= _MOSTLY else pieces
+
+    def fit(self, unknowns: Unknowns, variables: Values, stage: Stage, pieces: Pieces) -> Fit:
+        """Return the fit that starts at `variables`."""
+        from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
+
+        problem = _Problem(unknowns, self.shooting(stage, pieces), stage.precision)
+        cost = np.inf
+        for _ in range(stage.rounds):
+            problem.shooting.settle(unknowns.guess(variables))
+            solution = least_squares(
+                problem.residuals,
+                variables,
+                jac=problem.slopes,
+                bounds=unknowns.bounds,
+                loss="soft_l1",
+                x_scale="jac",
+                max_nfev=_ITERATIONS,
+                ftol=_ENOUGH / 10.0,
+            )
+            self.report(stage.name)
+            variables = solution.x
+            is_done, cost = solution.cost > (1.0 - _ENOUGH) * cost, solution.cost
+            if is_done:
+                break
+        return problem.result(variables, cost)
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """The residuals of one stage, as `scipy.optimize.least_squares` takes them."""
+
+    unknowns: Unknowns
+    shooting: Shooting
+    precision: float
+
+    def residuals(self, variables: Values) -> Values:
+        return np.asarray(self._of([variables])[0])
+
+    def slopes(self, variables: Values) -> Values:
+        steps = self.unknowns.steps * self.precision
+        steps = np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
+        found = self._of([variables, *(variables + step for step in np.diag(steps))])
+        return np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
+
+    def result(self, variables: Values, cost: float) -> Fit:
+        """Return the fit, whose uncertainty grows with the residuals where these beat the noise."""
+        residuals, slopes = self.residuals(variables), self.slopes(variables)
+        freedom = len(residuals) - 8 * len(self.shooting.states) - 2 * len(variables)
+        rms = float(np.sqrt(np.square(residuals).sum() / freedom))
+        covariance = np.linalg.pinv(slopes.T @ slopes, hermitian=True) * max(1.0, rms) ** 2
+        return Fit(variables, np.asarray(covariance, dtype=np.float64), float(cost), rms)
+
+    def _of(self, trials: Sequence[Values]) -> Values:
+        signals = self.shooting.residuals([self.unknowns.guess(trial) for trial in trials])
+        expected = (np.array(trials) - self.unknowns.start) / self.unknowns.spreads
+        return np.hstack([signals, expected])
+
+
+def draw_candidates(
+    unknowns: Unknowns, count: int, source: np.random.Generator
+) -> Iterator[Values]:
+    """Yield starts: what is configured, then random ones about it.
+
+    The bulk modulus is the one parameter that may be off by a factor of ten and more, for want of
+    a data sheet of the air in the oil; the others are drawn within some 30 %.
+    """
+    start = unknowns.start
+    yield start
+    lowest, highest = unknowns.bounds
+    for _ in range(count - 1):
+        reach = np.minimum(unknowns.spreads, 3.0) * np.where(unknowns.spreads > 1.0, 1.0, 0.3)
+        yield np.clip(start + reach * source.uniform(-1.0, 1.0, len(start)), lowest, highest)
+
+
+def _soft(residuals: Values) -> Values:
+    """Return the cost of residuals under the loss soft_l1."""
+    return np.asarray(np.sqrt(1.0 + residuals**2) - 1.0)

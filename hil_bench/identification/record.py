@@ -1,0 +1,183 @@
+"""The part of a recording that identification reads, checked: one axis, SI units, even steps."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import TIME, Recording
+
+Values = npt.NDArray[np.float64]
+
+NEEDED = ("position", "P_A", "P_B", "spool_setpoint")
+"""Quantities of an axis that a recording must have."""
+
+SIGNALS = ("position", "P_A", "P_B")
+"""Quantities that the model is held against, in the order of every array of them."""
+
+_FLOORS = (0.3e-6, 1e3, 1e3)  # [m], [Pa]: below these nothing is gained
+_SHORTEST = 3.0  # [s]
+_SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
+_UNEVEN = 0.5  # of a row: a step that is off by more is a gap
+_MOTION = 1e-3  # [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisRecord:
+    """What was recorded of one axis.
+
+    Attributes:
+        axis: its name.
+        start: time of the first row [s].
+        interval: between two rows [s].
+        full_opening: spool position that a set-point of 1 stood for [m].
+        setpoints: of the spool, each held over the interval that its row ends, shape (rows,) [m].
+        measured: position [m], P_A and P_B [Pa], shape (rows, 3).
+        spool: position of the spool [m], shape (rows,); None where it was not recorded.
+        noise: standard deviation of each of `measured`, shape (3,).
+    """
+
+    axis: str
+    start: float
+    interval: float
+    full_opening: float
+    setpoints: Values
+    measured: Values
+    spool: Values | None
+    noise: Values
+
+    def __len__(self) -> int:
+        return len(self.setpoints)
+
+    @property
+    def times(self) -> Values:
+        """Time of each row [s]."""
+        return self.start + self.interval * np.arange(len(self), dtype=np.float64)
+
+    def rows_in(self, duration: float) -> int:
+        """Return how many rows span a duration [s], 10 at least."""
+        return max(10, round(duration / self.interval))
+
+    @classmethod
+    def of(cls, recording: Recording, axis: str, full_opening: float) -> Self:
+        """Return the record of an axis.
+
+        Args:
+            recording: has the `NEEDED` quantities of the axis.
+            axis: its name.
+            full_opening: spool position that a set-point of 1 stands for [m].
+        """
+        _check_columns(recording, axis)
+        interval = _check_times(recording[TIME.name])
+        spool = f"{axis}.spool_position"
+        names = [f"{axis}.{quantity}" for quantity in NEEDED]
+        if spool in (recording.dtype.names or ()):
+            names.append(spool)
+        _check_finite(recording, names)
+        measured = np.column_stack([recording[f"{axis}.{name}"] for name in SIGNALS])
+        _check_motion(measured[:, 0], axis)
+        return cls(
+            axis=axis,
+            start=float(recording[TIME.name][0]),
+            interval=interval,
+            full_opening=full_opening,
+            setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
+            measured=measured,
+            spool=full_opening * recording[spool] if spool in names else None,
+            noise=np.array(
+                [estimate_noise(*pair) for pair in zip(measured.T, _FLOORS, strict=True)]
+            ),
+        )
+
+
+def estimate_noise(values: Values, floor: float) -> float:
+    """Return the standard deviation of a signal's noise.
+
+    Third differences leave what does not go on smoothly from row to row; their median size is
+    not moved by the few places where the signal itself jumps. White noise of standard deviation s
+    has third differences of sqrt(20) s.
+
+    Args:
+        values: of the signal.
+        floor: at least this, and at least the rounding of the sensor's smallest step.
+    """
+    differences = np.abs(np.diff(values))
+    steps = differences[differences > 0.0]
+    smallest = float(steps.min()) if len(steps) else 0.0
+    rough = 1.4826 * float(np.median(np.abs(np.diff(values, n=3)))) / np.sqrt(20.0)
+    return float(max(rough, floor, smallest / np.sqrt(12.0)))
+
+
+def _check_columns(recording: Recording, axis: str) -> None:
+    """Refuse a recording that lacks a quantity.
+
+    Raises:
+        ConfigError: it does; the message says which, and which axes it has.
+    """
+    names = recording.dtype.names or ()
+    lacking = [f"{axis}.{name}" for name in NEEDED if f"{axis}.{name}" not in names]
+    if not lacking:
+        return
+    axes = {name.rpartition(".")[0] for name in names if name.endswith(".spool_setpoint")}
+    has = f"it has {', '.join(sorted(axes))}" if axes else "it has no axis with a spool_setpoint"
+    raise ConfigError(f"the recording lacks {', '.join(lacking)}; {has}")
+
+
+def _check_times(times: Values) -> float:
+    """Return the interval between two rows [s].
+
+    Raises:
+        ConfigError: there are too few rows, too rare ones, or gaps.
+    """
+    if len(times) < 2 or not np.isfinite(times).all() or times[-1] - times[0] < _SHORTEST:
+        span = times[-1] - times[0] if len(times) > 1 else 0.0
+        raise ConfigError(
+            f"the recording spans {span:g} s in {len(times)} rows; {_SHORTEST:g} s or more are "
+            "right"
+        )
+    steps = np.diff(times)
+    interval = float(np.median(steps))
+    if not 0.0 < interval <= _SLOWEST:
+        raise ConfigError(
+            f"the recording has a row each {interval * 1e3:g} ms; {_SLOWEST * 1e3:g} ms or less "
+            "are right"
+        )
+    uneven = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
+    if len(uneven):
+        place = uneven[0]
+        raise ConfigError(
+            f"the recording has {len(uneven)} gaps in time, the first at {times[place]:g} s, of "
+            f"{steps[place] * 1e3:g} ms; give a part with a row each {interval * 1e3:g} ms"
+        )
+    return float(np.mean(steps))
+
+
+def _check_finite(recording: Recording, names: list[str]) -> None:
+    """Refuse values that are no numbers.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for name in names:
+        wrong = np.flatnonzero(~np.isfinite(recording[name]))
+        if len(wrong):
+            raise ConfigError(
+                f"the recording's {name} is no number in {len(wrong)} rows, first at "
+                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
+            )
+
+
+def _check_motion(position: Values, axis: str) -> None:
+    """Refuse a record of an axis at rest.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    travel = float(np.ptp(position))
+    if travel < _MOTION:
+        raise ConfigError(
+            f"{axis} moves by {travel * 1e3:.3g} mm in this recording; {_MOTION * 1e3:g} mm or "
+            "more are right, in both directions"
+        )

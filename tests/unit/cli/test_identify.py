@@ -1,0 +1,132 @@
+"""`hil-bench identify`: what it prints, what it writes, what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.machine_record import Machine, random_steps
+
+from hil_bench.analysis import errors
+from hil_bench.cli import main
+from hil_bench.config import load_config
+from hil_bench.recording.files import RecordingFile
+
+# A coarse step, which makes this quick; the machine is the built-in bench's.
+BENCH = """
+[bench]
+tick_us = 2000
+step_us = 500
+
+[plant.lift]
+orifice_width_mm = 22.0
+
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+"""
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    path = tmp_path / "run.csv"
+    machine = Machine(axis="lift", tick=2e-3, step=5e-4)
+    with RecordingFile(path) as file:
+        file.write(machine.record(random_steps(0.4e-3, 1e-3, count=34, rows=50)))
+    return path
+
+
+def test_a_recording_becomes_parameters_and_a_picture(
+    bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = tmp_path / "lift"
+    arguments = [str(recording), str(bench), "--output", str(output), "--starts", "1", "--json"]
+
+    assert main(["identify", *arguments]) == 0
+
+    result = json.loads(capsys.readouterr().out)
+    width = result["parameters"]["orifice_width_mm"]
+    assert width["value"] == pytest.approx(20.0, rel=0.01)  # Table I, as the machine has it
+    assert not result["parameters"]["orifice_full_opening_mm"]["is_told"]  # it was never reached
+    assert sorted(path.name for path in output.iterdir()) == [
+        "parameters.toml",
+        "trial.png",
+        "trial.svg",
+    ]
+    (axis,) = load_config(output / "parameters.toml").axes
+    assert axis.parameters.w == pytest.approx(0.02, rel=0.01)
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert main(["identify", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_a_wrong_axis_is_refused(
+    bench: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "give lift" in refusal(capsys, recording, bench, "--axis", "swing")
+
+
+def test_a_recording_of_another_axis_is_refused(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = refusal(capsys, recording)
+
+    assert str(recording) in line
+    assert "lacks axis1.position" in line
+    assert "it has lift" in line
+
+
+def test_a_file_that_is_no_recording_is_refused(
+    bench: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "is no recording" in refusal(capsys, bench, bench)
+
+
+@pytest.mark.parametrize("starts", ["0", "-3", "1000000"])
+def test_a_senseless_number_of_starts_is_refused(
+    recording: Path, starts: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "1 to 10000" in refusal(capsys, recording, "--starts", starts)
+
+
+def test_the_reduced_model_is_refused(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "reduced.toml"
+    path.write_text('[plant.lift]\nmodel = "reduced"\n', encoding="utf-8")
+
+    assert 'model = "full-order"' in refusal(capsys, recording, path)
+
+
+def test_without_scipy_the_way_to_install_it_is_told(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(errors.importlib.util, "find_spec", lambda _: None)
+
+    assert "pip install 'hil-bench[analysis]'" in refusal(capsys, recording)
+
+
+def test_an_output_that_is_a_file_is_refused_before_the_work(
+    bench: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "--output" in refusal(capsys, recording, bench, "--output", recording)
+
+
+def test_a_gap_is_refused(
+    bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = recording.read_text(encoding="utf-8").splitlines(keepends=True)
+    path = tmp_path / "gap.csv"
+    path.write_text("".join(np.delete(np.array(lines, dtype=object), slice(500, 520))))
+
+    assert "1 gaps in time" in refusal(capsys, path, bench)

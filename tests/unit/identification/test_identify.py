@@ -1,0 +1,104 @@
+"""What a record tells of a plant, and what it does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.machine_record import FULL_OPENING, Machine, random_steps
+
+from hil_bench.errors import ConfigError
+from hil_bench.identification.identify import Identification, identify
+from hil_bench.identification.record import AxisRecord
+from hil_bench.plant import (
+    EntrainedAir,
+    PlantOptions,
+    PlantParameters,
+    balanced_state,
+    paper_parameters,
+)
+from hil_bench.recording.channels import Recording
+
+STEP = 1e-4
+# Each within 30 % of Table I, from which the search starts.
+MACHINE = replace(paper_parameters(), w=0.022, E=1.2e8, F_c=500.0, m=24.0)
+
+
+def run(
+    recording: Recording, known: PlantParameters, names: tuple[str, ...], step: float = STEP
+) -> Identification:
+    record = AxisRecord.of(recording, "axis1", FULL_OPENING)
+    return identify(record, known, PlantOptions.bench(), step=step, names=names, starts=3)
+
+
+@pytest.fixture(scope="module")
+def found() -> Identification:
+    """Of set-points that stay below the full opening, 1.3 mm."""
+    recording = Machine(parameters=MACHINE, offset=2e4).record(random_steps(0.5e-3, 1e-3, 40, 100))
+    return run(recording, paper_parameters(), ("w", "alpha", "E", "F_c", "m"))
+
+
+@pytest.mark.parametrize("name", ["w", "E", "F_c", "m"])
+def test_a_parameter_is_found_within_its_uncertainty(found: Identification, name: str) -> None:
+    estimate = {estimate.name: estimate for estimate in found.told}[name]
+
+    assert estimate.value == pytest.approx(getattr(MACHINE, name), rel=0.01)
+    assert abs(estimate.value - getattr(MACHINE, name)) < 5.0 * estimate.deviation
+
+
+def test_without_saturation_alpha_is_not_told_and_stays(found: Identification) -> None:
+    assert [estimate.name for estimate in found.not_told] == ["alpha"]
+    assert found.parameters.alpha == paper_parameters().alpha
+
+
+def test_an_offset_of_a_pressure_sensor_is_told_apart(found: Identification) -> None:
+    # 0.2 bar on P_A alone; what both share hardly shows
+    difference = found.offsets[0] - found.offsets[1]
+    assert difference == pytest.approx(2e4, abs=3e3)
+
+
+def test_the_model_is_right_to_the_noise_where_it_was_not_fitted(found: Identification) -> None:
+    assert found.residual == pytest.approx(1.0, abs=0.2)
+    assert np.all(found.trial.residual < 1.3)
+    assert found.trial.rows.min() >= found.fitted.stop
+
+
+def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
+    # Openings from 0.15 mm on give 40 mm/s and more; there F_s - F_c has faded by exp(-8^0.8).
+    parameters = replace(paper_parameters(), chi=5e-3)
+    machine = Machine(parameters=parameters, state=balanced_state(parameters, x=-0.17))
+    setpoints = np.abs(random_steps(0.45e-3, 0.55e-3, 36, 100))
+
+    found = run(machine.record(setpoints)[400:], paper_parameters(), ("w", "F_s", "chi"))
+
+    assert "chi" in [estimate.name for estimate in found.not_told]
+    assert found.parameters.chi == paper_parameters().chi
+
+
+def test_a_recorded_spool_is_fitted_by_itself() -> None:
+    parameters = replace(paper_parameters(), omega_0=1000.0)
+    machine = Machine(parameters=parameters, has_spool=True)
+
+    found = run(
+        machine.record(random_steps(0.5e-3, 1e-3, 34, 100)), paper_parameters(), ("omega_0", "w")
+    )
+
+    estimates = {estimate.name: estimate for estimate in found.told}
+    assert estimates["omega_0"].value == pytest.approx(1000.0, rel=0.01)
+    assert estimates["w"].value == pytest.approx(0.02, rel=0.01)
+
+
+def test_a_record_at_the_end_stop_is_refused() -> None:
+    setpoints = np.full(4000, 1.3e-3)
+
+    with pytest.raises(ConfigError, match="end stops"):
+        run(Machine().record(setpoints), paper_parameters(), ("w",))
+
+
+def test_extensions_of_the_plant_are_refused() -> None:
+    record = AxisRecord.of(
+        Machine().record(random_steps(0.5e-3, 1e-3, 34, 100)), "axis1", FULL_OPENING
+    )
+    options = replace(PlantOptions.bench(), air=EntrainedAir(air_fraction=0.01, air_exponent=1.4))
+
+    with pytest.raises(ConfigError, match="switch off entrained air"):
+        identify(record, paper_parameters(), options)

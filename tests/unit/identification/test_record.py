@@ -1,0 +1,113 @@
+"""What identification reads of a recording, and what it refuses."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from support.machine_record import FULL_OPENING
+
+from hil_bench.analysis.study import make_table
+from hil_bench.errors import ConfigError
+from hil_bench.identification.record import AxisRecord, estimate_noise
+from hil_bench.recording.channels import Channel, Recording
+
+ROWS = 4000
+
+
+@pytest.fixture
+def recording() -> Recording:
+    times = 1e-3 * np.arange(ROWS)
+    wave = np.sin(2.0 * np.pi * times)
+    return make_table(
+        {
+            Channel("time", "s"): times,
+            Channel("lift.position", "m"): 0.05 * wave,
+            Channel("lift.P_A", "Pa"): 5e6 + 1e5 * wave,
+            Channel("lift.P_B", "Pa"): 5e6 - 1e5 * wave,
+            Channel("lift.spool_setpoint", "-"): 0.5 * wave,
+        }
+    )
+
+
+def test_setpoints_count_in_full_openings(recording: Recording) -> None:
+    record = AxisRecord.of(recording, "lift", FULL_OPENING)
+
+    assert record.interval == pytest.approx(1e-3)
+    assert len(record) == ROWS
+    # sin is 1 after a quarter of a second: half of 1.3 mm
+    assert record.setpoints[250] == pytest.approx(0.65e-3)
+    assert record.spool is None
+    assert record.times[-1] == pytest.approx(3.999)
+
+
+def test_noise_is_that_which_was_added_whatever_the_motion_does() -> None:
+    source = np.random.default_rng(3)
+    motion = np.abs(np.linspace(-1.0, 1.0, 20_000))
+
+    found = estimate_noise(motion + 2e-6 * source.standard_normal(20_000), floor=1e-9)
+
+    assert found == pytest.approx(2e-6, rel=0.05)
+
+
+def test_noise_is_at_least_the_rounding_of_the_sensor() -> None:
+    # uniform rounding errors of a step q have the standard deviation q / sqrt(12)
+    values = np.repeat(1e-5 * np.arange(100.0), 50)
+
+    assert estimate_noise(values, floor=1e-9) == pytest.approx(1e-5 / np.sqrt(12.0))
+
+
+def test_noise_is_at_least_the_floor() -> None:
+    assert estimate_noise(np.zeros(100), floor=3e-7) == 3e-7
+
+
+def _lack(recording: Recording) -> Recording:
+    names = [name for name in recording.dtype.names or () if not name.endswith("P_B")]
+    return recording[names]
+
+
+def _break(recording: Recording) -> Recording:
+    recording["lift.P_A"][1500:1503] = np.nan
+    return recording
+
+
+def _gap(recording: Recording) -> Recording:
+    recording["time"][2000:] += 0.02
+    return recording
+
+
+def _rest(recording: Recording) -> Recording:
+    recording["lift.position"] *= 1e-3
+    return recording
+
+
+def _slow(recording: Recording) -> Recording:
+    recording["time"] *= 20.0
+    return recording
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (_lack, "lacks lift.P_B; it has lift"),
+        (_break, "lift.P_A is no number in 3 rows, first at 1.5 s"),
+        (_gap, "1 gaps in time, the first at 1.999 s, of 21 ms"),
+        (_rest, "moves by 0.1 mm"),
+        (_slow, "a row each 20 ms; 10 ms or less"),
+        (lambda recording: recording[:2000], "spans 1.999 s in 2000 rows; 3 s or more"),
+        (lambda recording: recording[:0], "spans 0 s in 0 rows"),
+        (lambda recording: recording[::-1], "-3.999 s"),
+    ],
+)
+def test_a_recording_that_cannot_serve_is_refused(
+    recording: Recording, change: Callable[[Recording], Recording], complaint: str
+) -> None:
+    with pytest.raises(ConfigError) as error:
+        AxisRecord.of(change(recording), "lift", FULL_OPENING)
+
+    assert complaint in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_wrong_axis_is_told_which_there_are(recording: Recording) -> None:
+    with pytest.raises(ConfigError, match=r"lacks swing\.position, .*; it has lift"):
+        AxisRecord.of(recording, "swing", FULL_OPENING)

@@ -1,0 +1,111 @@
+"""An identification as text, as JSON and as a table of `bench.toml`."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_bench.config import load_config
+from hil_bench.identification.identify import Estimate, Identification, Trial
+from hil_bench.identification.record import AxisRecord
+from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.plant import paper_parameters
+
+TABLE_1 = paper_parameters()
+ESTIMATES = (
+    Estimate("beta", 2.51234e-4, 1.2e-7, is_told=True),
+    Estimate("C_L", 0.0, 1e-15, is_told=True),
+    Estimate("E", 1.2345e9, 2.2e6, is_told=True),
+    Estimate("chi", 0.02, 0.05, is_told=False),
+)
+
+
+def make(residual: float = 0.9) -> Identification:
+    """Return what might have been found, on a record of 10 rows."""
+    rows = np.arange(8, 10)
+    return Identification(
+        record=AxisRecord(
+            axis="lift",
+            start=0.0,
+            interval=1e-3,
+            full_opening=1.3e-3,
+            setpoints=np.zeros(10),
+            measured=np.zeros((10, 3)),
+            spool=None,
+            noise=np.array([2e-6, 5e3, 5e3]),
+        ),
+        fitted=range(8),
+        known=TABLE_1,
+        parameters=replace(TABLE_1, beta=2.51234e-4, E=1.2345e9),
+        offsets=np.array([2e4, 100.0]),
+        offset_deviations=np.array([300.0, 300.0]),
+        estimates=ESTIMATES,
+        residual=1.01,
+        pieces=12,
+        left_out=1,
+        trial=Trial(
+            rows=rows[np.newaxis],
+            model=np.zeros((1, 2, 3)),
+            residual=np.array([residual, 1.0, 1.0]),
+            run_rows=rows,
+            run=np.full((2, 3), 1e-3),
+        ),
+    )
+
+
+def test_the_file_is_a_table_that_bench_toml_takes(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(to_toml(make(), "run.csv"), encoding="utf-8")
+
+    (read,) = load_config(path).axes
+
+    assert read.name == "lift"
+    assert read.parameters.beta == pytest.approx(2.51234e-4, abs=1e-8)
+    assert read.parameters.E == pytest.approx(1.2345e9, rel=1e-4)
+    assert read.parameters.chi == TABLE_1.chi
+
+
+def test_the_file_says_what_it_does_not_hold_and_which_opening_was_meant() -> None:
+    text = to_toml(make(), "run.csv")
+
+    assert "stribeck_velocity_mm_s" not in text
+    assert "full_opening_mm = 1.3\n" in text
+
+
+def test_the_table_has_two_uncertain_digits() -> None:
+    lines = {line.split()[0]: line.split()[1:] for line in summarise(make()).splitlines() if line}
+
+    # 0.251234 mm +- 0.00012 mm, in the keys' units
+    assert lines["spool_overlap_mm"] == ["0.25123", "0.00012", "0.3"]
+    assert lines["bulk_modulus_mpa"] == ["1234.5", "2.2", "100"]
+
+
+def test_what_is_not_told_comes_with_what_would_tell_it() -> None:
+    text = summarise(make())
+
+    (line,) = [line for line in text.splitlines() if line.startswith("stribeck")]
+    assert "uncertain by 50 mm/s; wanted: velocities below" in line
+    assert "P_A reads +0.200 +- 0.003 bar off" in text
+    assert "P_B reads" not in text
+    assert "1 left out" in text
+
+
+def test_a_model_that_does_not_follow_the_record_is_named() -> None:
+    assert is_explained(make(residual=3.0))
+    assert not is_explained(make(residual=3.1))
+    assert "does NOT explain" in summarise(make(residual=3.1))
+
+
+def test_programs_read_the_keys_and_units_of_bench_toml() -> None:
+    content = to_json(make())
+
+    assert content["parameters"]["bulk_modulus_mpa"] == {
+        "is_told": True,
+        "value": pytest.approx(1234.5),
+        "standard_deviation": pytest.approx(2.2),
+        "configured": pytest.approx(100.0),
+        "unit": "MPa",
+    }
+    assert content["trial_residual"]["position"] == 0.9
+    assert content["pressure_offsets_bar"] == pytest.approx([0.2, 0.001])

@@ -1,0 +1,71 @@
+"""The free variables of the fit and what they stand for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil_bench.identification.unknowns import KINDS, Guess, Unknowns
+from hil_bench.plant import paper_parameters
+
+ALL = tuple(KINDS)
+
+
+def test_the_start_stands_for_what_is_configured() -> None:
+    unknowns = Unknowns(paper_parameters(), ALL)
+
+    guess = unknowns.guess(unknowns.start)
+
+    for name in ALL:
+        assert getattr(guess.parameters, name) == pytest.approx(getattr(paper_parameters(), name))
+    assert guess.offsets.tolist() == [0.0, 0.0]
+
+
+def test_any_plant_is_found_again() -> None:
+    plant = replace(paper_parameters(), w=0.03, beta=1e-4, E=1.5e9, F_c=300.0, F_s=310.0, C_L=1e-13)
+    unknowns = Unknowns(paper_parameters(), ALL)
+
+    found = unknowns.guess(unknowns.variables_of(Guess(plant, np.array([1e4, -2e4]))))
+
+    for name in ALL:
+        assert getattr(found.parameters, name) == pytest.approx(getattr(plant, name))
+    assert found.offsets == pytest.approx([1e4, -2e4])
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_each_corner_of_the_bounds_is_a_plant(side: int) -> None:
+    unknowns = Unknowns(paper_parameters(), ALL)
+
+    plant = unknowns.guess(unknowns.bounds[side]).parameters
+
+    assert plant.F_s >= plant.F_c
+
+
+def test_what_is_configured_as_zero_is_sought_about_table_1() -> None:
+    known = replace(paper_parameters(), beta=0.0, F_c=0.0, F_s=0.0, sigma=0.0)
+    unknowns = Unknowns(known, ("beta", "F_c", "F_s", "sigma"))
+
+    plant = unknowns.guess(np.array([0.5, np.log(2.0), 1.0, 0.0, 0.0, 0.0])).parameters
+
+    # Table I: beta 0.3 mm, F_c 600 N, sigma 2000 kg/s
+    assert plant.beta == pytest.approx(0.15e-3)
+    assert plant.F_c == pytest.approx(1200.0)
+    assert plant.F_s == pytest.approx(2400.0)
+    assert plant.sigma == pytest.approx(2000.0)
+
+
+def test_static_friction_that_is_not_sought_stays_unless_coulomb_friction_passes_it() -> None:
+    unknowns = Unknowns(paper_parameters(), ("F_c",))
+
+    below, above = (unknowns.guess(np.array([np.log(r), 0.0, 0.0])).parameters for r in (0.5, 2.0))
+
+    assert (below.F_c, below.F_s) == pytest.approx((300.0, 900.0))
+    assert (above.F_c, above.F_s) == pytest.approx((1200.0, 1200.0))
+
+
+def test_what_is_not_sought_stays() -> None:
+    known = replace(paper_parameters(), m=33.0)
+    unknowns = Unknowns(known, ALL).without(["m", "chi"])
+
+    assert set(ALL) - set(unknowns.names) == {"m", "chi"}
+    assert unknowns.guess(unknowns.start + 0.01).parameters.m == 33.0

@@ -85,6 +85,7 @@ class LockStepBus:
         """Take the next frame and answer it; return whether one came within `patience` [s]."""
         if not self._arrived:
             if not self.transport.wait(patience):
+                self.transport.send(())  # what the bus did not take before: it may be waited for
                 return False
             self._arrived.extend(self.transport.receive(FRAMES_AT_ONCE))
         if self._arrived:

@@ -190,3 +190,22 @@ def test_a_frame_is_served_by_whom_it_concerns_and_the_others_stay_as_they_are()
         assert lockstep.receive(frame) == twin.serve([frame, Frame(0x7FF)], 0)
     assert lockstep.receive(SYNC) == twin.tick([SYNC], TICK)
     assert [node.state for node in bench.nodes] == [node.state for node in twin.nodes]
+
+
+def test_what_the_bus_did_not_take_is_sent_again_while_nothing_comes():
+    class FullQueue(BundlingTransport):
+        """Takes nothing at the first time, and what waits with the next call."""
+
+        waiting = ()
+
+        def wait(self, _timeout):
+            return bool(self.arriving)
+
+        def send(self, frames):
+            self.sent += self.waiting if not frames else ()
+            self.waiting = (*self.waiting, *frames) if frames else ()
+
+    _, lockstep = make_lockstep()
+    transport = FullQueue([Frame(0x601, READ_DEVICE_TYPE)], 1)
+    run_lockstep(lockstep, transport, stopped=lambda: bool(transport.sent))
+    assert [frame.can_id for frame in transport.sent] == [0x581]

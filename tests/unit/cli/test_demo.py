@@ -8,6 +8,7 @@ from hil_bench.cli import main
 from hil_bench.cli.demo_session import tuned_parameters
 from hil_bench.cli.interruption import Interruption
 from hil_bench.plant import paper_parameters
+from hil_bench.realtime.clock import ScaledClock, VirtualClock
 from hil_bench.recording.files import read_recording
 
 
@@ -148,3 +149,24 @@ def test_the_valve_watches_the_controller(tmp_path):
     assert (0x601, bytes.fromhex("23161001c8007f00")) in frames
     # 0x1400.05, the RPDO's time-out: 100 ms, the drivers' default.
     assert (0x601, bytes.fromhex("2b00140564000000")) in frames
+
+
+@pytest.mark.usefixtures("no_plot")
+def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
+    clocks = []
+
+    def clock_of(_base, speed):
+        clocks.append(speed)
+        return ScaledClock(VirtualClock(), speed)  # as slow as asked, and nobody waits
+
+    monkeypatch.setattr("hil_bench.cli.demo_session.ScaledClock", clock_of)
+    command = ["demo", "--speed", "0.25", "--duration", "0.2", "--output", str(tmp_path)]
+    assert main(command) == 0
+    assert clocks == [0.25]
+    assert "0 overran, 0 skipped" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "fast", "nan"])
+def test_a_speed_that_cannot_be_meant(speed, capsys):
+    assert main(["demo", "--speed", speed]) == 2
+    assert f"{speed!r}: a positive number or max is right" in capsys.readouterr().err

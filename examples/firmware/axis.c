@@ -182,12 +182,14 @@ enum outcome axis_cycle(struct axis *axis, uint16_t control_word, double setpoin
 void axis_stop(struct axis *axis)
 {
     struct canopen *master = axis->master;
+    uint32_t type;
 
     for (int i = 0; i < STOP_CYCLES && !master->is_lost; i++) {
         int64_t deadline_us = canopen_now_us(master) + master->period_us;
         exchange(axis, i < STOP_CYCLES / 2 ? HOLD : DISABLED, 0.0, deadline_us);
         canopen_listen(master, deadline_us);
     }
-    if (!master->is_lost && watch_us(master, false))
-        canopen_nmt(master, NMT_PRE_OPERATIONAL);
+    if (master->is_lost || !watch_us(master, false) || !canopen_nmt(master, NMT_PRE_OPERATIONAL))
+        return;
+    canopen_read(master, &master->devices[VALVE], 0x1000, 0, &type); /* all has arrived */
 }

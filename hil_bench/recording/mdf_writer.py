@@ -1,7 +1,8 @@
 """Recordings as MF4 (ASAM MDF 4.1), written block by block.
 
 At every moment the file is a finished MF4: a block of data is appended first and linked in after,
-so whoever ends the writer at any moment leaves a file that ends with the last linked block.
+so whoever ends the writer at any moment leaves a file that ends with the last linked block. Where
+it must outlast a power cut, the block is on the disk before it is linked in.
 """
 
 import struct
@@ -57,6 +58,7 @@ class MdfFile:
         self._remote, self._data, self._signals = groups
         start_ns = 0 if started is None else round(started.timestamp() * 1e9)
         self._file.append(header.finish(groups[-1].dg, start_ns, comment))
+        self._links: list[tuple[int, bytes]] = []
 
     def write_rows(self, rows: Recording) -> None:
         """Append rows of the channels."""
@@ -75,15 +77,25 @@ class MdfFile:
             self._append(group, packed.reshape(-1, dtype.itemsize))
 
     def flush(self, *, durable: bool) -> None:
-        """Put on the disk what was written; see `OutputFile.flush`."""
+        """Put on the disk what was written, then link it in; see `OutputFile.flush`."""
         self._file.flush(durable=durable)
+        self._link_in()
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        try:
+            self._link_in()
+        finally:
+            self._file.close()
+
+    def _link_in(self) -> None:
+        """Make what was appended part of the file."""
+        links, self._links = self._links, []
+        for address, link in links:
+            self._file.overwrite(address, link)
 
     def _append(self, group: "_Group", records: npt.NDArray[np.uint8]) -> None:
-        """Append records, and link them in only then."""
+        """Append records; they are linked in later."""
         if not len(records):
             return
         file = self._file
@@ -92,11 +104,11 @@ class MdfFile:
         data_list = file.append(mdf.pack_block(b"##DL", (0, address), entry))
         group.length += records.size
         group.records += len(records)
-        file.overwrite(group.next_link, _LINK.pack(data_list))
+        self._links.append((group.next_link, _LINK.pack(data_list)))
         if group.is_empty:
-            file.overwrite(group.data_link, _LINK.pack(group.header_list))
+            self._links.append((group.data_link, _LINK.pack(group.header_list)))
             group.is_empty = False
-        file.overwrite(group.count, _LINK.pack(group.records))
+        self._links.append((group.count, _LINK.pack(group.records)))
         group.next_link = data_list + mdf.HEADER.size
 
 

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
@@ -215,3 +216,13 @@ def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
     assert len(read_recording(rests)) == 10
     assert read_recording(moves)["time"][-1] > 0.5
     assert 0x201 in {logged.frame.can_id for logged in read_frames(moves)}
+
+
+def test_frames_of_a_physical_bus_are_recorded_by_another_process(pytester):
+    pytester.makepyfile("def test_talks(network):\n    network.send(0x123, b'abc')\n")
+    bus = ("--hil-interface=virtual", "--hil-channel=test_record")
+    pytester.runpytest_subprocess(*bus, "--hil-record=results").assert_outcomes(passed=1)
+    (path,) = (pytester.path / "results").iterdir()
+    sent = [logged.frame for logged in read_frames(path) if not logged.is_received]
+    # The controller's boot-up message, then the test's own frame.
+    assert sent == [Frame(0x77F, b"\x00"), Frame(0x123, b"abc")]

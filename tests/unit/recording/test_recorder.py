@@ -111,6 +111,50 @@ def test_a_writer_killed_at_any_moment_leaves_whole_blocks(tmp_path, operations,
         assert len(expected) >= 10 * complete, f"{number} writes and {cut} bytes"
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_power_cut_at_any_moment_leaves_all_but_the_last_two_blocks(
+    tmp_path, operations, monkeypatch, suffix
+):
+    """After the last fsync some writes reach the disk and some do not, in any order.
+
+    What was appended may end anywhere, since a file system that keeps data in order never shows a
+    size without its data; each replacement is there or not.
+    """
+    monkeypatch.setattr(block_file.os, "fsync", lambda _descriptor: operations.append(None))
+    recorder = Recorder(plan(tmp_path, suffix), durable=True, tell=pytest.fail)
+    feed(recorder, 0, 10)
+    blocks = [0, len(operations)]
+    for block in range(1, 4):
+        feed(recorder, 10 * block, 10 * block + 10)
+        blocks.append(len(operations))
+    done = operations[:]
+    recorder.close()
+    chance = random.Random(3)  # noqa: S311 - no secret
+    for number in range(blocks[1], len(done) + 1):
+        left = tmp_path / f"cut{suffix}"
+        left.write_bytes(after_power_cut(done[:number], chance))
+        begun = sum(1 for end in blocks[1:] if end <= number)
+        rows, frames = found(left)
+        expected = rows if suffix in SIGNAL_SUFFIXES else frames
+        assert len(expected) >= 10 * (begun - 1), f"{number} operations"
+        assert expected == list(range(len(expected)))
+
+
+def after_power_cut(operations, chance):
+    """Return what the disk may hold."""
+    synced = max((n for n, operation in enumerate(operations) if operation is None), default=0)
+    content = bytearray()
+    for operation in operations[:synced]:
+        if operation is not None:
+            address, data = operation
+            content[address : address + len(data)] = data
+    size = len(content)
+    for address, data in filter(None, operations[synced:]):
+        if address >= size or chance.random() < 0.5:
+            content[address : address + len(data)] = data
+    return bytes(content[: chance.randrange(size, len(content) + 1)])
+
+
 def is_empty_log(path):
     """Whether nothing was complete yet, which a log of python-can's cannot tell from damage."""
     try:

@@ -17,6 +17,9 @@ from hil_bench.recording.channels import Recording
 APPROACH_TIME = 15.0
 """Longest time to a starting position [s]."""
 
+PATIENCE = 0.3
+"""Time that nodes have to show themselves [s]."""
+
 REST = 0.3
 """Time with the valve closed between two motions [s]."""
 
@@ -86,7 +89,7 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
     names = {node.node_id: node for node in procedure.members}
     differences = [
         difference
-        for difference in compare(procedure.network, procedure.config)
+        for difference in compare(procedure.network, procedure.config, patience=PATIENCE)
         if difference.node_id in names
     ]
     foreign = [difference for difference in differences if difference.mend is Mend.NODE]

@@ -18,7 +18,7 @@ from hil_bench.commissioning.plan import (
     check_against,
     choose_axis,
 )
-from hil_bench.commissioning.procedure import Procedure, communication
+from hil_bench.commissioning.procedure import PATIENCE, Procedure, communication
 from hil_bench.commissioning.responses import chirp, steps
 from hil_bench.commissioning.rig import LimitError, Rig
 from hil_bench.commissioning.standstill import leakage, sensors
@@ -55,8 +55,6 @@ _STEPS: Mapping[StepKind, Callable[[Procedure, Step], StepResult]] = {
 }
 
 _LOST = "the bus was lost"
-
-_PATIENCE = 0.5  # that nodes have to show themselves [s]
 
 _DECISIVE = {StepKind.COMMUNICATION, StepKind.DIRECTION}
 """Steps without which the axis is not moved any further."""
@@ -136,7 +134,7 @@ def commission(
     check_against(plan, axis)
     members = find_members(config, axis.name)
     rig = Rig(network, members, period=plan.period, recording=recording, origin=origin)
-    sightings = discover(network, Method.SDO, patience=_PATIENCE)
+    sightings = discover(network, Method.SDO, patience=PATIENCE)
     nodes = [describe(network, sighting) for sighting in sightings]
     procedure = Procedure(network, config, axis, members, rig)
     try:

@@ -19,7 +19,7 @@ pressure_bar = [-1, 110]
 duration_s = 0.2
 [direction]
 """
-FAST = "[bench]\ntick_us = 2000\nstep_us = 100\n"
+FAST = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from hil_bench.config import load_config
 from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.virtual_bench import VirtualBench
 
-BENCH = "[bench]\ntick_us = 2000\nstep_us = 100\n"
+BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 PLAN = """
 [plan]
 period_ms = 4

@@ -187,6 +187,17 @@ def test_a_bench_without_pressure_is_named(machine):
     assert names(tested.commission()) == ["no supply pressure"]
 
 
+def test_a_spool_that_stays_is_named(machine):
+    stuck = '[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0\n'
+    assert names(machine(stuck).commission()) == ["valve does not follow"]
+
+
+def test_a_piston_that_is_held_is_named(machine):
+    """600 kN of friction against the 50 kN of 100 bar on 50 cm²."""
+    held = "[plant.axis1]\ncoulomb_friction_n = 600000\nstatic_friction_n = 600000\n"
+    assert names(machine(held).commission()) == ["axis blocked"]
+
+
 OIL = "[plant.axis1]\nbulk_modulus_mpa = 700\nmoving_mass_kg = 200\n"
 CHIRP_PLAN = PLAN.replace("[sensors]\nduration_s = 0.3\n", "") + "[chirp]\n"
 
@@ -255,6 +266,17 @@ def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
         sensors.problem
     )
     assert "period_ms = 4; give a longer one" in sensors.problem
+
+
+def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkeypatch):
+    monkeypatch.setattr("hil_bench.commissioning.procedure.APPROACH_TIME", 0.2)
+    tested = machine(plan=PLAN + "[dead_band]\nposition_mm = [-20, 120]\n")
+    result = tested.commission().results[-1]
+    assert result.verdict is Verdict.STOPPED
+    # The middle of the limits is 50 mm; half of the sweep's travel by the data sheet is less.
+    assert result.problem.startswith("position 2")
+    assert "not reached within 0.2 s; the valve was closed" in result.problem
+    assert tested.is_closed()
 
 
 RESET_ENCODER = can.Message(arbitration_id=0, data=[129, 4], is_extended_id=False)

@@ -202,6 +202,42 @@ def test_a_fault_is_reset_by_its_coil_and_leaves_the_valve_disabled(active):
     assert active.read(VALVE, Table.HOLDING_REGISTERS, "spool_setpoint") == 0.0
 
 
+def test_a_reset_takes_the_emergency_back(active):
+    active.tick(count=200)
+    active.log.clear()
+    assert active.coil(RESET, 1) == 0
+    errors = [frame.data[:2] for frame in active.log if frame.can_id == 0x80 + VALVE]
+    assert errors == [b"\x00\x00"]
+
+
+def test_a_reset_works_whatever_the_last_control_word_was(active):
+    # It had the bit of the reset set, of which the device sees edges only.
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 2, 0x000F) == 0
+    active.tick(count=200)
+    assert active.status() == FAULT_HOLD | LOCAL
+    assert active.coil(RESET, 1) == 0
+    assert active.status() == DISABLED | LOCAL
+
+
+def test_control_that_is_taken_again_begins_with_set_point_0(active):
+    assert active.setpoint(0.5) == 0
+    for value in (0, 1):
+        assert active.coil(CONTROL, value) == 0
+    assert active.coil(ENABLE, 1) == 0
+    assert active.status() == ACTIVE | LOCAL
+    assert active.bench.commands[0] == 0.0
+
+
+def test_a_watchdog_that_is_switched_on_counts_from_then(active):
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 3, 0) == 0
+    active.tick(count=500)
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 3, 50) == 0
+    active.tick(count=40)
+    assert active.status() == ACTIVE | LOCAL
+    active.tick(count=20)
+    assert active.status() == FAULT_HOLD | LOCAL
+
+
 def test_no_watchdog_means_no_fault(active):
     assert active.write(VALVE, Table.HOLDING_REGISTERS, 3, 0) == 0
     active.tick(count=500)

@@ -192,3 +192,24 @@ def test_an_answer_that_comes_late_finds_its_client_or_nobody(rig, gone):
         return None if gone else await stream[0].readexactly(12)
 
     assert with_pool(rig, scenario) == (None if gone else write)
+
+
+def test_who_sends_on_while_a_write_waits_is_read_no_further_until_it_is_answered(rig):
+    write = bytes.fromhex("0001 0000 0006 01 06 0000 0005")
+    reads = 1000
+
+    async def scenario(pool, connect):
+        reader, writer = await connect()
+        writer.write(write + READ * reads)
+        while not rig.server.is_waiting or next(iter(pool._connections))._is_reading:
+            await asyncio.sleep(0)
+        (held,) = pool._connections
+        assert len(held._session._buffer) < 2048 + 1024
+        rig.tick()
+        rig.server.poll()
+        assert await reader.readexactly(12) == write
+        for _ in range(reads):
+            assert await reader.readexactly(len(ANSWER)) == ANSWER
+        return held._is_reading
+
+    assert with_pool(rig, scenario)

@@ -97,3 +97,11 @@ def test_other_devices_answers_are_no_requests(line, written):
     line.receive(rtu(9, "03 04 0001 0002"))
     line.receive(rtu(1, "04 0000 0002"))
     assert written == [rtu(1, "04 04 00010002")]
+
+
+def test_silence_while_a_write_waits_drops_nothing(rig, line, written):
+    line.receive(rtu(1, "06 0000 0005") + rtu(1, "04 0000 0002"))
+    line.drop()
+    rig.tick()
+    rig.server.poll()
+    assert written == [rtu(1, "06 0000 0005"), rtu(1, "04 04 00010002")]

@@ -9,6 +9,7 @@ error.
 
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -106,7 +107,8 @@ def try_machine(number: int) -> tuple[PlantParameters, Identification]:
 def main() -> None:
     """Identify and print."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else MACHINES
-    tried = [try_machine(number) for number in range(count)]
+    with ProcessPoolExecutor() as pool:
+        tried = list(pool.map(try_machine, range(count)))
     print(f"{count} machines, {len(make_setpoints()) * TICK:.1f} s of record each\n")
     print("| | error, median | worst | standard deviation | error / deviation, worst | told |")
     print("|---|---|---|---|---|---|")

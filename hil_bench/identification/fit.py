@@ -21,8 +21,8 @@ _FEWEST_PIECES = 8
 _ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
 _ENOUGH = 1e-3  # relative gain of a round below which a fit has converged
 _REFINED = 3  # of the candidates
-_SETTLINGS = 4  # of the starts, until they stay where they are
-_STRANGE = 2.0  # times the median residual: a piece that the model does not explain
+_SETTLINGS = 8  # of the starts, until they stay where they are
+_STRANGE = 1.3  # times the median residual: a piece that the model does not explain
 _MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
 
 LENGTH = 0.2
@@ -75,18 +75,16 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class Fitter:
-    """Fits unknowns to a part of a record.
+    """Fits unknowns to the part of a record that is for the fit.
 
     Attributes:
         record: the measurement.
-        rows: the part.
         options: of the plant.
         step: of the plant's solver [s].
         report: takes what has been done.
     """
 
     record: AxisRecord
-    rows: range
     options: PlantOptions
     step: float
     report: Report = field(default=lambda _: None)
@@ -97,7 +95,9 @@ class Fitter:
         Raises:
             ConfigError: there are too few clear of the end stops.
         """
-        pieces = cut_pieces(self.record, self.rows, self.record.rows_in(stage.length), stroke_end)
+        pieces = cut_pieces(
+            self.record, self.record.fitted, self.record.rows_in(stage.length), stroke_end
+        )
         if len(pieces.rows) < _FEWEST_PIECES:
             raise ConfigError(
                 f"the recording has {len(pieces.rows)} pieces of {stage.length:g} s clear of the "

@@ -16,8 +16,8 @@ from hil_bench.plant import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 
-_FITTED = 0.8  # of the record; the rest is for the trial
-_SETTLINGS = 4
+_SETTLINGS = 8
+_REPEATS = 3  # of the fit, while it changes which pieces the model explains
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class Trial:
         rows: of each piece of the record, shape (pieces, rows of a piece).
         model: position [m], P_A and P_B [Pa], started anew in each piece, shape (*rows.shape, 3).
         residual: rms of model less record of each signal, as a multiple of its noise, shape (3,).
-        run_rows: the rows of the run that was started once.
+        run_rows: the rows of the run that was started once, where the piston goes farthest.
         run: what that run gave, shape (rows, 3).
     """
 
@@ -62,7 +62,6 @@ class Identification:
 
     Attributes:
         record: the measurement.
-        fitted: its rows that the fit used.
         known: what was configured.
         parameters: what was found, and as configured what was not.
         offsets: errors of the pressure sensors, shape (2,) [Pa].
@@ -75,7 +74,6 @@ class Identification:
     """
 
     record: AxisRecord
-    fitted: range
     known: PlantParameters
     parameters: PlantParameters
     offsets: Values
@@ -124,17 +122,15 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         report: takes a few words after each piece of work.
     """
     _check_options(options)
-    rows = range(int(_FITTED * len(record)))
-    trial_pieces = _trial_pieces(record, range(rows.stop, len(record)), known.h)
+    trial_pieces = _trial_pieces(record, known.h)
     spool = fit_spool(record, known)
-    known = replace(known, **{name: value for name, (value, _) in spool.items()})
-    unknowns = Unknowns(known, tuple(name for name in names if name not in spool))
-    fitter = Fitter(record, rows, options, step, report)
+    with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
+    unknowns = Unknowns(with_spool, tuple(name for name in names if name not in spool))
+    fitter = Fitter(record, options, step, report)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
     return Identification(
         record=record,
-        fitted=rows,
         known=known,
         parameters=guess.parameters,
         offsets=guess.offsets,
@@ -166,12 +162,17 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     every = fitter.pieces(FINE, stop)
     variables = fitter.fit(unknowns, variables, FINE._replace(rounds=4), every).variables
     vague: dict[str, float] = {}
+    pieces = fitter.explained(unknowns, variables, every)
+    repeats = 0
     while True:
-        pieces = fitter.explained(unknowns, variables, every)
         fit = fitter.fit(unknowns, variables, FINE, pieces)
-        dropped = find_vague(unknowns, fit)
-        if not dropped:
-            return _Found(unknowns, fit, pieces, len(every.rows) - len(pieces.rows), vague)
+        dropped, fitted = find_vague(unknowns, fit), pieces
+        pieces = fitter.explained(unknowns, fit.variables, every)
+        repeats += 1
+        is_settled = np.array_equal(pieces.rows, fitted.rows) or repeats > _REPEATS
+        if is_settled and not dropped:
+            left_out = len(every.rows) - len(fitted.rows)
+            return _Found(unknowns, fit, fitted, left_out, vague)
         deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
         vague |= {name: deviations[name] for name in dropped}
         guess = unknowns.guess(fit.variables)
@@ -235,9 +236,9 @@ def _try(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
         shooting.settle(guess)
     deviations = shooting.deviations(guess)
     rows = _rows(pieces)
-    run_pieces = Pieces(pieces.rows[:1], len(fitter.record) - 1 - int(pieces.rows[0]))
+    first, run_pieces = _longest_way(fitter.record, pieces)
     run: Shooting = fitter.shooting(FINE, run_pieces)
-    run.states = shooting.states[:1]
+    run.states = shooting.states[first : first + 1]
     run_rows = _rows(run_pieces)
     return Trial(
         rows=rows,
@@ -248,21 +249,38 @@ def _try(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
     )
 
 
+def _longest_way(record: AxisRecord, pieces: Pieces) -> tuple[int, Pieces]:
+    """Return the part of the trial in which the piston goes farthest, from its first piece on.
+
+    Returns:
+        The number of that piece, and one long piece in its place.
+    """
+    ways = []
+    for part in record.tried:
+        numbers = np.flatnonzero((pieces.rows >= part.start) & (pieces.rows < part.stop))
+        if len(numbers):
+            start = pieces.rows[numbers[0]]
+            way = float(np.abs(np.diff(record.measured[start : part.stop, 0])).sum())
+            ways.append((way, int(numbers[0]), part.stop - 1 - int(start)))
+    _, number, length = max(ways)
+    return number, Pieces(pieces.rows[number : number + 1], length)
+
+
 def _rows(pieces: Pieces) -> npt.NDArray[np.int64]:
     return np.asarray(pieces.rows[:, np.newaxis] + 1 + np.arange(pieces.length))
 
 
-def _trial_pieces(record: AxisRecord, rows: range, stroke_end: float) -> Pieces:
+def _trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
     """Return the pieces of the part that the fit does not see.
 
     Raises:
         ConfigError: there are none clear of the end stops.
     """
-    pieces = cut_pieces(record, rows, record.rows_in(LENGTH), stroke_end)
+    pieces = cut_pieces(record, record.tried, record.rows_in(LENGTH), stroke_end)
     if not len(pieces.rows):
         raise ConfigError(
-            "the last fifth of the recording, on which the model is tried, lies at the end stops "
-            "or beyond; leave that part out, and check stroke_mm"
+            "the last fifth of the recording, on which the model is tried, has no piece of "
+            f"{LENGTH:g} s clear of the end stops; give a longer one, and check stroke_mm"
         )
     return pieces
 

@@ -1,5 +1,6 @@
 """The part of a recording that identification reads, checked: one axis, SI units, even steps."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Self
 
@@ -20,18 +21,22 @@ SIGNALS = ("position", "P_A", "P_B")
 _FLOORS = (0.3e-6, 1e3, 1e3)  # [m], [Pa]: below these nothing is gained
 _SHORTEST = 3.0  # [s]
 _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
-_UNEVEN = 0.5  # of a row: a step that is off by more is a gap
+_UNEVEN = 0.2  # of a row: a step that is off by more is a gap
+_LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
+_SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
+_FITTED = 0.8  # of each stretch; the rest is for the trial
 _MOTION = 1e-3  # [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisRecord:
-    """What was recorded of one axis.
+    """What was recorded of one axis; nothing in it reaches across a gap in time.
 
     Attributes:
         axis: its name.
-        start: time of the first row [s].
-        interval: between two rows [s].
+        times: of each row, shape (rows,) [s].
+        interval: between two rows, but for gaps [s].
+        stretches: the rows between two gaps.
         full_opening: spool position that a set-point of 1 stood for [m].
         setpoints: of the spool, each held over the interval that its row ends, shape (rows,) [m].
         measured: position [m], P_A and P_B [Pa], shape (rows, 3).
@@ -40,8 +45,9 @@ class AxisRecord:
     """
 
     axis: str
-    start: float
+    times: Values
     interval: float
+    stretches: tuple[range, ...]
     full_opening: float
     setpoints: Values
     measured: Values
@@ -52,9 +58,14 @@ class AxisRecord:
         return len(self.setpoints)
 
     @property
-    def times(self) -> Values:
-        """Time of each row [s]."""
-        return self.start + self.interval * np.arange(len(self), dtype=np.float64)
+    def fitted(self) -> list[range]:
+        """The rows for the fit, by stretch."""
+        return [range(rows.start + _SETTLED, _split(rows)) for rows in self.stretches]
+
+    @property
+    def tried(self) -> list[range]:
+        """The rows for the trial, by stretch."""
+        return [range(_split(rows), rows.stop) for rows in self.stretches]
 
     def rows_in(self, duration: float) -> int:
         """Return how many rows span a duration [s], 10 at least."""
@@ -70,7 +81,8 @@ class AxisRecord:
             full_opening: spool position that a set-point of 1 stands for [m].
         """
         _check_columns(recording, axis)
-        interval = _check_times(recording[TIME.name])
+        times = recording[TIME.name]
+        interval = _check_times(times)
         spool = f"{axis}.spool_position"
         names = [f"{axis}.{quantity}" for quantity in NEEDED]
         if spool in (recording.dtype.names or ()):
@@ -80,8 +92,9 @@ class AxisRecord:
         _check_motion(measured[:, 0], axis)
         return cls(
             axis=axis,
-            start=float(recording[TIME.name][0]),
+            times=np.asarray(times, dtype=np.float64),
             interval=interval,
+            stretches=_find_stretches(times, interval),
             full_opening=full_opening,
             setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
             measured=measured,
@@ -144,14 +157,33 @@ def _check_times(times: Values) -> float:
             f"the recording has a row each {interval * 1e3:g} ms; {_SLOWEST * 1e3:g} ms or less "
             "are right"
         )
-    uneven = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
-    if len(uneven):
-        place = uneven[0]
+    return interval
+
+
+def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
+    """Return the rows between gaps, where these are long enough to serve.
+
+    Raises:
+        ConfigError: hardly any are.
+    """
+    steps = np.diff(times)
+    gaps = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
+    edges = [0, *(gaps + 1).tolist(), len(times)]
+    least = _LEAST_STRETCH / interval + _SETTLED
+    stretches = [range(*pair) for pair in itertools.pairwise(edges) if pair[1] - pair[0] >= least]
+    span = interval * sum(map(len, stretches))
+    if span < _SHORTEST - 2.0 * interval:
+        place = gaps[0]
         raise ConfigError(
-            f"the recording has {len(uneven)} gaps in time, the first at {times[place]:g} s, of "
-            f"{steps[place] * 1e3:g} ms; give a part with a row each {interval * 1e3:g} ms"
+            f"the recording has {len(gaps)} gaps in time, the first at {times[place]:g} s, of "
+            f"{steps[place] * 1e3:g} ms; {span:.3g} s of it are even for {_LEAST_STRETCH:g} s and "
+            f"more, {_SHORTEST:g} s are right"
         )
-    return float(np.mean(steps))
+    return tuple(stretches)
+
+
+def _split(rows: range) -> int:
+    return rows.start + int(_FITTED * len(rows))
 
 
 def _check_finite(recording: Recording, names: list[str]) -> None:

@@ -34,13 +34,14 @@ _WOULD_TELL = {
 def summarise(found: Identification) -> str:
     """Return the result as people read it."""
     record = found.record
-    split = record.times[found.fitted.stop]
+    spans = [sum(map(len, parts)) * record.interval for parts in (record.fitted, record.tried)]
     noise = ", ".join(
         f"{name} {unit.from_si(value):.3g} {unit.symbol}"
         for name, value, unit in zip(SIGNALS, record.noise, _DISPLAY, strict=True)
     )
+    rows = f"a row each {record.interval * 1e3:.4g} ms"
     lines = [
-        f"{record.axis}: a row each {record.interval * 1e3:.4g} ms, fitted up to {split:.3f} s",
+        f"{record.axis}: {rows}, {spans[0]:.3g} s for the fit, {spans[1]:.3g} s for the trial",
         f"noise: {noise}",
         f"residuals of the fit: {found.residual:.2f} times the noise, in {found.pieces} pieces"
         + (f"; {found.left_out} left out, which the model does not explain" * bool(found.left_out)),

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.spool import spool_states
+from hil_bench.identification.spool import recorded_spool
 from hil_bench.identification.unknowns import Guess
 from hil_bench.plant import PlantOptions, PlantState
 from hil_bench.plant.batch import LANES, run_plants
@@ -25,11 +25,10 @@ from hil_bench.plant.batch import LANES, run_plants
 Values = npt.NDArray[np.float64]
 
 _STEPS = np.array([1e-6, 1e-4, 1e3, 1e3])  # of the start's states for the slopes [m, m/s, Pa, Pa]
-_PARTS = (0.0, 0.1, 0.3, 1.0)  # of a step of the starts that are tried
-_LOOSENESS = 10.0  # smoothing errs by more than noise alone where the signals bend
+_PARTS = (0.0, 0.03, 0.1, 0.3, 1.0)  # of a step of the starts that are tried
+_LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
 _KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
-_SETTLED = 20  # rows until the filters forget where they started
 
 
 class Pieces(NamedTuple):
@@ -54,18 +53,22 @@ class Pieces(NamedTuple):
         return Pieces(self.rows[which], self.length)
 
 
-def cut_pieces(record: AxisRecord, rows: range, length: int, stroke_end: float) -> Pieces:
-    """Return the pieces of a part of a record that stay clear of the end stops.
+def cut_pieces(
+    record: AxisRecord, parts: Sequence[range], length: int, stroke_end: float
+) -> Pieces:
+    """Return the pieces of parts of a record that stay clear of the end stops.
 
     Args:
         record: what to cut.
-        rows: the part.
+        parts: the rows that may be used, without gaps in each.
         length: of each piece, in rows.
         stroke_end: position of the stops [m].
     """
-    starts = np.arange(max(rows.start, _SETTLED), min(rows.stop, len(record) - 4) - length, length)
+    starts = np.concatenate(
+        [np.arange(part.start, part.stop - length, length, dtype=np.int64) for part in parts]
+    )
     reach = [np.abs(record.measured[row : row + length + 1, 0]).max() for row in starts]
-    return Pieces(starts[np.array(reach) < stroke_end - _KEPT_OFF], length)
+    return Pieces(starts[np.array(reach, dtype=np.float64) < stroke_end - _KEPT_OFF], length)
 
 
 @dataclass(slots=True)
@@ -116,10 +119,7 @@ class Shooting:
             of a piece, 3).
         """
         spools = [
-            spool_states(guess.parameters, self.record.setpoints, self.record.interval)[
-                self.pieces.rows
-            ]
-            for guess in guesses
+            recorded_spool(guess.parameters, self.record)[self.pieces.rows] for guess in guesses
         ]
         seen = np.empty((len(guesses), *self._measured.shape))
         count = len(self.pieces.rows)
@@ -206,17 +206,19 @@ def smooth_states(record: AxisRecord) -> tuple[Values, Values]:
     """
     from scipy.signal import savgol_coeffs, savgol_filter  # noqa: PLC0415 - an extra
 
-    position, P_A, P_B = record.measured.T  # noqa: N806 - the paper's symbols
-    filters: list[tuple[Values, dict[str, Any], int]] = [
-        (position, {"window_length": 7, "polyorder": 3}, 0),
-        (position, {"window_length": 7, "polyorder": 3, "deriv": 1, "delta": record.interval}, 0),
-        (P_A, {"window_length": 5, "polyorder": 2}, 1),
-        (P_B, {"window_length": 5, "polyorder": 2}, 2),
+    slope = {"deriv": 1, "delta": record.interval}
+    filters: list[tuple[int, dict[str, Any]]] = [
+        (0, {"window_length": 7, "polyorder": 3}),
+        (0, {"window_length": 7, "polyorder": 3, **slope}),
+        (1, {"window_length": 5, "polyorder": 2}),
+        (2, {"window_length": 5, "polyorder": 2}),
     ]
-    states = np.column_stack([savgol_filter(values, **how) for values, how, _ in filters])
-    noise = [
-        record.noise[signal] * np.linalg.norm(savgol_coeffs(**how)) for _, how, signal in filters
-    ]
+    states = np.zeros((len(record), 4))
+    for rows in record.stretches:
+        part = slice(rows.start, rows.stop)
+        for state, (signal, how) in enumerate(filters):
+            states[part, state] = savgol_filter(record.measured[part, signal], **how)
+    noise = [record.noise[signal] * np.linalg.norm(savgol_coeffs(**how)) for signal, how in filters]
     return states, np.array(noise)
 
 

@@ -14,6 +14,18 @@ Values = npt.NDArray[np.float64]
 _FLOOR = 1e-7  # [m]
 
 
+def recorded_spool(parameters: PlantParameters, record: AxisRecord) -> Values:
+    """Return spool position [m] and velocity [m/s] at each row of a record, shape (rows, 2).
+
+    Between the stretches of the record there is nothing, and so zeros.
+    """
+    states = np.zeros((len(record), 2))
+    for rows in record.stretches:
+        part = slice(rows.start, rows.stop)
+        states[part] = spool_states(parameters, record.setpoints[part], record.interval)
+    return states
+
+
 def spool_states(parameters: PlantParameters, setpoints: Values, interval: float) -> Values:
     """Return spool position [m] and velocity [m/s] at the end of each interval, shape (rows, 2).
 
@@ -50,13 +62,12 @@ def fit_spool(record: AxisRecord, known: PlantParameters) -> dict[str, tuple[flo
 
     if record.spool is None:
         return {}
-    spool, noise = record.spool, estimate_noise(record.spool, _FLOOR)
+    rows = np.concatenate([[*part] for part in record.fitted])
+    spool, noise = record.spool[rows], estimate_noise(record.spool, _FLOOR)
 
     def residuals(logs: Values) -> Values:
-        return np.asarray(
-            (spool_states(_scaled(known, logs), record.setpoints, record.interval)[:, 0] - spool)
-            / noise
-        )
+        states = recorded_spool(_scaled(known, logs), record)
+        return np.asarray((states[rows, 0] - spool) / noise)
 
     found = least_squares(
         residuals, np.zeros(2), bounds=(-2.0, 2.0), loss="soft_l1", diff_step=1e-4

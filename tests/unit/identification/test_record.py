@@ -60,6 +60,18 @@ def test_noise_is_at_least_the_floor() -> None:
     assert estimate_noise(np.zeros(100), floor=3e-7) == 3e-7
 
 
+def test_nothing_reaches_across_a_gap(recording: Recording) -> None:
+    recording["time"][1000:] += 0.02
+    recording["time"][1100:] += 0.5e-3  # half a row is a gap, too
+
+    record = AxisRecord.of(recording, "lift", FULL_OPENING)
+
+    # what lies between two gaps at 0.1 s from each other is too short to serve
+    assert record.stretches == (range(1000), range(1100, 4000))
+    assert [(rows.start, rows.stop) for rows in record.fitted] == [(20, 800), (1120, 3420)]
+    assert [(rows.start, rows.stop) for rows in record.tried] == [(800, 1000), (3420, 4000)]
+
+
 def _lack(recording: Recording) -> Recording:
     names = [name for name in recording.dtype.names or () if not name.endswith("P_B")]
     return recording[names]
@@ -70,8 +82,9 @@ def _break(recording: Recording) -> Recording:
     return recording
 
 
-def _gap(recording: Recording) -> Recording:
-    recording["time"][2000:] += 0.02
+def _gaps(recording: Recording) -> Recording:
+    for row in range(100, ROWS, 100):
+        recording["time"][row:] += 0.02
     return recording
 
 
@@ -90,7 +103,7 @@ def _slow(recording: Recording) -> Recording:
     [
         (_lack, "lacks lift.P_B; it has lift"),
         (_break, "lift.P_A is no number in 3 rows, first at 1.5 s"),
-        (_gap, "1 gaps in time, the first at 1.999 s, of 21 ms"),
+        (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),
         (_slow, "a row each 20 ms; 10 ms or less"),
         (lambda recording: recording[:2000], "spans 1.999 s in 2000 rows; 3 s or more"),

@@ -27,7 +27,8 @@ def make(residual: float = 0.9) -> Identification:
     return Identification(
         record=AxisRecord(
             axis="lift",
-            start=0.0,
+            times=1e-3 * np.arange(10),
+            stretches=(range(10),),
             interval=1e-3,
             full_opening=1.3e-3,
             setpoints=np.zeros(10),
@@ -35,7 +36,6 @@ def make(residual: float = 0.9) -> Identification:
             spool=None,
             noise=np.array([2e-6, 5e3, 5e3]),
         ),
-        fitted=range(8),
         known=TABLE_1,
         parameters=replace(TABLE_1, beta=2.51234e-4, E=1.2345e9),
         offsets=np.array([2e4, 100.0]),

@@ -1,5 +1,6 @@
 """The calls themselves, on the Linux that runs the tests; what they do is asked of the kernel."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -59,3 +60,23 @@ def test_elsewhere_there_is_nothing_of_it(monkeypatch, call):
     monkeypatch.setattr("hil_bench.realtime.linux.sys.platform", "darwin")
     with pytest.raises(OSError, match="Function not implemented"):
         call()
+
+
+def test_a_thread_gets_the_policy_back_that_it_had(monkeypatch):
+    """What the kernel is asked, for to try it takes permission.
+
+    sched(7): who has none may not take SCHED_RESET_ON_FORK back, so it stays.
+    """
+    asked = []
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _thread: os.SCHED_BATCH)
+    monkeypatch.setattr(os, "sched_getparam", lambda _thread: os.sched_param(0))
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *arguments: asked.append(arguments))
+    restore = linux.policy_restorer()
+    linux.set_fifo_policy(70)
+    restore()
+    linux.set_normal_policy()
+    assert asked == [
+        (0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(70)),
+        (0, os.SCHED_BATCH | os.SCHED_RESET_ON_FORK, os.sched_param(0)),
+        (0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0)),
+    ]

@@ -87,8 +87,9 @@ class HostedBus:
 
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, at most `limit` frames, without waiting."""
-        self._serve(0.0)
         arrived = self._arrived
+        if not arrived:
+            self._serve(0.0)
         frames = [arrived.popleft() for _ in range(min(limit, len(arrived)))]
         self._received += len(frames)
         return frames

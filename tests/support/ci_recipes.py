@@ -1,10 +1,15 @@
-"""Runs the commands of examples/ci as a CI machine would: in a copy, one after the other."""
+"""Runs the commands of examples/ci as a CI machine would: in a copy, one after the other.
+
+As a program, ``ci_recipes.py FILE JOB``, it prints all commands of a job, for .ci/run.
+"""
 
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import yaml
 
 ROOT = Path(__file__).parents[2]
 RECIPES = (
@@ -17,11 +22,19 @@ PREPARATION = ("pip install", "apt-get", "modprobe")
 the others done already."""
 
 
+def all_commands_of(recipe, job):
+    """Return the commands of a job of a GitHub Actions workflow or a GitLab CI configuration."""
+    content = yaml.safe_load(Path(recipe).read_text(encoding="utf-8"))
+    if "jobs" in content:
+        scripts = [step["run"] for step in content["jobs"][job]["steps"] if "run" in step]
+    else:
+        scripts = [*content[job].get("before_script", ()), *content[job]["script"]]
+    return [line for script in scripts for line in script.splitlines()]
+
+
 def commands_of(recipe, job):
     """Return the commands of a job without those that prepare its machine."""
-    command = [sys.executable, ROOT / ".ci" / "recipe.py", recipe, job]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)  # noqa: S603
-    lines = done.stdout.splitlines()
+    lines = all_commands_of(recipe, job)
     return [line for line in lines if not any(word in line for word in PREPARATION)]
 
 
@@ -46,3 +59,7 @@ def run_commands(commands, directory):
         text=True,
         check=False,
     )
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n".join([*all_commands_of(*sys.argv[1:]), ""]))

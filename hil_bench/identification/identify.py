@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +38,18 @@ class Estimate:
     is_told: bool
 
 
+class Run(NamedTuple):
+    """One run of the plant that was found over a part of the record.
+
+    Attributes:
+        rows: of the record, shape (rows,).
+        model: position [m], P_A and P_B [Pa], shape (rows, 3).
+    """
+
+    rows: npt.NDArray[np.int64]
+    model: Values
+
+
 @dataclass(frozen=True, slots=True)
 class Trial:
     """The plant that was found, beside the part of the record that was not used for the fit.
@@ -45,15 +58,13 @@ class Trial:
         rows: of each piece of the record, shape (pieces, rows of a piece).
         model: position [m], P_A and P_B [Pa], started anew in each piece, shape (*rows.shape, 3).
         residual: rms of model less record of each signal, as a multiple of its noise, shape (3,).
-        run_rows: the rows of the run that was started once, where the piston goes farthest.
-        run: what that run gave, shape (rows, 3).
+        runs: over each part of the record that was not used, started once.
     """
 
     rows: npt.NDArray[np.int64]
     model: Values
     residual: Values
-    run_rows: npt.NDArray[np.int64]
-    run: Values
+    runs: tuple[Run, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,34 +247,32 @@ def _try(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
         shooting.settle(guess)
     deviations = shooting.deviations(guess)
     rows = _rows(pieces)
-    first, run_pieces = _longest_way(fitter.record, pieces)
-    run: Shooting = fitter.shooting(FINE, run_pieces)
-    run.states = shooting.states[first : first + 1]
-    run_rows = _rows(run_pieces)
     return Trial(
         rows=rows,
         model=fitter.record.measured[rows] + deviations,
         residual=np.sqrt(np.square(deviations).mean(axis=(0, 1))) / fitter.record.noise,
-        run_rows=run_rows[0],
-        run=(fitter.record.measured[run_rows] + run.deviations(guess))[0],
+        runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
     )
 
 
-def _longest_way(record: AxisRecord, pieces: Pieces) -> tuple[int, Pieces]:
-    """Return the part of the trial in which the piston goes farthest, from its first piece on.
+def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
+    """Return one run over a part, from the settled start of its first piece."""
+    first = int(np.searchsorted(settled.pieces.rows, part.start))
+    start = settled.pieces.rows[first : first + 1]
+    pieces = Pieces(start, part.stop - 1 - int(start[0]))
+    shooting = fitter.shooting(FINE, pieces)
+    shooting.states = settled.states[first : first + 1]
+    (rows,) = _rows(pieces)
+    return Run(rows, fitter.record.measured[rows] + shooting.deviations(guess)[0])
 
-    Returns:
-        The number of that piece, and one long piece in its place.
-    """
-    ways = []
-    for part in record.tried:
-        numbers = np.flatnonzero((pieces.rows >= part.start) & (pieces.rows < part.stop))
-        if len(numbers):
-            start = pieces.rows[numbers[0]]
-            way = float(np.abs(np.diff(record.measured[start : part.stop, 0])).sum())
-            ways.append((way, int(numbers[0]), part.stop - 1 - int(start)))
-    _, number, length = max(ways)
-    return number, Pieces(pieces.rows[number : number + 1], length)
+
+def _parts(record: AxisRecord, pieces: Pieces) -> list[range]:
+    """Return the parts for the trial that have pieces."""
+    return [
+        part
+        for part in record.tried
+        if ((pieces.rows >= part.start) & (pieces.rows < part.stop)).any()
+    ]
 
 
 def _rows(pieces: Pieces) -> npt.NDArray[np.int64]:

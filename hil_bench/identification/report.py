@@ -3,6 +3,8 @@
 import math
 from typing import Any
 
+import numpy as np
+
 from hil_bench.config.keys import PARAMETER_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.identification.identify import Estimate, Identification
@@ -123,12 +125,13 @@ def _trial_lines(found: Identification) -> list[str]:
     residual = ", ".join(
         f"{name} {value:.2f}" for name, value in zip(SIGNALS, trial.residual, strict=True)
     )
-    drift = trial.run - record.measured[trial.run_rows]
-    piece, run = (rows * record.interval for rows in (trial.rows.shape[1], len(trial.run_rows)))
+    drift = np.concatenate([run.model - record.measured[run.rows] for run in trial.runs])
+    piece = trial.rows.shape[1] * record.interval
+    longest = max(len(run.rows) for run in trial.runs) * record.interval
     error = MILLIMETRE.from_si(math.sqrt(float((drift[:, 0] ** 2).mean())))
     lines = [
         f"on the part not fitted, in pieces of {piece:.3g} s: {residual} times the noise",
-        f"on that part in one run of {run:.3g} s: position {error:.3g} mm rms",
+        f"there, in runs of up to {longest:.3g} s: position {error:.3g} mm rms",
     ]
     offsets = zip(("P_A", "P_B"), found.offsets, found.offset_deviations, strict=True)
     lines += [

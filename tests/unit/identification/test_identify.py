@@ -59,6 +59,10 @@ def test_an_offset_of_a_pressure_sensor_is_told_apart(found: Identification) -> 
 def test_the_model_is_right_to_the_noise_where_it_was_not_fitted(found: Identification) -> None:
     assert found.residual == pytest.approx(1.0, abs=0.2)
     assert np.all(found.trial.residual < 1.3)
+    (run,) = found.trial.runs
+    assert run.rows.min() == found.trial.rows.min()
+    drift = run.model[:, 0] - found.record.measured[run.rows, 0]
+    assert np.abs(drift).max() < 1e-3  # [m], after 0.8 s on its own
     assert found.trial.rows.min() >= 0.8 * len(found.record)  # the last fifth
 
 

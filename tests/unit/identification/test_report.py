@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil_bench.config import load_config
-from hil_bench.identification.identify import Estimate, Identification, Trial
+from hil_bench.identification.identify import Estimate, Identification, Run, Trial
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.plant import paper_parameters
@@ -48,8 +48,7 @@ def make(residual: float = 0.9) -> Identification:
             rows=rows[np.newaxis],
             model=np.zeros((1, 2, 3)),
             residual=np.array([residual, 1.0, 1.0]),
-            run_rows=rows,
-            run=np.full((2, 3), 1e-3),
+            runs=(Run(rows, np.full((2, 3), 1e-3)),),
         ),
     )
 
@@ -89,6 +88,7 @@ def test_what_is_not_told_comes_with_what_would_tell_it() -> None:
     assert "P_A reads +0.200 +- 0.003 bar off" in text
     assert "P_B reads" not in text
     assert "1 left out" in text
+    assert "position 1 mm rms" in text  # 1 mm beside a record of zeros
 
 
 def test_a_model_that_does_not_follow_the_record_is_named() -> None:

@@ -11,7 +11,7 @@ know the devices by their register maps only, use SI units, and run in the calle
 """
 
 from drivers.modbus.client import ModbusClient
-from drivers.modbus.links import SerialLink, TcpLink
+from drivers.modbus.links import SerialLink, TcpLink, TlsLink
 from drivers.modbus.position import PositionSensor
 from drivers.modbus.pressure import PressureSensor
 from drivers.modbus.register_map import RegisterMap
@@ -25,4 +25,5 @@ __all__ = [
     "RegisterMap",
     "SerialLink",
     "TcpLink",
+    "TlsLink",
 ]

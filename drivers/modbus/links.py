@@ -6,8 +6,10 @@ A link carries bytes and raises an `OSError` where it is lost; `ModbusClient` do
 import contextlib
 import select
 import socket
+import ssl
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
@@ -23,6 +25,7 @@ except ImportError:  # not POSIX, where pyserial has no such error
     _REFUSALS = (ValueError,)
 
 DEFAULT_PORT = 502
+DEFAULT_TLS_PORT = 802
 _CHUNK = 1024
 
 
@@ -109,6 +112,51 @@ class TcpLink:
         if self._socket is None:
             raise ConnectionError("not connected")
         return self._socket
+
+
+class TlsLink(TcpLink):
+    """A TCP connection by Modbus/TCP Security: TLS with certificates on both sides.
+
+    Args:
+        host: name or address of the device; its certificate must be for it.
+        port: 802 is Modbus/TCP Security's own.
+        certificate: ours, PEM; a role in it may allow us to write.
+        key: of our certificate, PEM, without a password.
+        ca: the authorities that the device's certificate must come from, PEM.
+
+    Raises:
+        OSError: a file cannot be read.
+        ssl.SSLError: a file holds something else.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int = DEFAULT_TLS_PORT,
+        *,
+        certificate: Path | str,
+        key: Path | str,
+        ca: Path | str,
+    ) -> None:
+        super().__init__(host, port)
+        self._host = host
+        self._context = ssl.create_default_context(cafile=ca)
+        self._context.minimum_version = ssl.TLSVersion.TLSv1_2
+        self._context.load_cert_chain(certificate, key)
+
+    def open(self, timeout: float) -> None:
+        """Connects, within `timeout` seconds.
+
+        Raises:
+            OSError: that fails, or a certificate is refused.
+        """
+        super().open(timeout)
+        plain = self._connected()
+        try:
+            self._socket = self._context.wrap_socket(plain, server_hostname=self._host)
+        except OSError:
+            self.close()
+            raise
 
 
 class SerialLink:

@@ -13,7 +13,7 @@ from hil_bench.config.settings import Key, Origin, Problems, Settings, read_tabl
 from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, text
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 from hil_bench.units import Unit
 
 HIGHEST_UNIT_ID = 247
@@ -31,7 +31,13 @@ MODBUS_KEYS = (
     Key("baud_rate", integer(300, 4_000_000), 19200, _BIT_RATE),
     Key("parity", choice(Parity), Parity.EVEN),
     Key("stop_bits", integer(1, 2), 1),
+    Key("tls_certificate", text),
+    Key("tls_key", text),
+    Key("tls_client_ca", text),
+    Key("tls_writer_role", text, "operator"),
 )
+
+_TLS_FILES = ("tls_certificate", "tls_key", "tls_client_ca")
 
 UNIT_KEYS = (
     Key("node", text),
@@ -91,6 +97,7 @@ def resolve_modbus(
     if not server["tcp"].value and server["serial_port"].value is None:
         right = "give tcp = true, or a serial_port"
         problems.add(problems.place("modbus", "tcp"), f"false leaves no way in; {right}")
+    _resolve_tls(server, base, problems)
     if not modbus.units:
         right = "give it a node, as in [modbus.units.pressure_a]"
         problems.add(problems.place("modbus.units"), f"there is no unit; {right}")
@@ -110,11 +117,31 @@ def build_modbus(
         _build_unit(name, unit, nodes[unit["node"].value]["profile"].value, problems)
         for name, unit in modbus.units.items()
     ]
+    certificate, tls_key, client_ca = (values.pop(key) for key in _TLS_FILES)
+    writer_role = values.pop("tls_writer_role")
+    tls = None
+    if certificate and tls_key and client_ca:
+        tls = TlsConfig(Path(certificate), Path(tls_key), Path(client_ca), writer_role)
     line = None if serial_port is None else SerialConfig(port=serial_port, **serial)
     return ModbusConfig(
-        server=ServerConfig(is_on_tcp=tcp, serial=line, **values),
+        server=ServerConfig(is_on_tcp=tcp, serial=line, tls=tls, **values),
         units=tuple(unit for unit in units if unit is not None),
     )
+
+
+def _resolve_tls(server: Settings, base: Path, problems: Problems) -> None:
+    """Make the paths of the certificates absolute, and note one that is missing."""
+    given = [key for key in _TLS_FILES if server[key].value is not None]
+    for key in given:
+        server[key] = server[key]._replace(value=str(base / server[key].value))
+    if given and len(given) < len(_TLS_FILES):
+        missing = [key for key in _TLS_FILES if key not in given]
+        right = f"give {' and '.join(missing)}, too"
+        problems.add(problems.place("modbus", given[0]), f"TLS needs three files; {right}")
+    if server["tls_key"].value is not None and not server["tcp"].value:
+        problems.add(
+            problems.place("modbus", "tls_key"), "TLS is for TCP; give tcp = true, or leave it out"
+        )
 
 
 def _is_sensor(node: Settings) -> bool:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 
 
 class Parity(StrEnum):
@@ -30,6 +31,23 @@ class SerialConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class TlsConfig:
+    """Modbus/TCP Security on the TCP port; all files are PEM.
+
+    Attributes:
+        certificate: of the server, with what leads to its authority.
+        key: of that certificate, without a password.
+        client_ca: the authorities that clients' certificates must come from.
+        writer_role: the role in a client's certificate that may write; the others read.
+    """
+
+    certificate: Path
+    key: Path
+    client_ca: Path
+    writer_role: str
+
+
+@dataclass(frozen=True, slots=True)
 class ServerConfig:
     """The ways in.
 
@@ -39,6 +57,7 @@ class ServerConfig:
         port: TCP port; 0 for a free one.
         connections: most connections at a time.
         serial: the serial line, None for none.
+        tls: certificates and roles for TCP; None for plain TCP.
     """
 
     is_on_tcp: bool
@@ -46,3 +65,4 @@ class ServerConfig:
     port: int
     connections: int
     serial: SerialConfig | None
+    tls: TlsConfig | None = None

@@ -9,9 +9,11 @@ Implementation Guide V1.0b, 4.2.2, has the oldest unused connection closed).
 import asyncio
 import socket
 
+from hil_bench.modbus.server_config import TlsConfig
 from hil_bench.transports.modbus.framing import FramingError
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import tcp_session
+from hil_bench.transports.modbus.tls import may_write
 
 QUIET_TIME = 30.0
 """Silence after which a connection may be closed to make room [s]."""
@@ -30,10 +32,12 @@ class ConnectionPool:
     Args:
         server: answers requests.
         limit: most connections at a time.
+        tls: whose certificates may write; None where anybody may.
     """
 
-    def __init__(self, server: RegisterServer, limit: int) -> None:
+    def __init__(self, server: RegisterServer, limit: int, tls: TlsConfig | None = None) -> None:
         self.server = server
+        self.tls = tls
         self._limit = limit
         self._connections: dict[_Connection, None] = {}  # in the order of their opening
 
@@ -92,7 +96,11 @@ class _Connection(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)  # noqa: S101 - for the type alone
         self._transport = transport
-        self._session = tcp_session(self._pool.server, self._write)
+        tls = self._pool.tls
+        is_writer = tls is None or may_write(
+            transport.get_extra_info("ssl_object"), tls.writer_role
+        )
+        self._session = tcp_session(self._pool.server, self._write, is_writer=is_writer)
         transport.set_write_buffer_limits(high=_UNREAD)
         # Or the kernel would keep megabytes for a client that does not read.
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _UNREAD)

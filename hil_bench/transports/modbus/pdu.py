@@ -44,6 +44,8 @@ _TABLES: Final = {
     16: Table.HOLDING_REGISTERS,
 }
 _READS: Final = frozenset({1, 2, 3, 4})
+WRITES: Final = frozenset({5, 6, 15, 16, 22, 23})
+"""Functions that write, among them two that this server does not have."""
 _SINGLE_WRITES: Final = frozenset({5, 6})
 _COIL_VALUES: Final = (b"\x00\x00", b"\xff\x00")
 

@@ -16,6 +16,7 @@ from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports.child_process import ChildProcess
 from hil_bench.transports.modbus.connections import ConnectionPool
 from hil_bench.transports.modbus.register_server import RegisterServer, RowSource
+from hil_bench.transports.modbus.tls import server_context
 
 _POLL = 0.0005
 """Time between two looks for the loop's answer to a write [s]."""
@@ -123,7 +124,7 @@ def _run(
 
 async def serve(config: ServerConfig, server: RegisterServer, connection: Connection) -> None:
     """Serve until the process ends; `BusError` where the port cannot be had."""
-    pool = ConnectionPool(server, config.connections)
+    pool = ConnectionPool(server, config.connections, config.tls)
     port = await _listen(config, pool) if config.is_on_tcp else None
     connection.send((port, _open_line(config.serial, server) if config.serial else None))
     write_waits = asyncio.Event()
@@ -152,9 +153,10 @@ async def _listen(config: ServerConfig, pool: ConnectionPool) -> int:
         BusError: it cannot be had.
     """
     loop = asyncio.get_running_loop()
+    tls = None if config.tls is None else server_context(config.tls)
     try:
         listener = await loop.create_server(
-            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG
+            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG, ssl=tls
         )
     except OSError as error:
         reason = _REASONS.get(error.errno or 0, f"cannot be had: {error.strerror or error}")

@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from functools import partial
 
+from hil_bench.modbus.exceptions import ExceptionCode
 from hil_bench.transports.modbus.framing import Frame, Framing, RtuFraming, TcpFraming
+from hil_bench.transports.modbus.pdu import WRITES, encode_exception
 from hil_bench.transports.modbus.register_server import RegisterServer
 
 BACKLOG = 2048
@@ -19,14 +21,21 @@ class ModbusSession:
         framing: how requests stand in the stream.
         server: answers them.
         write: takes each response.
+        is_writer: whether the peer may write; otherwise its writes get exception 1.
 
     Attributes:
         requests: how many came.
     """
 
     def __init__(
-        self, framing: Framing, server: RegisterServer, write: Callable[[bytes], None]
+        self,
+        framing: Framing,
+        server: RegisterServer,
+        write: Callable[[bytes], None],
+        *,
+        is_writer: bool = True,
     ) -> None:
+        self._is_writer = is_writer
         self.requests = 0
         self._framing = framing
         self._server = server
@@ -63,6 +72,10 @@ class ModbusSession:
 
     def _hand_over(self, frame: Frame) -> None:
         self._is_waiting = True
+        if not self._is_writer and frame.pdu and frame.pdu[0] in WRITES:
+            refusal = encode_exception(frame.pdu[0], ExceptionCode.ILLEGAL_FUNCTION)
+            self._reply(frame, refusal)
+            return
         self._server.handle(frame.unit_id, frame.pdu, partial(self._reply, frame))
 
     def _reply(self, frame: Frame, pdu: bytes) -> None:
@@ -87,9 +100,11 @@ def _discard(_pdu: bytes) -> None:
     """Nobody answers a broadcast."""
 
 
-def tcp_session(server: RegisterServer, write: Callable[[bytes], None]) -> ModbusSession:
-    """Return the session of a TCP connection."""
-    return ModbusSession(TcpFraming(), server, write)
+def tcp_session(
+    server: RegisterServer, write: Callable[[bytes], None], *, is_writer: bool = True
+) -> ModbusSession:
+    """Return the session of a TCP connection; arguments as those of `ModbusSession`."""
+    return ModbusSession(TcpFraming(), server, write, is_writer=is_writer)
 
 
 def serial_session(server: RegisterServer, write: Callable[[bytes], None]) -> SerialSession:

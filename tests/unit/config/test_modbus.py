@@ -9,7 +9,7 @@ from device_profiles import REGISTERS
 from hil_bench.config import ModbusConfig, Origin, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 
 Write = Callable[[str], Path]
 
@@ -42,6 +42,22 @@ def test_the_sensors_are_its_units_by_default(write: Write, text: str) -> None:
     ]
     assert config.server == ServerConfig(
         is_on_tcp=True, host="127.0.0.1", port=5020, connections=64, serial=None
+    )
+
+
+def test_the_files_of_tls_are_beside_the_configuration(write: Write) -> None:
+    path = write(
+        """
+        [modbus]
+        tls_certificate = "server.pem"
+        tls_key = "/etc/server.key"
+        tls_client_ca = "ca.pem"
+        tls_writer_role = "engineer"
+        """
+    )
+    folder = path.parent
+    assert load(path).server.tls == TlsConfig(
+        folder / "server.pem", Path("/etc/server.key"), folder / "ca.pem", "engineer"
     )
 
 
@@ -111,6 +127,17 @@ def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
         (
             "[modbus]\ntcp = false",
             "modbus.tcp: false leaves no way in; give tcp = true, or a serial_port",
+        ),
+        (
+            '[modbus]\ntls_key = "server.key"',
+            "modbus.tls_key: TLS needs three files; give tls_certificate and tls_client_ca, too",
+        ),
+        (
+            (
+                '[modbus]\ntcp = false\nserial_port = "pty"\n'
+                'tls_key = "k"\ntls_certificate = "c"\ntls_client_ca = "a"'
+            ),
+            "modbus.tls_key: TLS is for TCP; give tcp = true, or leave it out",
         ),
         (
             "[modbus.units.presure_a]",

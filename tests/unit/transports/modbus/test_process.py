@@ -1,54 +1,19 @@
 """The server in its own process, behind a loop that is this test."""
 
-import contextlib
 import os
 import signal
 import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
-from support.bus_side import BusSide
+from support.modbus_loop import make_binding, ticking
 
-from hil_bench.config import load_config
 from hil_bench.errors import BusError
-from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.transports.modbus.process import ModbusProcess
 
 READ = bytes.fromhex("0001 0000 0006 02 04 0000 0004")
-
-
-def make_binding(tmp_path, port=0, extra=""):
-    path = tmp_path / "bench.toml"
-    path.write_text(f"[modbus]\nport = {port}\n{extra}\n")
-    config = load_config(path)
-    side = BusSide(config)
-    return side, ModbusBinding(config, side.bench)
-
-
-@contextlib.contextmanager
-def ticking(side, binding):
-    """A loop beside the test, as fast as it can."""
-    ended = threading.Event()
-
-    def tick():
-        side.tick()
-        binding.exchange(side.bench, side.now)
-
-    def loop():
-        while not ended.wait(0.0005):
-            tick()
-
-    tick()  # so that there are values from the first request on
-    thread = threading.Thread(target=loop)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 def ask(port, request, size):

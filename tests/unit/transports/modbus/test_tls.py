@@ -1,0 +1,135 @@
+"""Modbus/TCP Security: who may connect, and who may write."""
+
+import ssl
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import serialization
+from support.certificates import Authority
+from support.modbus_loop import make_binding, ticking
+
+from drivers import BusLostError, DriverTimeoutError
+from drivers.errors import ModbusExceptionError
+from drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
+from hil_bench.errors import BusError
+from hil_bench.modbus.server_config import TlsConfig
+from hil_bench.transports.modbus.process import ModbusProcess
+from hil_bench.transports.modbus.tls import role_of, server_context
+
+OPERATOR = b"\x0c\x08operator"  # UTF8String, length, text
+WAIT = 30.0  # a shared machine may hold the server up
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory):
+    return Authority(tmp_path_factory.mktemp("ca"))
+
+
+@pytest.fixture(scope="module")
+def server_files(authority):
+    return authority.sign("server")
+
+
+@pytest.fixture
+def port(tmp_path, authority, server_files):
+    """The port of a server that asks for certificates."""
+    side, binding = make_binding(
+        tmp_path,
+        extra=f'tls_certificate = "{server_files.certificate}"\ntls_key = "{server_files.key}"\n'
+        f'tls_client_ca = "{authority.ca}"',
+    )
+    with ModbusProcess(binding.plan) as server, ticking(side, binding):
+        yield server.endpoints.port
+
+
+def open_client(port, files, ca):
+    link = TlsLink("127.0.0.1", port, certificate=files.certificate, key=files.key, ca=ca)
+    return ModbusClient(link, timeout=WAIT)
+
+
+def test_a_client_with_the_role_reads_and_writes(port, authority):
+    with open_client(port, authority.sign("operator", role=OPERATOR), authority.ca) as client:
+        sensor = PressureSensor(client, 2)
+        sensor.setup()
+        sensor.poll()
+        assert 1e5 < sensor.pressure < 100e5
+        client.write_registers(2, 1, [7])
+
+
+def test_a_client_without_the_role_only_reads(port, authority):
+    with open_client(port, authority.sign("viewer"), authority.ca) as client:
+        sensor = PressureSensor(client, 2)
+        sensor.poll()
+        assert 1e5 < sensor.pressure < 100e5
+        with pytest.raises(ModbusExceptionError) as refusal:
+            client.write_registers(2, 1, [7])
+        assert refusal.value.code == 1  # illegal function, as the specification has it
+
+
+def test_a_strangers_certificate_and_plain_tcp_get_nothing(port, tmp_path, authority):
+    stranger = Authority(tmp_path, "stranger").sign("operator", role=OPERATOR)
+    for client in (
+        open_client(port, stranger, authority.ca),
+        ModbusClient(TcpLink("127.0.0.1", port), timeout=WAIT),
+    ):
+        with client, pytest.raises((BusLostError, DriverTimeoutError)):
+            PressureSensor(client, 2).poll()
+    # And who may is served all the same.
+    with open_client(port, authority.sign("viewer"), authority.ca) as client:
+        PressureSensor(client, 2).poll()
+
+
+def test_a_server_that_the_client_does_not_know_is_refused(port, tmp_path, authority):
+    other = Authority(tmp_path, "other")
+    with (
+        open_client(port, authority.sign("viewer"), other.ca) as client,
+        pytest.raises(BusLostError, match="certificate verify failed"),
+    ):
+        PressureSensor(client, 2).poll()
+
+
+@pytest.mark.parametrize(
+    ("der", "role"),
+    [
+        (OPERATOR, "operator"),
+        (None, None),
+        (b"", None),
+        (b"\x0c", None),
+        (b"\x0c\x09operator", None),  # one byte is missing
+        (b"\x0c\x03operator", None),  # some are left over
+        (b"\x13\x08operator", None),  # a PrintableString
+        (b"\x0c\x02\xff\xfe", None),  # not UTF-8
+        (b"\x0c\x80" + b"a" * 128, None),  # an indefinite length
+        (b"\x0c\x03\xc3\xb6r", "ör"),
+    ],
+)
+def test_the_role_is_a_utf8_string_and_nothing_else(authority, der, role):
+    pem = authority.sign("somebody", role=der).certificate.read_bytes()
+    certificate = x509.load_pem_x509_certificate(pem)
+    assert role_of(certificate.public_bytes(serialization.Encoding.DER)) == role
+
+
+def test_what_is_no_certificate_has_no_role():
+    assert role_of(b"garbage") is None
+
+
+def test_files_that_do_not_fit_are_told(tmp_path, authority, server_files):
+    garbage = tmp_path / "garbage.pem"
+    garbage.write_text("garbage")
+    certificate, key = server_files
+    other_key = authority.sign("other").key
+
+    def config(**change: Path) -> TlsConfig:
+        files = {"certificate": certificate, "key": key, "client_ca": authority.ca}
+        return TlsConfig(**{**files, **change}, writer_role="operator")
+
+    assert server_context(config()).verify_mode is ssl.CERT_REQUIRED
+    for change, message in (
+        ({"key": tmp_path / "absent"}, "absent: cannot be read: No such file"),
+        ({"key": other_key}, r"are no certificate and its key .*: KEY_VALUES_MISMATCH"),
+        ({"certificate": garbage}, "are no certificate and its key"),
+        ({"client_ca": garbage}, "garbage.pem holds no certificate in PEM"),
+    ):
+        with pytest.raises(BusError, match=message):
+            server_context(config(**change))

@@ -3,4 +3,5 @@
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("unhurried")
+settings.register_profile("brief", settings.get_profile("unhurried"), max_examples=10)
+settings.load_profile("unhurried")  # --hypothesis-profile=brief overrides it

@@ -74,6 +74,7 @@ def test_an_interface_that_goes_down_and_up_is_outlasted(start, own_channel):
     set_link(own_channel, "up")
     with can.Bus(interface="socketcan", channel=own_channel) as bus:
         await_frame(bus, POSITION)
+    bench.wait_for_error("is up again")  # it looks now and then; its frames may be out before
     ended = bench.stop()
     assert ended.exit_code == ExitCode.INTERRUPTED, ended
     down, up = ended.stderr.splitlines()

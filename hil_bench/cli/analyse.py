@@ -10,9 +10,9 @@ from hil_bench.analysis.paper import check_paper, write_paper
 from hil_bench.analysis.paper_runs import run_paper
 from hil_bench.analysis.study import Study, write_study
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
+from hil_bench.cli.arguments import find_axis, make_directory
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import AxisConfig, BenchConfig, load_config
-from hil_bench.errors import ConfigError
+from hil_bench.config import load_config
 
 _EXAMPLES = """\
 examples:
@@ -44,11 +44,11 @@ def run(args: argparse.Namespace) -> int:
     for package in ("scipy", "matplotlib"):
         require_extra(package, "hil-bench analyse")
     if args.output is not None:
-        _make_directory(args.output)
+        make_directory(args.output)
     if args.study is None:
         return _run_paper(args)
     config = load_config(args.config)
-    study: Study = args.study(args, config, _axis(config, args.axis))
+    study: Study = args.study(args, config, find_axis(config, args.axis))
     files = [] if args.output is None else write_study(study, args.output)
     print(_json(study, files) if args.json else _text(study, files))
     return ExitCode.DONE
@@ -85,24 +85,6 @@ def _run_paper(args: argparse.Namespace) -> int:
             print(f"{statement.verdict:25} {statement.place:16} {statement.claim}")
         print(f"\nreport    {files[0]}")
     return ExitCode.DONE
-
-
-def _axis(config: BenchConfig, name: str | None) -> AxisConfig:
-    axes = {axis.name: axis for axis in config.axes}
-    if name is None:
-        return config.axes[0]
-    if name not in axes:
-        raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
-    return axes[name]
-
-
-def _make_directory(path: Path) -> None:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
-        ) from None
 
 
 def _text(study: Study, files: list[Path]) -> str:

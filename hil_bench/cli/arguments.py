@@ -1,14 +1,15 @@
-"""Arguments that name a bench: its file, its seed, its bus."""
+"""Arguments that name a bench, its file, seed, bus and axis; and where output goes."""
 
 import argparse
 import math
 import tomllib
 from collections.abc import Sequence
+from pathlib import Path
 
 from can.cli import add_bus_arguments
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
+from hil_bench.config import AxisConfig, BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.config.keys import REALTIME_KEYS
 from hil_bench.errors import ConfigError
 
@@ -127,3 +128,31 @@ def read_speed(text: str) -> float:
     if not speed > 0:
         raise argparse.ArgumentTypeError(f"{text!r}: a positive number or max is right")
     return speed
+
+
+def find_axis(config: BenchConfig, name: str | None) -> AxisConfig:
+    """Return the axis that `--axis` names, the first one without it.
+
+    Raises:
+        ConfigError: the bench has no such axis.
+    """
+    axes = {axis.name: axis for axis in config.axes}
+    if name is None:
+        return config.axes[0]
+    if name not in axes:
+        raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
+    return axes[name]
+
+
+def make_directory(path: Path) -> None:
+    """Make the output directory where it is not there yet.
+
+    Raises:
+        ConfigError: it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
+        ) from None

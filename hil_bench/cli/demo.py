@@ -6,7 +6,7 @@ import importlib.util
 import math
 from pathlib import Path
 
-from hil_bench.cli.arguments import read_speed
+from hil_bench.cli.arguments import make_directory, read_speed
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
@@ -122,20 +122,6 @@ def run(args: argparse.Namespace) -> int:
     if session.bench.recording is not None:
         print("\n".join(report_lines(args.record, session.bench.recording)))
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
-
-
-def make_directory(path: Path) -> None:
-    """Make the output directory where it is not there yet.
-
-    Raises:
-        ConfigError: it cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
-        ) from None
 
 
 def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
+from hil_bench.cli.arguments import find_axis, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import AxisConfig, BenchConfig, load_config
 from hil_bench.errors import ConfigError
@@ -68,11 +69,11 @@ def run(args: argparse.Namespace) -> int:
     if not 1 <= args.starts <= 10_000:
         raise ConfigError(f"--starts {args.starts}: 1 to 10000 are right")
     config = load_config(args.config)
-    axis = _axis(config, args.axis)
+    axis = find_axis(config, args.axis)
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     recording = read_recording(args.recording)
-    _make_directory(args.output)
+    make_directory(args.output)
     try:
         record = AxisRecord.of(recording, axis.name, full_opening(config, axis))
         found = _identify(args, config, axis, record)
@@ -108,29 +109,6 @@ def _identify(
             seed=config.seed,
             report=report,
         )
-
-
-def _axis(config: BenchConfig, name: str | None) -> AxisConfig:
-    axes = {axis.name: axis for axis in config.axes}
-    if name is None:
-        return config.axes[0]
-    if name not in axes:
-        raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
-    return axes[name]
-
-
-def _make_directory(path: Path) -> None:
-    """Make the directory before the work, which takes a while.
-
-    Raises:
-        ConfigError: it cannot be made.
-    """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
-        ) from None
 
 
 def _write(directory: Path, found: Identification, source: str) -> list[Path]:

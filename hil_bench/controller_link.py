@@ -9,12 +9,21 @@ from typing import Protocol
 
 from hil_bench.errors import ControllerError
 from hil_bench.lockstep import PATIENCE, LockStep, LockStepBus, Round
+from hil_bench.realtime.clock import Clock, MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.runner import frames_per_tick
 from hil_bench.transports.transport import Transport
 
 SILENCE = 20.0
 """Time without a frame from the bus after which a controller in lock-step is given up [s]."""
+
+LONGEST_WITHOUT_SYNC = 60.0
+"""The same where frames come, but no SYNC: setting devices up takes that long at most [s]."""
+
+_STANDSTILL = (
+    ", and without SYNC (0x080) bench time stands still; is the controller on this bus, and in "
+    "lock-step?"
+)
 
 
 class ControllerLink(Protocol):
@@ -37,12 +46,17 @@ class LockStepLink:
     Args:
         lockstep: the bench, powered on.
         transport: the bus.
+        clock: the machine's clock; None is the monotonic one.
     """
 
-    def __init__(self, lockstep: LockStep, transport: Transport) -> None:
+    def __init__(
+        self, lockstep: LockStep, transport: Transport, *, clock: Clock | None = None
+    ) -> None:
         self._lockstep = lockstep
         self._bus = LockStepBus(lockstep, transport)
-        self._silence = 0
+        self._clock = clock or MonotonicClock()
+        self._silence = 0.0
+        self._without_sync = 0.0
 
     @property
     def now(self) -> int:
@@ -53,18 +67,21 @@ class LockStepLink:
         """Take the next frame; return whether one came within `lockstep.PATIENCE`.
 
         Raises:
-            ControllerError: none came for `SILENCE`.
+            ControllerError: none came for `SILENCE`, or no SYNC for `LONGEST_WITHOUT_SYNC`.
         """
-        if self._bus.step():
-            self._silence = 0
-            return True
-        self._silence += 1
-        if self._silence * PATIENCE > SILENCE:
+        began, syncs = self._clock.now(), self._lockstep.syncs
+        has_come = self._bus.step()
+        # At most what was waited for: a machine that was suspended is not the controller's fault.
+        waited = min((self._clock.now() - began) * 1e-9, PATIENCE)
+        self._silence = 0.0 if has_come else self._silence + waited
+        self._without_sync = self._without_sync + waited if self._lockstep.syncs == syncs else 0.0
+        if self._silence > SILENCE:
+            raise ControllerError(f"nobody has sent a frame for {SILENCE:g} s{_STANDSTILL}")
+        if self._without_sync > LONGEST_WITHOUT_SYNC:
             raise ControllerError(
-                f"nobody has sent a frame for {SILENCE:g} s, and without SYNC bench time stands "
-                "still; is the controller on this bus, and in lock-step?"
+                f"frames, but no SYNC for {LONGEST_WITHOUT_SYNC:g} s{_STANDSTILL}"
             )
-        return False
+        return has_come
 
     def drain(self) -> None:
         """Answer what has arrived already, without waiting for more."""

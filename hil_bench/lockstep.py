@@ -6,20 +6,26 @@ is thus a function of what it received, and of nothing else: neither the speed o
 nor how the bus bundles their frames can change it.
 """
 
-import time
+import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports.transport import Transport, TransportCounters
+from hil_bench.realtime.clock import Clock, MonotonicClock
+from hil_bench.transports.transport import Transport, TransportCounters, outage_at_end
+
+logger = logging.getLogger(__name__)
 
 SYNC_COB_ID = 0x080
 """Identifier of SYNC in the predefined connection set (CiA 301)."""
 
 PATIENCE = 0.1
 """Longest wait for a frame before `stopped` is asked again [s]."""
+
+LONG_SILENCE = 5_000_000_000
+"""Time without SYNC after which it is said that bench time stands still [ns]."""
 
 FRAMES_AT_ONCE = 64
 """Most frames taken from the bus before the bus is asked again."""
@@ -93,6 +99,48 @@ class LockStepBus:
         return True
 
 
+class SyncWatch:
+    """Says when bench time stands still because SYNC stays away, and when it is back.
+
+    Args:
+        lockstep: the bench.
+        description: the bus in words.
+        clock: the machine's clock.
+    """
+
+    def __init__(self, lockstep: LockStep, description: str, clock: Clock) -> None:
+        self._lockstep = lockstep
+        self._description = description
+        self._clock = clock
+        self._syncs = lockstep.syncs
+        self._first = self._last = clock.now()
+        self._is_told = False
+
+    @property
+    def moved(self) -> float:
+        """From the first SYNC to the last on the machine's clock [s]."""
+        return (self._last - self._first) * 1e-9
+
+    def look(self) -> None:
+        """Look whether SYNC has come since the last look, and say what has changed."""
+        now, syncs = self._clock.now(), self._lockstep.syncs
+        silence = now - self._last
+        if syncs != self._syncs:
+            if self._is_told:
+                self._warn(f"SYNC has come after {silence * 1e-9:.1f} s; bench time goes on")
+            self._first = self._first if self._syncs else now
+            self._syncs, self._last, self._is_told = syncs, now, False
+        elif silence >= LONG_SILENCE and not self._is_told:
+            self._is_told = True
+            self._warn(
+                f"no SYNC (0x080) for {LONG_SILENCE * 1e-9:g} s; bench time stands still at "
+                f"{self._lockstep.now * 1e-9:.3f} s, and so do time-outs and valve"
+            )
+
+    def _warn(self, what: str) -> None:
+        logger.warning("%s: %s", self._description, what)
+
+
 @dataclass(frozen=True, slots=True)
 class LockStepReport:
     """What a run in lock-step did.
@@ -113,26 +161,36 @@ class LockStepReport:
 
 
 def run_lockstep(
-    lockstep: LockStep, transport: Transport, *, stopped: Callable[[], bool]
+    lockstep: LockStep,
+    transport: Transport,
+    *,
+    stopped: Callable[[], bool],
+    clock: Clock | None = None,
 ) -> LockStepReport:
     """Serve the bus until `stopped` says so; a lost bus ends the run too, and the report says why.
+
+    An interface that is down does not: it may come back. Nor does a SYNC that stays away, but it is
+    said.
 
     Args:
         lockstep: the bench, powered on.
         transport: the bus; it stays open, and must let SYNC through.
         stopped: asked after each frame, and at least every `PATIENCE` seconds.
+        clock: the machine's clock; None is the monotonic one.
     """
     bus = LockStepBus(lockstep, transport)
+    watch = SyncWatch(lockstep, transport.description, clock or MonotonicClock())
     lost = None
-    started = ended = time.perf_counter()
-    syncs = lockstep.syncs
     try:
         while not stopped():
             bus.step()
-            if lockstep.syncs != syncs:
-                ended = time.perf_counter()
-                started = started if syncs else ended
-                syncs = lockstep.syncs
+            watch.look()
     except BusError as error:
         lost = error
-    return LockStepReport(lockstep.now, lockstep.syncs, ended - started, transport.counters(), lost)
+    return LockStepReport(
+        lockstep.now,
+        lockstep.syncs,
+        watch.moved,
+        transport.counters(),
+        lost or outage_at_end(transport),
+    )

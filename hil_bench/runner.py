@@ -11,7 +11,7 @@ from hil_bench.errors import BusError, TimingError
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
-from hil_bench.transports.transport import Transport, TransportCounters
+from hil_bench.transports.transport import Transport, TransportCounters, outage_at_end
 
 FRAMES_PER_MILLISECOND = 32
 """Most frames taken from the bus in one tick, for each millisecond of its period: twice what a
@@ -80,10 +80,8 @@ def run_paced(
             _loop(bench, transport, pacer, stopped, observers)
         except (BusError, TimingError) as error:
             lost = error
-    frames = transport.counters()
-    if frames.is_down and lost is None:
-        lost = BusError(f"{transport.description}: the interface was down at the end")
-    return RunReport(pacer.statistics.summary(), frames, lost, pacer.statistics)
+    lost = lost or outage_at_end(transport)
+    return RunReport(pacer.statistics.summary(), transport.counters(), lost, pacer.statistics)
 
 
 def frames_per_tick(period: int) -> int:

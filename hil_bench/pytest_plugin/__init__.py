@@ -20,7 +20,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil_bench.pytest_plugin.options import add_options, chosen_options, is_on, option, worker
+from hil_bench.pytest_plugin.options import (
+    add_options,
+    chosen_options,
+    is_on,
+    option,
+    versions,
+    worker,
+)
 
 if TYPE_CHECKING:
     import can
@@ -79,7 +86,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_report_header(config: pytest.Config) -> str | None:
     """Return what the fixtures will bind, where anything of it was chosen."""
     chosen = chosen_options(config)
-    return f"hil-bench: {chosen}" if chosen else None
+    return f"hil-bench: {chosen}; {versions()}" if chosen else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -149,6 +156,7 @@ def bench(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> "Iterator[VirtualBench | PhysicalBench]":
     """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
+    request.node.user_properties.extend(_properties(request.config, hil_config))
     if option(request.config, "interface"):
         from hil_bench.pytest_plugin.physical import PhysicalBench
 
@@ -316,6 +324,17 @@ def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: s
         if node.axis == config.axes[0].name and wanted(node):
             return node
     pytest.skip(f"the first axis of the bench has no {what}")
+
+
+def _properties(config: pytest.Config, bench: "BenchConfig") -> list[tuple[str, object]]:
+    """Return what a JUnit file tells of the bench of a test."""
+    bus = [option(config, name) for name in ("interface", "channel")]
+    return [
+        ("hil_config", str(bench.path or "built-in bench")),
+        ("hil_seed", bench.seed),
+        ("hil_interface", " ".join(filter(None, bus)) or "virtual bench"),
+        ("hil_versions", versions()),
+    ]
 
 
 def _start(network: "Network", driver: "Device", node_id: int) -> None:

@@ -54,6 +54,13 @@ def chosen_options(config: pytest.Config) -> str:
     return ", ".join([*chosen, *(name for name in _SWITCHES if is_on(config, name))])
 
 
+def versions() -> str:
+    """Return what the fixtures run on, as in "hil-bench 1.0.0, python-can 4.6.1"."""
+    from importlib.metadata import version
+
+    return ", ".join(f"{name} {version(name)}" for name in ("hil-bench", "python-can"))
+
+
 def worker() -> str:
     """Return the number of this worker of pytest-xdist, "0" where it is not in use."""
     return os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")

@@ -82,13 +82,18 @@ class PythonCanTransport:
     def _read(self, timeout: float) -> can.Message | None:
         """Return the next message, None where none comes in time [s].
 
+        Not by `recv`, which looks at the system's clock between two messages: where that was set
+        back by an hour, it would wait for an hour.
+
         Raises:
             BusError: the bus is lost.
         """
         try:
-            return self._bus.recv(timeout)
+            message, is_filtered = self._bus._recv_internal(timeout)  # noqa: SLF001 - see above
+            is_wanted = is_filtered or message is None or self._bus._matches_filters(message)  # noqa: SLF001
         except (can.CanError, OSError, ValueError) as error:
             raise BusError(f"{self.description}: bus lost: {error}") from error
+        return message if is_wanted else None
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order; one that python-can refuses is counted as failed.

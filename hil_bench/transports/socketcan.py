@@ -57,7 +57,9 @@ _ANCILLARY_SIZE = 64
 # Of sys/select.h. select() waits to the microsecond, poll() to the millisecond.
 _FD_SETSIZE = 1024
 
-_CALLS_PER_LOOK = 20  # while the interface is down
+# While the interface is down, who asks often is not to ask the kernel each time.
+_CALLS_PER_LOOK = 20
+_LONG_WAIT = 0.02  # [s]
 
 _TRY_LATER = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS})
 
@@ -169,7 +171,9 @@ class SocketCanTransport:
         """
         frames: list[Frame] = []
         if self._is_down:
-            self._look()
+            self._looks += 1
+            if self._looks % _CALLS_PER_LOOK == 0:
+                self._look()
         try:
             for _ in range(limit):
                 raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_MTU, _ANCILLARY_SIZE)
@@ -193,6 +197,13 @@ class SocketCanTransport:
 
         An error of the interface ends the wait too; `receive` raises it.
         """
+        has_come = self._select(timeout)
+        if self._is_down and not has_come and timeout >= _LONG_WAIT:
+            self._look()
+        return has_come
+
+    def _select(self, timeout: float) -> bool:
+        """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
         if not self.has_exact_wait:
             poll = select.poll()
             poll.register(self._socket, select.POLLIN)
@@ -272,9 +283,8 @@ class SocketCanTransport:
             logger.warning("%s: %s; the bench goes on without it", self.description, reason)
 
     def _look(self) -> None:
-        """Find out now and then whether the interface is up again; its socket then works on."""
-        self._looks += 1
-        if self._looks % _CALLS_PER_LOOK == 0 and is_up(self.channel):
+        """Find out whether the interface is up again; its socket then works on."""
+        if is_up(self.channel):
             self._is_down = False
             logger.warning("%s: the interface is up again", self.description)
 

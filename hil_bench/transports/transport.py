@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,3 +82,10 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Release the bus; a second call does nothing."""
+
+
+def outage_at_end(transport: Transport) -> BusError | None:
+    """Return what a run ends with whose interface is down at its end, None where it is up."""
+    if not transport.counters().is_down:
+        return None
+    return BusError(f"{transport.description}: the interface was down at the end")

@@ -15,13 +15,13 @@ from typing import NamedTuple
 
 import can
 import pytest
+from support.can_link import START_TIMEOUT, set_link
 
 HOW_TO_GET_VCAN = (
     "no SocketCAN interface vcan0; run: python tests/socketcan/with_vcan.py pytest tests/socketcan"
 )
 PROGRAMS = Path(sys.executable).parent
 NODE_IDS = (1, 2, 3, 4)  # of the built-in bench: valve, two pressure transducers, position sensor
-START_TIMEOUT = 50.0  # [s]; the first start on a machine compiles the plant
 RECEIVE_BUFFER = 8 * 1024 * 1024  # [byte]; the kernel's default loses frames of a flood
 SO_RCVBUFFORCE = 33  # asm-generic/socket.h: SO_RCVBUF beyond what an unprivileged process may ask
 
@@ -35,6 +35,18 @@ def channel():
     except (AttributeError, OSError):
         pytest.skip(HOW_TO_GET_VCAN)
     return "vcan0"
+
+
+@pytest.fixture
+def own_channel():
+    """An interface of this test's own, which it may set down."""
+    name = "vcan_lost"
+    added = subprocess.run(["ip", "link", "add", name, "type", "vcan"], check=False)
+    if added.returncode:
+        pytest.skip("no right to add an interface; tests/socketcan/with_vcan.py gives it")
+    set_link(name, "up")
+    yield name
+    subprocess.run(["ip", "link", "del", name], check=True)
 
 
 class BusWatch:
@@ -126,11 +138,18 @@ class Program:
         """Return what the program has printed so far."""
         return self._paths[0].read_text()
 
+    def wait_for_output(self, text, timeout=START_TIMEOUT):
+        """Wait until the program has written this to its standard output."""
+        self._wait_for(text, self._paths[0], timeout)
+
     def wait_for_error(self, text, timeout=30.0):
         """Wait until the program has written this to its standard error."""
+        self._wait_for(text, self._paths[1], timeout)
+
+    def _wait_for(self, text, path, timeout):
         deadline = time.monotonic() + timeout
-        while text not in self._paths[1].read_text():
-            assert time.monotonic() < deadline, f"no {text!r} in {self._paths[1].read_text()!r}"
+        while text not in path.read_text():
+            assert time.monotonic() < deadline, f"no {text!r} in {path.read_text()!r}"
             assert self.process.poll() is None, self.wait()
             time.sleep(0.05)
 

@@ -1,29 +1,17 @@
 """How a bench on a bus ends, and how it does not start."""
 
 import signal
-import subprocess
 
 import can
 import pytest
+from support.can_link import await_frame, send, set_link
 
 from hil_bench.cli.exit_codes import ExitCode
 
 NMT_START_ALL = "000#0100"
 BOOT_UP = 0x704
 POSITION = 0x184  # TPDO 1 of node 4, event timer 10 ms
-START_TIMEOUT = 50.0  # [s], as in conftest.py
-
-
-@pytest.fixture
-def own_channel():
-    """An interface of this test's own, which it may set down."""
-    name = "vcan_lost"
-    added = subprocess.run(["ip", "link", "add", name, "type", "vcan"], check=False)
-    if added.returncode:
-        pytest.skip("no right to add an interface; tests/socketcan/with_vcan.py gives it")
-    subprocess.run(["ip", "link", "set", name, "up"], check=True)
-    yield name
-    subprocess.run(["ip", "link", "del", name], check=True)
+ACTIVE, FAULT_HOLD = 0x0F, 0x03  # low bits of the CiA 408 status word
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -51,29 +39,25 @@ def test_a_missing_interface_is_told_in_one_line(start):
     assert "vcan9" in ended.stderr
 
 
-def set_link(channel, state):
-    subprocess.run(["ip", "link", "set", channel, state], check=True)
-
-
-def await_frame(bus, can_id):
-    """Wait for a frame with this identifier."""
-    while (message := bus.recv(timeout=START_TIMEOUT)) is not None:
-        if message.arbitration_id == can_id:
-            return
-    pytest.fail(f"no frame 0x{can_id:03X}")
-
-
 def test_an_interface_that_goes_down_and_up_is_outlasted(start, own_channel):
     bench = start("hil-bench", "run", "-i", "socketcan", "-c", own_channel)
     with can.Bus(interface="socketcan", channel=own_channel) as bus:
         await_frame(bus, BOOT_UP)
-        bus.send(can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False))
+        send(bus, 0x601, bytes.fromhex("2b00140564000000"))  # 0x1400.05: RPDO time-out 100 ms
+        await_frame(bus, 0x581)
+        send(bus, 0x000, b"\x01\x00")
+        send(bus, 0x201, bytes.fromhex("07000020"))  # enabled, 50 %
         await_frame(bus, POSITION)
     set_link(own_channel, "down")
     bench.wait_for_error("is down")
     set_link(own_channel, "up")
     with can.Bus(interface="socketcan", channel=own_channel) as bus:
         await_frame(bus, POSITION)
+        status = ACTIVE
+        while status != FAULT_HOLD:  # the valve watches its RPDO whether there is a bus or not
+            send(bus, 0x601, bytes.fromhex("4041600000000000"))
+            status = await_frame(bus, 0x581)[4] & 0x0F
+            assert status in {ACTIVE, FAULT_HOLD}
     bench.wait_for_error("is up again")  # it looks now and then; its frames may be out before
     ended = bench.stop()
     assert ended.exit_code == ExitCode.INTERRUPTED, ended

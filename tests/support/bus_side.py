@@ -9,6 +9,20 @@ from hil_bench.config import load_config
 TICK = 1_000_000  # [ns]
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4  # node-IDs of the built-in bench
 CONTROLLER = 0x77
+SYNC = Frame(0x080)
+START_ALL = Frame(0x000, b"\x01\x00")
+
+
+def download_request(node_id, index, subindex, raw):
+    """Return an expedited SDO download of up to four bytes."""
+    command = 0x23 | (4 - len(raw)) << 2
+    data = struct.pack("<BHB", command, index, subindex) + raw.ljust(4, b"\0")
+    return Frame(0x600 + node_id, data)
+
+
+def valve_command(control_word, setpoint):
+    """Return the valve's RPDO 1; set-point in 1/16384 of full opening."""
+    return Frame(0x200 + VALVE, struct.pack("<Hh", control_word, setpoint))
 
 
 class BusSide:
@@ -38,14 +52,12 @@ class BusSide:
 
     def command(self, control_word, setpoint, *, count=1):
         """Send the valve's RPDO 1 with each of some ticks; set-point in 1/16384 of full opening."""
-        frame = Frame(0x200 + VALVE, struct.pack("<Hh", control_word, setpoint))
+        frame = valve_command(control_word, setpoint)
         return [sent for _ in range(count) for sent in self.tick(frame)]
 
     def download(self, node_id, index, subindex, raw):
         """Write an object by expedited SDO; return the answer."""
-        command = 0x23 | (4 - len(raw)) << 2
-        request = struct.pack("<BHB", command, index, subindex) + raw.ljust(4, b"\0")
-        sent = self.tick(Frame(0x600 + node_id, request))
+        sent = self.tick(download_request(node_id, index, subindex, raw))
         return next(frame.data for frame in sent if frame.can_id == 0x580 + node_id)
 
     def activate(self):

@@ -67,6 +67,16 @@ def test_a_lost_bus_ends_it_with_3_and_a_summary(run, capsys):
     assert err == "hil-bench: error: scripted: the controller is gone\n"
 
 
+def test_an_interface_that_is_down_at_the_end_is_a_lost_bus(run, capsys):
+    controller = Controller(*[SYNC] * 5)
+    controller.counters = lambda: TransportCounters(outages=1, is_down=True)
+    assert run(controller, "--duration", "0.005") == 3
+    out, err = capsys.readouterr()
+    assert "lockstep  5 SYNCs of 1000 us: 0.005 s" in out
+    assert "1 times the interface went down" in out
+    assert err == "hil-bench: error: scripted: the interface was down at the end\n"
+
+
 def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
     traces = []
     for name in ("first.log", "second.log"):

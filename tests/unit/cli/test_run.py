@@ -1,5 +1,6 @@
 """`hil-bench run` on python-can's virtual bus, with a clock that jumps."""
 
+import itertools
 import json
 import re
 import socket
@@ -126,6 +127,15 @@ def test_a_hub_is_hosted_and_joined(capsys):
     out = capsys.readouterr().out
     assert "\nbus    socketcand can0\n" in out
     assert "\njoin   -i socketcand -c can0 --bus-kwargs host=127.0.0.1 port=" in out
+
+
+def test_a_system_clock_that_is_set_back_holds_nothing_up(monkeypatch, capsys):
+    clock = itertools.count(1_700_000_000, -3600)  # an hour less at each look
+    monkeypatch.setattr("can.bus.time", lambda: next(clock))
+    for name in ("time", "time_ns"):
+        monkeypatch.setattr(f"time.{name}", lambda: next(clock))
+    assert main(["run", "--hub", "0", "--duration", "0.05"]) == 0
+    assert "ticks     50 of 1000 us, 0 overran, 0 skipped\n" in capsys.readouterr().out
 
 
 def test_faults_are_announced(capsys):

@@ -1,7 +1,9 @@
 """The plugin in a pytest of its own, and the bench that its fixtures give."""
 
+import re
 import subprocess
 import sys
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -68,6 +70,29 @@ def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     assert f'<property name="hil_trace" value="{files["trace"]}" />' in junit
 
 
+@pytest.mark.parametrize(
+    ("options", "config", "seed", "interface"),
+    [
+        ([], "built-in bench", "1", "virtual bench"),
+        (
+            ["--hil-config=bench.toml", "--hil-interface=virtual", "--hil-channel=x"],
+            *("bench.toml", "3", "virtual x"),
+        ),
+    ],
+)
+def test_the_junit_file_tells_what_a_test_ran_on(pytester, options, config, seed, interface):
+    pytester.makefile(".toml", bench="[bench]\nseed = 3\n")
+    pytester.makepyfile("def test_it(bench):\n    pass\ndef test_else():\n    pass")
+    pytester.runpytest_subprocess("--junitxml=junit.xml", *options)
+    cases = ET.parse(pytester.path / "junit.xml").iter("testcase")  # noqa: S314 - our own
+    on_it, on_nothing = [
+        {entry.get("name"): entry.get("value") for entry in case.iter("property")} for case in cases
+    ]
+    assert re.fullmatch(r"hil-bench \d\S+, python-can \d\S+", on_it.pop("hil_versions"))
+    assert on_it == {"hil_config": config, "hil_seed": seed, "hil_interface": interface}
+    assert on_nothing == {}
+
+
 def test_a_marker_names_what_the_bench_must_have(pytester):
     pytester.makepyfile(
         "import pytest\n"
@@ -77,7 +102,7 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
     )
     result = pytester.runpytest_subprocess("-rs", "--strict-markers", "--hil-realtime")
     result.assert_outcomes(passed=1, skipped=2)
-    result.stdout.fnmatch_lines(["hil-bench: realtime"])
+    result.stdout.fnmatch_lines(["hil-bench: realtime; hil-bench [0-9]*, python-can [0-9]*"])
     result.stdout.fnmatch_lines_random(
         ["*the first axis of the bench has no io_401*", "*needs a bench of 2 axes; this one has 1*"]
     )
@@ -156,7 +181,7 @@ def test_on_a_physical_bus_time_passes_and_who_looks_into_the_bench_is_skipped(p
     result.assert_outcomes(passed=1, skipped=3)
     why = "needs the virtual bench, which --hil-interface turns off"
     result.stdout.fnmatch_lines_random(
-        ["hil-bench: interface virtual", f"*bench.signals {why}", f"*bench.faults {why}"]
+        ["hil-bench: interface virtual; *", f"*bench.signals {why}", f"*bench.faults {why}"]
     )
     result.stdout.fnmatch_lines([f"*firmware {why}"])
 

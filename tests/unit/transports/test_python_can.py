@@ -1,3 +1,5 @@
+import itertools
+
 import can
 import pytest
 
@@ -16,15 +18,16 @@ class ScriptedBus(can.BusABC):
         self.send_errors = list(send_errors)
         self.sent = []
         self.waits = []
+        self.is_filtering = True
 
     def _recv_internal(self, timeout):
         self.waits.append(timeout)
         if not self.received:
-            return None, True
+            return None, self.is_filtering
         answer = self.received.pop(0)
         if isinstance(answer, Exception):
             raise answer
-        return answer, True
+        return answer, self.is_filtering
 
     def send(self, msg, timeout=None):
         assert timeout is None
@@ -168,6 +171,23 @@ def test_a_wait_ends_without_a_message(make_transport):
     transport, _ = make_transport()
     assert not transport.wait(0.0)
     assert transport.receive(1) == []
+
+
+def test_a_system_clock_that_is_set_back_prolongs_no_wait(make_transport, monkeypatch):
+    clock = itertools.count(1e9, -3600.0)  # an hour less at each look
+    monkeypatch.setattr("can.bus.time", lambda: next(clock))
+    transport, bus = make_transport()
+    assert not transport.wait(0.001)
+    assert transport.receive(1) == []
+    assert bus.waits == [0.001, 0]
+
+
+def test_filters_that_the_bus_leaves_to_python_can_are_kept(make_transport):
+    transport, bus = make_transport(received=[message(0x123), message(0x124)])
+    bus.set_filters([{"can_id": 0x124, "can_mask": 0x7FF}])
+    bus.is_filtering = False
+    assert transport.receive(1) == []
+    assert transport.receive(1) == [Frame(0x124)]
 
 
 def test_a_bus_lost_while_waiting_is_told(make_transport):

@@ -294,6 +294,30 @@ def test_an_interface_that_goes_down_is_told_once_and_waited_for(interface, capl
     assert sum("is down" in message for message in caplog.messages) == 1
 
 
+class SleepySocket(FakeSocket):
+    """One that `select` finds nothing in."""
+
+    def fileno(self):
+        return self.near.fileno()
+
+
+def test_who_waits_long_for_an_interface_that_is_down_is_told_at_once(interface, caplog):
+    sleepy = SleepySocket(received=[OSError(errno.ENETDOWN, "fake")])
+    sleepy.near, far = socket.socketpair()
+    transport = SocketCanTransport(FakeBus(sleepy), "vcan7")
+    transport.receive(1)
+    assert not transport.wait(0.02)
+    assert transport.counters().is_down
+    interface["is_up"] = True
+    assert not transport.wait(0.001)  # who waits often asks seldom
+    assert transport.counters().is_down
+    assert not transport.wait(0.02)
+    assert not transport.counters().is_down
+    assert caplog.messages[-1] == "socketcan vcan7: the interface is up again"
+    sleepy.near.close()
+    far.close()
+
+
 def test_an_interface_that_is_down_is_refused_at_once():
     with pytest.raises(
         BusError, match=r"^socketcan vcan7: the interface is down; 'ip link set vca"

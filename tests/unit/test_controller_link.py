@@ -1,0 +1,90 @@
+"""When a controller in lock-step is given up; each look at the bus takes time on a fake clock."""
+
+import pytest
+
+from hil_bench.assembly import build_bench
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import load_config
+from hil_bench.controller_link import LockStepLink
+from hil_bench.errors import ControllerError
+from hil_bench.lockstep import LockStep
+from hil_bench.realtime.clock import VirtualClock
+
+SYNC = Frame(0x080)
+HEARTBEAT = Frame(0x77F, b"\x05")
+SECOND = 1_000_000_000
+
+
+class Bus:
+    """Brings a frame with each wait, or none; each wait takes as long as it is told."""
+
+    def __init__(self, clock):
+        self.clock = clock
+        self.frame = None
+        self.takes = SECOND // 10
+
+    def wait(self, timeout):
+        assert timeout == 0.1
+        self.clock.advance(self.takes)
+        return self.frame is not None
+
+    def receive(self, _limit):
+        return [self.frame]
+
+    def send(self, frames):
+        pass
+
+
+@pytest.fixture
+def bus():
+    return Bus(VirtualClock())
+
+
+@pytest.fixture
+def link(bus):
+    bench = build_bench(load_config())
+    bench.start(0)
+    lockstep = LockStep(bench.tick, bench.serve, tick_ns=1_000_000)
+    return LockStepLink(lockstep, bus, clock=bus.clock)
+
+
+def steps_until_given_up(link):
+    """Return how many steps went well, and why no more did."""
+    for count in range(10_000):
+        try:
+            link.step()
+        except ControllerError as error:
+            return count, str(error)
+    raise AssertionError("never given up")
+
+
+def test_a_controller_that_says_nothing_is_given_up_after_20_s(link):
+    count, why = steps_until_given_up(link)
+    assert why.startswith("nobody has sent a frame for 20 s, and without SYNC (0x080) bench time ")
+    assert count == pytest.approx(200, abs=1)
+
+
+def test_one_that_says_all_but_sync_is_given_up_after_60_s(link, bus):
+    bus.frame = HEARTBEAT
+    count, why = steps_until_given_up(link)
+    assert why.startswith("frames, but no SYNC for 60 s, and without SYNC (0x080) bench time ")
+    assert count == pytest.approx(600, abs=1)
+
+
+def test_any_sync_is_a_sign_of_life(link, bus):
+    for _ in range(50):
+        bus.frame = SYNC
+        link.step()
+        bus.frame = None
+        for _ in range(100):
+            link.step()
+    assert link.now == 50_000_000
+
+
+def test_a_suspended_machine_is_not_the_controllers_fault(link, bus):
+    bus.takes = 3600 * SECOND
+    for _ in range(100):
+        link.step()
+    bus.takes = SECOND // 10
+    # What was waited for is 0.1 s a step, however long the process slept in it.
+    assert steps_until_given_up(link)[0] == pytest.approx(100, abs=1)

@@ -1,14 +1,26 @@
 """Commission virtual machines and print Markdown: faults by name, estimates against the truth.
 
-python benchmarks/commissioning.py
+    python benchmarks/commissioning.py
+    python benchmarks/commissioning.py --channel vcan0          # two processes, lock-step on SYNC
+
+On a bus, `hil-bench run` plays the machine, and `hil-bench commission` beside it knows the data
+sheet only. Where there is no vcan: tests/socketcan/with_vcan.py python benchmarks/commissioning.py
+--channel vcan0.
 """
 
 import argparse
 import random
+import re
+import signal
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from drivers import Network
 from hil_bench.commissioning.plan import load_plan
@@ -16,61 +28,33 @@ from hil_bench.commissioning.session import Commissioning, commission
 from hil_bench.config import load_config
 from hil_bench.virtual_bench import VirtualBench
 
-PLAN = Path(__file__).parents[1] / "examples" / "commissioning.toml"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+PROGRAM = (sys.executable, "-m", "hil_bench")
+PLAN = EXAMPLES / "commissioning.toml"
 
-NODES = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "{a}"
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "{b}"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-"""
-SENSORS = """
-[nodes.pressure_a.chain]
-preset = "class_0.25_250_bar"
-[nodes.pressure_b.chain]
-preset = "class_0.25_250_bar"
-[nodes.position.chain]
-preset = "magnetostrictive_1_um"
-"""
-STRAIGHT = NODES.format(a="P_A", b="P_B")
+REAL_SENSORS = (EXAMPLES / "real_sensors.toml").read_text(encoding="utf-8")
+SWAPPED = REAL_SENSORS.replace("P_A", "P_?").replace("P_B", "P_A").replace("P_?", "P_B")
 OIL = "[plant.axis1]\nbulk_modulus_mpa = 700\nmoving_mass_kg = 200\n"
 
-# What the machine is, what its data sheet says, and what is done to its valve.
+# What the machine is, and what its data sheet says.
 FAULTS = {
-    "none, ideal sensors": (STRAIGHT, "", 1.0),
-    "none, sensors with noise, lag and delay": (STRAIGHT + SENSORS, "", 1.0),
-    "none, real oil": (STRAIGHT + SENSORS + OIL, OIL, 1.0),
-    "pressure sensors swapped": (NODES.format(a="P_B", b="P_A") + SENSORS, "", 1.0),
-    "valve inverted": (STRAIGHT + SENSORS, "", -1.0),
+    "none, ideal sensors": ("", ""),
+    "none, sensors with noise, lag and delay": (REAL_SENSORS, ""),
+    "none, real oil": (REAL_SENSORS + OIL, OIL),
+    "pressure sensors swapped": (SWAPPED, ""),
+    "valve inverted": (REAL_SENSORS + '[[faults]]\nkind = "invert"\ntarget = "valve"\n', ""),
     "position sensor stuck": (
-        STRAIGHT + SENSORS + '[[faults]]\nkind = "freeze"\ntarget = "position"\nat_s = 0\n',
+        REAL_SENSORS + '[[faults]]\nkind = "freeze"\ntarget = "position"\n',
         "",
-        1.0,
     ),
     "wrong EDS revision": (
-        STRAIGHT + '[nodes.position.objects]\n"0x1018.03" = 0x20001\n' + SENSORS,
+        REAL_SENSORS + '[nodes.position.objects]\n"0x1018.03" = 0x20001\n',
         "",
-        1.0,
     ),
-    "10 % of air, real oil": (
-        STRAIGHT + SENSORS + OIL + "entrained_air_percent = 10\n",
-        OIL,
-        1.0,
-    ),
+    "10 % of air, real oil": (REAL_SENSORS + OIL + "entrained_air_percent = 10\n", OIL),
     "2 cm³/min bar leak out of chamber A": (
-        STRAIGHT + SENSORS + "[plant.axis1]\nexternal_leakage_a_l_min_bar = 0.002\n",
+        REAL_SENSORS + "[plant.axis1]\nexternal_leakage_a_l_min_bar = 0.002\n",
         "",
-        1.0,
     ),
 }
 
@@ -85,40 +69,102 @@ TRUTHS = {
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--machines", type=int, default=20, help="machines drawn at random (20)")
+    parser.add_argument("--channel", help="a SocketCAN interface for two processes")
+    parser.add_argument(
+        "--sync-period-us", type=int, default=2000, help="how far a SYNC moves them (2000)"
+    )
     args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        show_faults(Path(folder))
-        show_estimates(Path(folder), args.machines)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if args.channel:
+            commission_on = partial(run_processes, args.channel, args.sync_period_us)
+            show_faults(folder, commission_on)
+        else:
+            show_faults(folder, run_in_process)
+            show_estimates(folder, args.machines)
 
 
-def run(folder: Path, machine: str, sheet: str, polarity: float = 1.0) -> Commissioning:
+class Outcome(NamedTuple):
+    """What a commissioning came to.
+
+    Attributes:
+        names: the faults that it named.
+        verdict: "passed" or "failed".
+        bench_time: how long it took on the bench's clock [s].
+    """
+
+    names: list[str]
+    verdict: str
+    bench_time: float
+
+
+def run(folder: Path, machine: str, sheet: str) -> Commissioning:
     """Commission one machine by the example's plan, in virtual time."""
-    (folder / "machine.toml").write_text(machine)
-    (folder / "sheet.toml").write_text(sheet)
+    machine_path, sheet_path = write_files(folder, machine, sheet)
     with (
-        VirtualBench(load_config(folder / "machine.toml"), recorded_time=1.0) as bench,
+        VirtualBench(load_config(machine_path), recorded_time=1.0) as bench,
         Network(bench.bus, clock=bench.now) as network,
     ):
         bench.pump = network.pump
-        valve = bench.bench.axes[0].valve
-        command = valve.command
-        valve.command = lambda now: polarity * command(now)  # type: ignore[method-assign]
-        return commission(network, load_config(folder / "sheet.toml"), load_plan(PLAN))
+        return commission(network, load_config(sheet_path), load_plan(PLAN))
 
 
-def show_faults(folder: Path) -> None:
+def run_in_process(folder: Path, machine: str, sheet: str) -> Outcome:
+    """Commission one machine by the example's plan, in virtual time."""
+    found = run(folder, machine, sheet)
+    names = [finding.name for finding in found.findings]
+    spent = sum(result.duration for result in found.results)
+    return Outcome(names, "passed" if found.passed else "failed", spent)
+
+
+def run_processes(
+    channel: str, sync_period_us: int, folder: Path, machine: str, sheet: str
+) -> Outcome:
+    """Commission one machine by the example's plan, each side a process on a SocketCAN bus.
+
+    Raises:
+        SystemExit: one of them failed.
+    """
+    machine_path, sheet_path = write_files(folder, machine, sheet)
+    bus = ["-i", "socketcan", "-c", channel, "--lockstep", "--sync-period-us", str(sync_period_us)]
+    bench = subprocess.Popen(  # noqa: S603 - our own program
+        [*PROGRAM, "run", machine_path, *bus, "--quiet"], stdout=subprocess.PIPE, text=True
+    )
+    arguments = [PLAN, sheet_path, *bus, "--yes", "--quiet", "--output", folder / "output"]
+    told = subprocess.run(  # noqa: S603 - our own program
+        [*PROGRAM, "commission", *arguments], capture_output=True, text=True, check=False
+    )
+    bench.send_signal(signal.SIGINT)
+    summary, _ = bench.communicate(timeout=30)
+    found = re.findall(r"^(found|verdict) +([^:\n]*)", told.stdout, re.MULTILINE)
+    moved = re.search(r"SYNCs of .*: ([0-9.]+) s in", summary)
+    if told.stderr or moved is None:
+        raise SystemExit(f"{told.stderr}{summary}")
+    names = [text for kind, text in found if kind == "found"]
+    return Outcome(names, dict(found)["verdict"], float(moved[1]))
+
+
+def write_files(folder: Path, machine: str, sheet: str) -> tuple[Path, Path]:
+    """Return the files of a machine and of its data sheet."""
+    paths = folder / "machine.toml", folder / "sheet.toml"
+    for path, text in zip(paths, (machine, sheet), strict=True):
+        path.write_text(text, encoding="utf-8")
+    return paths
+
+
+def show_faults(folder: Path, commission_one: Callable[[Path, str, str], Outcome]) -> None:
     """Print what each faulty machine is found to have."""
     print("| machine | found | verdict | bench time | wall time |\n|---|---|---|---|---|")
-    for name, (machine, sheet, polarity) in FAULTS.items():
+    for name, (machine, sheet) in FAULTS.items():
         begin = time.perf_counter()
-        found = run(folder, machine, sheet, polarity)
+        found = commission_one(folder, machine, sheet)
         wall = time.perf_counter() - begin
-        names = ", ".join(finding.name for finding in found.findings) or "nothing"
-        verdict = "passed" if found.passed else "failed"
-        spent = sum(result.duration for result in found.results)
-        print(f"| {name} | {names} | {verdict} | {spent:.0f} s | {wall:.1f} s |")
+        names = ", ".join(found.names) or "nothing"
+        print(f"| {name} | {names} | {found.verdict} | {found.bench_time:.0f} s | {wall:.1f} s |")
 
 
 def show_estimates(folder: Path, machines: int) -> None:
@@ -138,7 +184,7 @@ def show_estimates(folder: Path, machines: int) -> None:
         # What weighs and is cut to measure is known; the rest the commissioning has to find.
         known = ("moving_mass_kg",)
         lines = [f"{key} = {value}" for key, value in drawn.items()]
-        machine = STRAIGHT + SENSORS + "[plant.axis1]\n" + "\n".join(lines) + "\n"
+        machine = REAL_SENSORS + "[plant.axis1]\n" + "\n".join(lines) + "\n"
         sheet = "[plant.axis1]\n" + "\n".join(f"{key} = {drawn[key]}" for key in known) + "\n"
         found = run(folder, machine, sheet)
         truth = load_config(folder / "machine.toml").axes[0].parameters

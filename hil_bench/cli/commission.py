@@ -39,6 +39,8 @@ examples:
   hil-bench commission plan.toml bench.toml -i socketcan -c can0
   hil-bench commission plan.toml bench.toml --virtual --machine other.toml    a dry run on a
                                                        virtual machine that differs from bench.toml
+  hil-bench commission plan.toml -i socketcan -c vcan0 --lockstep --yes       beside
+                                                       'hil-bench run other.toml ... --lockstep'
 """
 
 
@@ -62,6 +64,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="with --virtual: the bench.toml of the machine, where it differs from the data sheet",
     )
     parser.add_argument(
+        "--lockstep",
+        action="store_true",
+        help="the bench on the bus runs with --lockstep: our SYNC lets its time pass",
+    )
+    parser.add_argument(
+        "--sync-period-us",
+        type=int,
+        metavar="US",
+        help="with --lockstep: the period that the bench was given",
+    )
+    parser.add_argument(
         "--yes", action="store_true", help="move without asking; --virtual never asks"
     )
     parser.add_argument(
@@ -78,11 +91,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the plan, write report and recording, print the verdicts.
 
     Raises:
-        ConfigError: --machine without --virtual, or the output directory cannot be made.
+        ConfigError: the output directory cannot be made.
         BusError: the bus was lost; the report tells how far it came.
     """
-    if args.machine and not args.virtual:
-        raise ConfigError("--machine: is a virtual one; give --virtual too")
+    check_arguments(args)
     plan = load_plan(args.plan)
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)
@@ -93,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"--output {args.output}: cannot be made: {error.strerror}") from None
     machine = load_config(args.machine, seed=args.seed) if args.machine else config
+    _check_period(args, plan, machine)
     started = datetime.now(UTC)
     with open_network(args, machine) as opened:
         found = _commission(args, opened, config, plan)
@@ -108,6 +121,37 @@ def run(args: argparse.Namespace) -> int:
     if found.is_interrupted:
         return ExitCode.INTERRUPTED
     return ExitCode.DONE if found.passed else ExitCode.CHECK_FAILED
+
+
+def check_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.machine and not args.virtual:
+        raise ConfigError("--machine: is a virtual one; give --virtual too")
+    if args.lockstep and args.virtual:
+        raise ConfigError("--lockstep: --virtual needs none, its time is virtual; give either")
+    if args.sync_period_us is not None and not args.lockstep:
+        raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
+
+
+def _check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: BenchConfig) -> None:
+    """Refuse a plan whose samples fall between the moments that there are in virtual time.
+
+    Raises:
+        ConfigError: it says which period would be right.
+    """
+    if not (args.virtual or args.lockstep):
+        return
+    step = machine.tick_ns if args.virtual else machine.sync_period_ns
+    name = "tick_us" if args.virtual else "sync_period_us"
+    if round(plan.period * 1e9) % step:
+        raise ConfigError(
+            f"{plan.path}:plan.period_ms: {plan.period * 1e3:g} ms is not a multiple of "
+            f"{name} = {step // 1000}; give one, or another {name}"
+        )
 
 
 def _commission(
@@ -130,16 +174,16 @@ def _commission(
 def _recording(
     args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel]
 ) -> Iterator[tuple[RecordingSink, float]]:
-    """Record samples and frames: in virtual time here, else by another process.
+    """Record samples and frames: by another process where time does not wait for us.
 
     Yields:
         What takes the samples, and its time 0 on the network's clock [s].
     """
-    is_virtual = opened.virtual is not None
-    started = None if is_virtual else datetime.now(UTC)
+    is_real_time = opened.virtual is None and not opened.is_lockstep
+    started = datetime.now(UTC) if is_real_time else None
     heading = Heading(f"hil-bench {__version__}, commissioning by {args.plan}", started)
     plan = RecordingPlan((_recording_path(args),), tuple(channels), heading=heading)
-    recording = InlineRecorder(plan) if is_virtual else RecorderProcess(plan)
+    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
     recording.start()
     tap = NetworkTap(recording, opened.network.now)
     opened.network.observe = tap.observe

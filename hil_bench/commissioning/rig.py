@@ -229,7 +229,9 @@ class Rig:
         network.pump_until(self._next)
         since = network.now()
         network.sync()
-        if not network.wait_for(lambda: self._is_newer_than(since), ANSWER_TIMEOUT):
+        if not network.wait_for(
+            lambda: self._is_newer_than(since) or self._has_booted(), ANSWER_TIMEOUT
+        ):
             self.missed += 1
         self._check_devices()
         sample = self._read(since)
@@ -285,6 +287,9 @@ class Rig:
 
     def _is_newer_than(self, since: float) -> bool:
         return all(device.received_at > since for device in self._devices)
+
+    def _has_booted(self) -> bool:
+        return self._count_boot_ups() != self._boot_ups
 
     def _count_boot_ups(self) -> tuple[int, ...]:
         return tuple(device.node.boot_ups for device in self._devices)

@@ -65,6 +65,7 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             ),
         ),
         FaultKind.STICK: (),
+        FaultKind.INVERT: (),
         FaultKind.DISABLE: (),
         FaultKind.DROP_SUPPLY: (
             Key(

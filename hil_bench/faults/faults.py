@@ -155,6 +155,12 @@ class Faults(FaultSchedule):
         effect = SpoolEffect(point, lambda position: lambda _setpoint: position)
         return self.add(FaultKind.STICK, valve, effect, when)
 
+    def invert(self, valve: str, **when: Unpack[When]) -> Fault:
+        """Let the spool of a valve go the other way, as with crossed wires."""
+        point = find("valve", valve, self._points.valves)
+        effect = SpoolEffect(point, lambda _position: lambda setpoint: -setpoint)
+        return self.add(FaultKind.INVERT, valve, effect, when)
+
     def disable(self, valve: str, **when: Unpack[When]) -> Fault:
         """Switch the enable input of a valve off.
 

@@ -13,6 +13,7 @@ class FaultKind(StrEnum):
     BREAK_WIRE = "break_wire"
     SLOW = "slow"
     STICK = "stick"
+    INVERT = "invert"
     DISABLE = "disable"
     DROP_SUPPLY = "drop_supply"
     SILENCE = "silence"
@@ -28,7 +29,7 @@ SENSOR_KINDS = frozenset(
 )
 """Kinds that only a sensor may have."""
 
-VALVE_KINDS = frozenset({FaultKind.STICK, FaultKind.DISABLE})
+VALVE_KINDS = frozenset({FaultKind.STICK, FaultKind.INVERT, FaultKind.DISABLE})
 """Kinds that only a valve may have."""
 
 

@@ -45,10 +45,19 @@ def read_mdf(path: Path) -> MdfContent:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
     try:
         return _Reader(content).read()
+    except _CutOffError:
+        raise ConfigError(
+            f"{path}: is cut off or damaged: it ends after {len(content)} bytes, where a block "
+            "should be; give the whole recording"
+        ) from None
     except (ValueError, struct.error, zlib.error, OverflowError) as error:
         raise ConfigError(
             f"{path}: is no recording of hil-bench: {error}; asammdf reads and converts other MF4"
         ) from None
+
+
+class _CutOffError(Exception):
+    """The file ends where a block should be."""
 
 
 class _Reader:
@@ -146,12 +155,22 @@ class _Reader:
         return self._block(address, b"##TX").data.split(b"\0", 1)[0].decode("utf-8", "replace")
 
     def _block(self, address: int, kind: bytes) -> mdf.Block:
-        if not 0 < address <= len(self._content) - mdf.HEADER.size:
+        """Return the block at an address.
+
+        Raises:
+            ValueError: there is another one, or none.
+            _CutOffError: the file ends before it does.
+        """
+        if not address:
             raise ValueError(f"no {kind[2:].decode()} block where one should be")
+        if address > len(self._content) - mdf.HEADER.size:
+            raise _CutOffError
         found, _, length, count = mdf.HEADER.unpack_from(self._content, address)
         start = address + mdf.HEADER.size
         end = address + length
-        if found != kind or end > len(self._content) or start + 8 * count > end:
+        if found != kind or start + 8 * count > end:
             raise ValueError(f"no {kind[2:].decode()} block where one should be")
+        if end > len(self._content):
+            raise _CutOffError
         links = struct.unpack_from(f"<{count}Q", self._content, start)
         return mdf.Block(kind, links, self._content[start + 8 * count : end])

@@ -47,6 +47,7 @@ class EmbeddedBus(can.BusABC):
         pacer: holds each tick back until it is due; without one, ticks follow at once.
         on_frame: told every frame, both ways, in the order of their bench times.
         can_filters: as for every python-can bus.
+        description: the bus in words, for messages.
 
     Raises:
         ValueError: the period is not positive.
@@ -61,10 +62,11 @@ class EmbeddedBus(can.BusABC):
         pacer: Pace | None = None,
         on_frame: FrameHook | None = None,
         can_filters: can.typechecking.CanFilters | None = None,
+        description: str = "embedded bench",
     ) -> None:
         if period_ns <= 0:
             raise ValueError(f"tick period {period_ns} ns: a positive number is right")
-        self.channel_info = "embedded bench"
+        self.channel_info = description
         self._tick = tick
         self._period = period_ns
         self._pacer = pacer

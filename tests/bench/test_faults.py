@@ -148,6 +148,16 @@ class TestValves:
             valve.check_active()
         assert 0x8301 in emcys(bench, 1)
 
+    def test_inverted(self, bench, faults, valve):
+        with faults.invert("valve"):
+            with faults.invert("valve"):
+                extend(bench, valve)
+                assert valve.spool_position == pytest.approx(0.4, rel=1e-2)  # twice is never
+            bench.run(0.05)
+            assert valve.spool_position == pytest.approx(-0.4, rel=1e-2)
+        bench.run(0.05)
+        assert valve.spool_position == pytest.approx(0.4, rel=1e-2)
+
     def test_sluggish(self, bench, faults, valve):
         faults.slow("valve", 0.1)
         extend(bench, valve, duration=0.1)

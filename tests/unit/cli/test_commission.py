@@ -1,8 +1,10 @@
 """`hil-bench commission`."""
 
 import pytest
+from support.direct_lockstep import DirectLockStep
 
 from hil_bench.cli import main
+from hil_bench.config import load_config
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
 
@@ -69,6 +71,44 @@ def test_another_machine_than_the_data_sheets_fails_by_name(folder, capsys):
     assert "verdict   failed" in out
 
 
+def test_in_lockstep_every_run_leaves_the_same_recording(folder, monkeypatch, capsys):
+    recordings = []
+    for name in ("first", "second"):
+        bus = DirectLockStep(load_config(folder / "sheet.toml"))
+        monkeypatch.setattr("hil_bench.cli.controller_side.open_transport", lambda *_, bus=bus: bus)
+        arguments = ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", name]
+        assert main(["commission", *arguments]) == 0, capsys.readouterr()
+        recordings.append((folder / name / "commissioning.mf4").read_bytes())
+    assert recordings[0] == recordings[1]
+    signals = read_recording(folder / "first" / "commissioning.mf4")
+    assert (signals["axis1.spool_setpoint"].min(), signals["axis1.spool_setpoint"].max()) == (
+        *(-0.4, 0.4),
+    )
+    # Time is bench time: a sample each 4 ms of it, without a gap in a motion of 0.4 s.
+    steps = signals["time"][signals["axis1.spool_setpoint"] == 0.4]
+    assert steps[-1] - steps[0] == pytest.approx(0.4 - 0.004, abs=1e-9)
+    report = (folder / "first" / "report.md").read_text(encoding="utf-8")
+    assert "| bus | direct in lock-step |" in report
+
+
+def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
+    folder, monkeypatch, capsys
+):
+    monkeypatch.setattr(
+        "hil_bench.cli.controller_side.open_can_bus", lambda *_: pytest.fail("bus opened")
+    )
+    plan = PLAN.replace("[-150, 150]", "[-150, 250]")
+    (folder / "plan.toml").write_text(plan)
+    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x", "--yes"]) == 2
+    # A line for each of the three steps, for the limits are of them all; Table I: 400 mm of stroke.
+    err = capsys.readouterr().err.splitlines()
+    assert err[-1] == (
+        "hil-bench: error: plan.toml:direction: may go from -150 to 250 mm, the stroke is "
+        "-200 to 200 mm; give position_mm within it"
+    )
+    assert len(err) == 3
+
+
 @pytest.mark.usefixtures("folder")
 def test_a_silent_bus_fails_and_nobody_is_asked(capsys):
     assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 1
@@ -91,6 +131,21 @@ def test_a_silent_bus_fails_and_nobody_is_asked(capsys):
         (
             ["plan.toml", "--virtual", "--output", "sheet.toml"],
             "--output sheet.toml: cannot be made: File exists",
+        ),
+        (
+            ["plan.toml", "--virtual", "--lockstep"],
+            "--lockstep: --virtual needs none, its time is virtual; give either",
+        ),
+        (
+            ["plan.toml", "--virtual", "--sync-period-us", "2000"],
+            "--sync-period-us: belongs to --lockstep; give both",
+        ),
+        (
+            ["plan.toml", "-i", "virtual", "--lockstep", "--sync-period-us", "6000"],
+            (
+                "plan.toml:plan.period_ms: 4 ms is not a multiple of sync_period_us = 6000; "
+                "give one, or another sync_period_us"
+            ),
         ),
     ],
 )

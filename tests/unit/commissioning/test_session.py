@@ -4,6 +4,15 @@ import dataclasses
 
 import can
 import pytest
+from support.machines import (
+    AIR,
+    OIL,
+    REVERSED_POSITION,
+    SOUND,
+    SWAPPED,
+    WRONG_REVISION,
+    with_fault,
+)
 
 from drivers import Network
 from hil_bench.canopen_device.frame import Frame
@@ -37,22 +46,6 @@ duration_s = 0.3
 [chirp]
 [leakage]
 duration_s = 1
-"""
-NODES = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "{a}"
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "{b}"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
 """
 
 
@@ -129,20 +122,17 @@ def test_a_sound_machine_passes_and_its_data_sheet_is_found_again(machine):
 
 
 def test_swapped_pressure_sensors_are_named(machine):
-    found = machine(NODES.format(a="P_B", b="P_A")).commission()
+    found = machine(SWAPPED).commission()
     assert names(found) == ["pressure sensors swapped"]
     assert verdicts(found)[-1] is Verdict.FAILED
 
 
 def test_a_reversed_position_sensor_is_named(machine):
-    reverse = '[nodes.position.objects]\n"0x6000" = 8\n'
-    tested = machine(NODES.format(a="P_A", b="P_B") + reverse)
-    assert names(tested.commission()) == ["position sensor reversed"]
+    assert names(machine(REVERSED_POSITION).commission()) == ["position sensor reversed"]
 
 
 def test_a_wrong_revision_is_named_and_nothing_moves(machine):
-    other = '[nodes.position.objects]\n"0x1018.03" = 0x00020001\n'
-    tested = machine(NODES.format(a="P_A", b="P_B") + other)
+    tested = machine(WRONG_REVISION)
     found = tested.commission(confirm=lambda: pytest.fail("asked to move"))
     assert names(found) == ["wrong EDS revision"]
     assert verdicts(found) == [Verdict.STOPPED, Verdict.NOT_RUN, Verdict.NOT_RUN]
@@ -150,10 +140,7 @@ def test_a_wrong_revision_is_named_and_nothing_moves(machine):
 
 
 def test_a_valve_of_the_other_polarity_is_named(machine):
-    tested = machine()
-    command = tested.axis.valve.command
-    tested.axis.valve.command = lambda now: -command(now)
-    assert names(tested.commission()) == ["valve inverted"]
+    assert names(machine(with_fault("invert", "valve")).commission()) == ["valve inverted"]
 
 
 class CrossedHoses:
@@ -178,8 +165,9 @@ def test_crossed_hoses_are_named(machine):
 
 
 def test_a_stuck_position_sensor_is_named(machine):
-    stuck = '[[faults]]\nkind = "freeze"\ntarget = "position"\nat_s = 0.5\n'
-    assert names(machine(stuck).commission()) == ["position sensor stuck"]
+    assert names(machine(with_fault("freeze", "position")).commission()) == [
+        "position sensor stuck"
+    ]
 
 
 def test_a_bench_without_pressure_is_named(machine):
@@ -188,8 +176,7 @@ def test_a_bench_without_pressure_is_named(machine):
 
 
 def test_a_spool_that_stays_is_named(machine):
-    stuck = '[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0\n'
-    assert names(machine(stuck).commission()) == ["valve does not follow"]
+    assert names(machine(with_fault("stick", "valve")).commission()) == ["valve does not follow"]
 
 
 def test_a_piston_that_is_held_is_named(machine):
@@ -198,14 +185,14 @@ def test_a_piston_that_is_held_is_named(machine):
     assert names(machine(held).commission()) == ["axis blocked"]
 
 
-OIL = "[plant.axis1]\nbulk_modulus_mpa = 700\nmoving_mass_kg = 200\n"
 CHIRP_PLAN = PLAN.replace("[sensors]\nduration_s = 0.3\n", "") + "[chirp]\n"
 
 
-@pytest.mark.parametrize(("air", "expected"), [(0, []), (10, ["air in the oil"])])
+@pytest.mark.parametrize(
+    ("air", "expected"), [("", []), (AIR, ["air in the oil"])], ids=["none", "air"]
+)
 def test_air_in_the_oil_is_named(machine, air, expected):
-    """Real oil on a greater mass; 10 % of air make it as soft as 400 MPa at 50 bar."""
-    found = machine(f"{OIL}entrained_air_percent = {air}\n", OIL, plan=CHIRP_PLAN).commission()
+    found = machine(OIL + air, OIL, plan=CHIRP_PLAN).commission()
     assert names(found) == expected
 
 
@@ -279,17 +266,26 @@ def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkey
     assert tested.is_closed()
 
 
-RESET_ENCODER = can.Message(arbitration_id=0, data=[129, 4], is_extended_id=False)
-
-
-def test_a_node_that_reboots_in_motion_closes_the_valve(machine):
-    tested = machine()
-    tested.when_it_moves(lambda: tested.bench.bus.send(RESET_ENCODER))
+@pytest.mark.parametrize("node_id", [1, 2, 4])
+def test_a_node_that_reboots_in_motion_closes_the_valve_at_once(machine, node_id):
+    tested = machine(plan=LEAKAGE_PLAN)
+    reset = can.Message(arbitration_id=0, data=[129, node_id], is_extended_id=False)
+    tested.when_it_moves(lambda: tested.bench.bus.send(reset))
     found = tested.commission()
-    direction = found.results[-1]
-    assert direction.verdict is Verdict.STOPPED
-    assert direction.problem == "node 4 rebooted; the valve was closed"
+    assert verdicts(found)[2:] == [Verdict.STOPPED, Verdict.NOT_RUN]
+    assert found.results[2].problem == f"node {node_id} rebooted; the valve was closed"
     assert tested.is_closed()
+    frames = list(tested.bench.frames)
+    boots = [number for number, logged in enumerate(frames) if is_boot_up(logged, node_id)]
+    last = boots[-1]
+    command = next(logged for logged in frames[last:] if logged.frame.can_id == 0x201)
+    assert command.frame.data[2:4] == bytes(2)  # the first that it hears: set-point 0
+    # It is read within a tick of 2 ms, and what is sent then is taken by the next.
+    assert command.now - frames[last].now <= 2 * 2_000_000
+
+
+def is_boot_up(logged, node_id):
+    return logged.frame.can_id == 0x700 + node_id and logged.frame.data == bytes(1)
 
 
 def test_a_valve_fault_in_motion_is_told(machine):
@@ -316,6 +312,22 @@ def test_a_node_that_answers_aborts_only_is_not_usable(machine):
     found = tested.commission()
     assert names(found) == ["node not usable"]
     assert "0x08000000" in found.findings[0].evidence
+
+
+def test_half_the_nodes_missing_are_told_one_by_one_and_nothing_moves(machine):
+    """Two of four are cut off the bus; the others are sound."""
+    cut = with_fault("silence", "pressure_b") + with_fault("silence", "position").removeprefix(
+        SOUND
+    )
+    tested = machine(cut)
+    found = tested.commission(confirm=lambda: pytest.fail("asked to move"))
+    assert [(finding.name, finding.evidence[:28]) for finding in found.findings] == [
+        ("node missing", "node 3 (pressure_b): does no"),
+        ("node missing", "node 4 (position): does not "),
+    ]
+    assert verdicts(found) == [Verdict.STOPPED, Verdict.NOT_RUN, Verdict.NOT_RUN]
+    assert [node.node_id for node in found.nodes] == [1, 2]
+    assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
 
 
 def test_a_silent_bus_is_told_node_by_node(tmp_path):

@@ -35,6 +35,7 @@ EXAMPLES = {
     FaultKind.BREAK_WIRE: ("pressure_a", 'reads = "high"', {"reads": Reading.HIGH}),
     FaultKind.SLOW: ("valve", "time_constant_ms = 50", {"time_constant": 0.05}),
     FaultKind.STICK: ("valve", "", {}),
+    FaultKind.INVERT: ("valve", "", {}),
     FaultKind.DISABLE: ("valve", "", {}),
     FaultKind.DROP_SUPPLY: ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
     FaultKind.SILENCE: ("valve", "", {}),

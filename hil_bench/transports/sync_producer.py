@@ -1,0 +1,199 @@
+"""The controller's end of a bus whose bench is in lock-step: it lets time pass, SYNC by SYNC.
+
+A tick sends what the controller has to say, a SYNC, and an SDO request to one of the nodes. The
+bench takes frames in the order of the bus and answers each before it looks at the next, so the
+answer to that request, the end mark, comes after all that the SYNC brings. No clock is asked but
+to give up.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+import can
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.transports.transport import Transport
+
+START_TIMEOUT = 10.0
+"""Longest wait for the first answer [s]: the bench may just be starting."""
+
+ANSWER_TIMEOUT = 2.0
+"""Longest wait for an end mark [s], however busy the bench's machine is."""
+
+QUIET = 0.2
+"""Time without a frame that shows that nothing happens by itself [s]."""
+
+FRAMES_AT_ONCE = 64
+"""Most frames taken from the bus before the bus is asked again."""
+
+MOST_ASKED = 3
+"""Nodes that are asked for one end mark, one after the other, before the bench is given up."""
+
+_SYNC = Frame(0x080)
+_SDO_REQUEST, _SDO_ANSWER = 0x600, 0x580
+_ABORT, _UPLOAD, _COMMAND = 0x80, 0x40, 0xE0
+_READ_ERROR_REGISTER = bytes.fromhex("4001100000000000")
+"""Upload of 0x1001, which every device has (CiA 301)."""
+
+
+class SyncProducer:
+    """What lets a bench in lock-step move.
+
+    Its `tick` is one that `EmbeddedBus` takes, so a controller waits as in front of a bench in its
+    own process, and nothing depends on how fast the two processes are.
+
+    Args:
+        transport: the bus; it stays the caller's.
+        node_ids: nodes that may be asked for the end mark, by their default SDO server.
+        clock: what the time-outs are counted on [s].
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        node_ids: Iterable[int],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._transport = transport
+        self._clock = clock
+        self._node_ids = list(node_ids)
+        self._unanswered: Counter[int] = Counter()
+        self._brought: list[Frame] = []
+        self._busy: int | None = None
+        self._is_interrupted = False
+
+    def join(self) -> None:
+        """Find out which nodes answer, and that nothing happens by itself.
+
+        Raises:
+            BusError: fewer than two answer, or time passes without SYNC.
+        """
+        deadline = self._clock() + START_TIMEOUT
+        answered: set[int] = set()
+        while not answered and self._clock() < deadline:
+            self._unanswered.clear()  # nobody had heard of it
+            for node_id in self._node_ids:
+                self._ask(node_id)
+            answered = self._listen()
+        self._node_ids = [node_id for node_id in self._node_ids if node_id in answered]
+        # A second node stands in where the first is in the middle of the controller's own transfer.
+        if len(answered) < 2:
+            told = f"only node {self._node_ids[0]} answers" if answered else "no node answers"
+            raise BusError(
+                f"{self._transport.description}: {told}; lock-step needs two, of a "
+                "'hil-bench run --lockstep' on this bus"
+            )
+
+    def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:  # noqa: ARG002 - of the bus
+        """Send the controller's frames and a SYNC; return all that the bench says to them.
+
+        A SYNC among the frames is this SYNC.
+
+        Raises:
+            can.CanOperationError: the bench is gone, or not in lock-step.
+        """
+        try:
+            return self._exchange(frames)
+        except BusError as error:
+            raise can.CanOperationError(str(error)) from error
+
+    def _exchange(self, frames: Sequence[Frame]) -> list[Frame]:
+        # After Ctrl-C in the middle of an exchange the rest of it comes now, and was asked for.
+        unasked = [] if self._is_interrupted else self._take()
+        self._is_interrupted = True
+        for frame in frames:
+            if _SDO_REQUEST < frame.can_id < _SDO_REQUEST + 0x80 and not frame.is_extended:
+                self._busy = frame.can_id - _SDO_REQUEST
+        self._transport.send([*(frame for frame in frames if frame != _SYNC), _SYNC])
+        self._refuse(unasked)
+        self._collect_all()
+        self._is_interrupted = False
+        brought, self._brought = self._brought, []
+        return brought
+
+    def _listen(self) -> set[int]:
+        """Return which nodes answer, once nothing more comes; a bus that goes on is refused."""
+        answered: set[int] = set()
+        deadline = self._clock() + ANSWER_TIMEOUT
+        while self._transport.wait(
+            ANSWER_TIMEOUT if 0 < len(answered) < len(self._node_ids) else QUIET
+        ):
+            frames = self._transport.receive(FRAMES_AT_ONCE)
+            answered |= {frame.can_id - _SDO_ANSWER for frame in frames if self._is_mark(frame)}
+            if self._clock() > deadline:
+                self._refuse(frames)
+        return answered
+
+    def _refuse(self, unasked: Sequence[Frame]) -> None:
+        """Refuse frames that nothing of ours has brought.
+
+        Raises:
+            BusError: there are some.
+        """
+        if unasked:
+            raise BusError(
+                f"{self._transport.description}: frame 0x{unasked[0].can_id:03X} came unasked; "
+                "lock-step needs a bus on which nothing happens between two of our SYNCs, as of "
+                "'hil-bench run --lockstep'"
+            )
+
+    def _collect_all(self) -> None:
+        """Take all that comes up to the end mark.
+
+        Raises:
+            BusError: it does not come.
+        """
+        # A second request to an SDO server would end the controller's own transfer.
+        free = [node_id for node_id in self._node_ids if node_id != self._busy]
+        for node_id in free[:MOST_ASKED]:
+            self._ask(node_id)
+            if self._collect_until(partial(self._has_answered, node_id), ANSWER_TIMEOUT):
+                return
+            # It may be switched off: from now on others are asked first.
+            self._node_ids.remove(node_id)
+            self._node_ids.append(node_id)
+        asked = " and ".join(map(str, free[:MOST_ASKED]))
+        raise BusError(
+            f"{self._transport.description}: no answer from node {asked} within "
+            f"{ANSWER_TIMEOUT:g} s; is the bench still there?"
+        )
+
+    def _ask(self, node_id: int) -> None:
+        self._transport.send([Frame(_SDO_REQUEST + node_id, _READ_ERROR_REGISTER)])
+        self._unanswered[node_id] += 1
+
+    def _has_answered(self, node_id: int) -> bool:
+        return not self._unanswered[node_id]
+
+    def _collect_until(self, is_enough: Callable[[], bool], timeout: float) -> bool:
+        """Take what comes until it is enough; return whether it was in time [s]."""
+        deadline = self._clock() + timeout
+        while not is_enough():
+            remaining = deadline - self._clock()
+            if remaining <= 0.0:
+                return False
+            if self._transport.wait(remaining):
+                self._brought += self._take()
+        return True
+
+    def _take(self) -> list[Frame]:
+        """Return what has arrived but for end marks, late ones of silent nodes among them."""
+        arrived = self._transport.receive(FRAMES_AT_ONCE)
+        return [frame for frame in arrived if not self._is_mark(frame)]
+
+    def _is_mark(self, frame: Frame) -> bool:
+        """Whether a frame answers a request of ours, which is then done with."""
+        node_id = frame.can_id - _SDO_ANSWER
+        if (
+            not self._unanswered[node_id]
+            or len(frame.data) != 8
+            or frame.data[0] & _COMMAND not in {_UPLOAD, _ABORT}
+            or frame.data[1:4] != _READ_ERROR_REGISTER[1:4]
+        ):
+            return False
+        self._unanswered[node_id] -= 1
+        return True

@@ -1,0 +1,161 @@
+"""A controller that lets a bench in lock-step move, whatever the bus between them does."""
+
+import itertools
+
+import can
+import pytest
+from support.direct_lockstep import DirectLockStep
+
+from drivers import DriverTimeoutError, Network
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import load_config
+from hil_bench.errors import BusError
+from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.transports.sync_producer import SyncProducer
+
+SYNC = Frame(0x080)
+NODE_IDS = (1, 2, 3, 4)
+MARK = bytes.fromhex("4001100000000000")  # upload of 0x1001
+SYNCHRONOUS = bytes.fromhex("2f00180201000000")  # 0x1800.02 = 1: with every SYNC
+START_ALL = Frame(0x000, b"\x01\x00")
+
+
+@pytest.fixture
+def config():
+    return load_config()
+
+
+def join(transport, node_ids=NODE_IDS):
+    producer = SyncProducer(transport, node_ids, clock=transport.clock)
+    producer.join()
+    return producer
+
+
+def network_of(producer, config):
+    bus = EmbeddedBus(producer.tick, config.sync_period_ns)
+    return Network(bus, clock=bus.now)
+
+
+def marks(frames):
+    return [frame for frame in frames if frame.data == MARK]
+
+
+def session(transport):
+    """What the bench says to a controller that starts it and moves the valve."""
+    producer = join(transport)
+    heard = producer.tick([Frame(0x600 + node, SYNCHRONOUS) for node in NODE_IDS], 0)
+    heard += producer.tick([START_ALL], 0)
+    for number in range(100):
+        setpoint = 0x2000 if number % 50 < 25 else 0xE000
+        heard += producer.tick([Frame(0x201, b"\x07\x00" + setpoint.to_bytes(2, "little"))], 0)
+    return heard
+
+
+def test_each_tick_is_one_sync_and_all_that_it_brings(config):
+    transport = DirectLockStep(config)
+    heard = session(transport)
+    assert transport.lockstep.syncs == 102
+    assert transport.lockstep.now == 102 * config.tick_ns
+    # With each SYNC after the start, but for that whose tick the start came in, one of each node.
+    assert [sum(f.can_id == 0x180 + node for f in heard) for node in NODE_IDS] == [101] * 4
+    assert not marks(heard)
+
+
+@pytest.mark.parametrize("bundles", [(1,), (1, 0, 3), (2, 1)])
+def test_how_the_bus_bundles_frames_changes_nothing(config, bundles):
+    expected = session(DirectLockStep(config))
+    # The first look of all finds nothing: that is how a bus that is awake is told.
+    whole = itertools.chain((1, 64, 64, 64, 64, 64), itertools.cycle(bundles))
+    assert session(DirectLockStep(config, whole)) == expected
+
+
+def test_the_controllers_own_sync_is_that_of_the_tick(config):
+    transport = DirectLockStep(config)
+    join(transport).tick([SYNC], 0)
+    assert transport.lockstep.syncs == 1
+
+
+def test_a_node_in_the_middle_of_a_transfer_is_not_asked(config):
+    """A second request to a server would end the first; names are longer than one message."""
+    transport = DirectLockStep(config)
+    network = network_of(join(transport), config)
+    names = [network.add_node(node).upload(0x1008) for node in NODE_IDS]
+    assert names[3] == b"HIL bench linear encoder"
+    assert len(set(names)) == 3  # two of them are pressure transducers
+
+
+def test_what_the_controller_asks_itself_it_is_told(config):
+    network = network_of(join(DirectLockStep(config)), config)
+    assert [network.add_node(node).upload(0x1001) for node in NODE_IDS] == [b"\x00"] * 4
+
+
+def test_a_node_that_falls_silent_is_missed_in_bench_time_and_others_are_asked(config):
+    transport = DirectLockStep(config)
+    producer = join(transport)
+    transport.bench.faults.silence("valve")
+    network = network_of(producer, config)
+    before = network.now()
+    with pytest.raises(DriverTimeoutError):
+        network.add_node(1, sdo_timeout=0.2).upload(0x1008)
+    assert network.now() - before == pytest.approx(0.2, abs=2e-3)
+    asked = [frame.can_id for frame in marks(transport.sent)[len(NODE_IDS) :]]
+    # At most one time-out of the machine's clock for all of them, not one for each tick.
+    assert asked.count(0x601) <= 1
+    assert len(asked) > 200
+
+
+def test_a_bench_that_is_gone_is_told(config):
+    transport = DirectLockStep(config)
+    producer = join(transport)
+    for node in ("valve", "pressure_a", "pressure_b", "position"):
+        transport.bench.faults.silence(node)
+    with pytest.raises(can.CanOperationError, match="no answer from node 1 and 2 and 3 within 2 s"):
+        producer.tick([], 0)
+
+
+@pytest.mark.parametrize(
+    ("node_ids", "told"), [((5, 6), "no node answers"), ((4, 5), "only node 4 answers")]
+)
+def test_a_bus_with_too_few_nodes_is_refused(config, node_ids, told):
+    with pytest.raises(BusError, match=f"direct: {told}; lock-step needs two"):
+        join(DirectLockStep(config), node_ids)
+
+
+class Awake(DirectLockStep):
+    """A bench that sends by itself, ten times a second."""
+
+    def wait(self, timeout):
+        if not super().wait(min(timeout, 0.1)):
+            self.put(Frame(0x704, b"\x05"))
+        return True
+
+
+def test_a_bus_on_which_time_passes_by_itself_is_refused(config):
+    with pytest.raises(BusError, match="frame 0x704 came unasked; lock-step needs a bus on which"):
+        join(Awake(config))
+
+
+def test_a_frame_between_two_syncs_ends_it_but_what_was_to_be_sent_is_sent(config):
+    """So that on a machine that is in real time the command to close the valve still comes."""
+    transport = DirectLockStep(config)
+    producer = join(transport)
+    transport.put(Frame(0x704, b"\x05"))
+    close = Frame(0x201, bytes(4))
+    with pytest.raises(can.CanOperationError, match="frame 0x704 came unasked"):
+        producer.tick([close], 0)
+    assert close in transport.sent
+
+
+def test_after_an_interruption_the_rest_of_the_answers_is_no_surprise(config, monkeypatch):
+    transport = DirectLockStep(config)
+    producer = join(transport)
+
+    def interrupt(_timeout):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(transport, "wait", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            producer.tick([START_ALL], 0)
+    heard = producer.tick([Frame(0x604, bytes.fromhex("4000100000000000"))], 0)
+    assert heard[-1].can_id == 0x584

@@ -2,8 +2,8 @@
 
     python benchmarks/tick.py [--ticks N] [--repeats N]
 
-A tick takes the valve's RPDO and a SYNC in, runs ten plant steps and four nodes, and gives four
-TPDOs out. The peers in the same run: the ten plant steps alone, and `hil-bench demo --speed max`,
+A tick takes the valve's RPDO and a SYNC in, runs the plant steps and four nodes, and gives four
+TPDOs out. The peers in the same run: the plant steps alone, and `hil-bench demo --speed max`,
 which adds a controller on the canopen library.
 """
 
@@ -21,6 +21,7 @@ from hil_bench.config import load_config
 from hil_bench.plant import PlantInput
 
 TICK = 1_000_000  # [ns]
+STEPS = load_config().steps_per_tick
 SYNC = Frame(0x080)
 
 
@@ -55,11 +56,11 @@ def measure_ticks(count: int) -> tuple[float, float]:
 
 
 def measure_plant(count: int) -> float:
-    """Return the time of ten plant steps [us], call included."""
+    """Return the time of the plant steps of a tick [us], call included."""
     plant = prepared_bench()[0].axes[0].plant
     start = time.perf_counter_ns()
     for number in range(count):
-        plant.step(PlantInput(6e-4 if number // 500 % 2 else -6e-4), 10)
+        plant.step(PlantInput(6e-4 if number // 500 % 2 else -6e-4), STEPS)
     return (time.perf_counter_ns() - start) / count / 1e3
 
 
@@ -82,7 +83,7 @@ def main() -> None:
     p50, p99, plant, demo = (statistics.median(column) for column in zip(*rows, strict=True))
     print(f"{platform.machine()}, Python {platform.python_version()}, medians of {args.repeats}\n")
     print("| what | figure | ratio to the plant alone |\n|---|---|---|")
-    print(f"| ten plant steps, one call | {plant:.2f} us | 1 |")
+    print(f"| {STEPS} plant steps, one call | {plant:.2f} us | 1 |")
     print(f"| whole tick, median | {p50:.1f} us | {p50 / plant:.1f} |")
     print(f"| whole tick, 99th percentile | {p99:.1f} us | {p99 / plant:.1f} |")
     print(f"| bench alone | {1e3 / p50:.0f} times real time | |")

@@ -15,8 +15,10 @@ as on a wire.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Protocol
 
+from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.bound_objects import QuantitySource
@@ -218,6 +220,10 @@ class Bench:
         self.positions = tuple(s for s in sensors if isinstance(s, PositionMeasurement))
         self.unrouted = 0
         self._steps = steps
+        self._agenda = Agenda()
+        for node in self.nodes:
+            node.agenda.whole = self._agenda
+            self._agenda.bring_forward(node.deadline)
         self._routes: dict[int, tuple[Handler, ...]] = {}
         self._listeners: dict[int, tuple[Node, ...]] = {}
         self._merged: dict[Node, Mapping[int, Handler]] = {}
@@ -296,10 +302,19 @@ class Bench:
         return () if frame.is_extended else self._listeners.get(frame.can_id, ())
 
     def _take(self, frames: Sequence[Frame], now: int, nodes: Sequence[Node]) -> None:
-        """Receive frames, and act on deadlines that have passed."""
-        self._receive(frames, now)
-        for node in nodes:
-            if now >= node.deadline:
+        """Receive what came from the bus and what our own nodes sent last; act on deadlines."""
+        for line in self._lines.values():
+            line.deliver(now)
+        routes = self._routes
+        for frame in chain(self._heard, frames):
+            handlers = None if frame.is_extended else routes.get(frame.can_id)
+            if handlers is None:
+                self.unrouted += 1
+                continue
+            for handle in handlers:
+                handle(frame, now)
+        if now >= self._agenda.due:
+            for node in nodes:
                 node.expire(now)
 
     def _send(self, now: int, sent: list[Frame], nodes: Sequence[Node]) -> list[Frame]:
@@ -307,18 +322,16 @@ class Bench:
         if self._lines:
             self._send_by_lines(now, sent)
         else:
+            emit = sent.append
             for node in nodes:
-                node.transmit_pdos(now, sent.append)
-            for node in nodes:
-                if now >= node.deadline:
-                    node.serve(now, sent.append)
-        merged = self._merged
-        for node in nodes:
-            if node.routes is not merged[node]:
-                self._merge_routes()
-                break
+                node.transmit_pdos(now, emit)
+            if now >= self._agenda.due:
+                for node in nodes:
+                    node.serve(now, emit)
+        if now >= self._agenda.due:
+            self._look_ahead(nodes)
         overheard = self._overheard
-        self._heard = [frame for frame in sent if frame.can_id in overheard]
+        self._heard = [frame for frame in sent if frame.can_id in overheard] if sent else []
         return sent
 
     def _send_by_lines(self, now: int, sent: list[Frame]) -> None:
@@ -330,31 +343,23 @@ class Bench:
         for node, emit in zip(self.nodes, emits, strict=True):
             node.transmit_pdos(now, emit)
         for node, emit in zip(self.nodes, emits, strict=True):
-            if now >= node.deadline:
-                node.serve(now, emit)
+            node.serve(now, emit)
+
+    def _look_ahead(self, nodes: Sequence[Node]) -> None:
+        """Follow these nodes' identifiers, and find the next deadline once all have been served.
+
+        As long as some have not, the last one stands: it may be too early, never too late.
+        """
+        if any(node.routes is not self._merged[node] for node in nodes):
+            self._merge_routes()
+        if nodes is self.nodes:
+            self._agenda.due = min(node.deadline for node in nodes)
 
     def _join_lines(self) -> None:
         """Let the frames of nodes with a fault on their line go that way."""
         if self.faults.lines is not self._lines:
             self._lines = self.faults.lines
             self._merge_routes()
-
-    def _receive(self, frames: Sequence[Frame], now: int) -> None:
-        """Hand what came from the bus, and what our own nodes sent last, to who listens."""
-        for line in self._lines.values():
-            line.deliver(now)
-        for frame in self._heard:
-            self._dispatch(frame, now)
-        for frame in frames:
-            self._dispatch(frame, now)
-
-    def _dispatch(self, frame: Frame, now: int) -> None:
-        handlers = None if frame.is_extended else self._routes.get(frame.can_id)
-        if handlers is None:
-            self.unrouted += 1
-            return
-        for handle in handlers:
-            handle(frame, now)
 
     def _merge_routes(self) -> None:
         """Join the nodes' routes into one table of COB-ID to all that listen to it."""

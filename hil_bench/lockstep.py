@@ -59,11 +59,11 @@ class LockStep:
         self._tick_ns = tick_ns
         self._ticks_per_sync = ticks_per_sync
 
-    def receive(self, frame: Frame) -> list[Frame]:
+    def receive(self, frame: Frame) -> Sequence[Frame]:
         """Take the next frame of the bus; return all that the bench has to say to it, in order."""
         is_sync = frame.can_id == SYNC_COB_ID and not (frame.is_remote or frame.is_extended)
         if not is_sync:
-            return list(self._serve((frame,), self.now))
+            return self._serve((frame,), self.now)
         self.syncs += 1
         sent: list[Frame] = []
         received: tuple[Frame, ...] = (frame,)

@@ -37,12 +37,12 @@ class Agenda:
 
     def bring_forward(self, time: int) -> None:
         """Be called at `time` [ns] at the latest."""
-        if time < self.due:  # noqa: PLR1730 - a call of min() costs more than all the rest
+        if time < self.due:  # noqa: PLR1730 - min() costs more than all the rest here
             self.due = time
 
 
 class PartialAgenda(Agenda):
-    """The agenda of some of a node's services, which brings the whole one forward with it.
+    """A part of an agenda, as of one node among several; it brings the whole forward with it.
 
     Attributes:
         whole: the agenda of all.
@@ -56,6 +56,6 @@ class PartialAgenda(Agenda):
 
     def bring_forward(self, time: int) -> None:
         """Be called at `time` [ns] at the latest."""
-        if time < self.due:  # noqa: PLR1730 - likewise
+        if time < self.due:  # noqa: PLR1730 - min() costs more than all the rest here
             self.due = time
         self.whole.bring_forward(time)

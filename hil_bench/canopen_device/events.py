@@ -14,8 +14,6 @@ class NodeEventKind(Enum):
     """Every object is back to its default [0]."""
     RESET_COMMUNICATION = auto()
     """The communication objects, 0x1000 to 0x1FFF, are back to their defaults [0]."""
-    RPDO_RECEIVED = auto()
-    """The values of an RPDO are in the object dictionary [number of the RPDO]."""
     RPDO_TIMEOUT = auto()
     """An RPDO did not come within its event timer [number of the RPDO]."""
     HEARTBEAT_LOST = auto()

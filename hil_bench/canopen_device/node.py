@@ -12,7 +12,6 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 """
 
 from collections.abc import Collection
-from typing import Any
 
 from hil_bench.canopen_device.agenda import Agenda, PartialAgenda
 from hil_bench.canopen_device.counters import NodeCounters
@@ -47,9 +46,10 @@ class Node:
         state: its NMT state.
         events: what the application must hear of; the application drains it.
         routes: handlers of received frames by identifier; a new mapping object whenever an
-            identifier changes.
+            identifier changes, which makes the node due at once.
         counters: what was ignored or refused.
         emcy: where the application raises and clears errors.
+        agenda: when it has something to do; its `whole` is that of all nodes on the bus.
     """
 
     def __init__(
@@ -72,9 +72,9 @@ class Node:
         self.events = NodeEvents()
         self.routes: Routes = {}
         self.counters = NodeCounters()
-        self._agenda = Agenda()
+        self.agenda = PartialAgenda(Agenda())
         # All but SDO, whose requests are most of what wakes a node.
-        self._rest = PartialAgenda(self._agenda)
+        self._rest = PartialAgenda(self.agenda)
         self._is_started = False
         self._is_silent = False
         self._services = Services(
@@ -95,7 +95,7 @@ class Node:
     @property
     def deadline(self) -> int:
         """The next time at which `expire` or `serve` has something to do [ns]."""
-        return self._agenda.due
+        return self.agenda.due
 
     @property
     def sdo_ids(self) -> Collection[int]:
@@ -163,11 +163,11 @@ class Node:
 
     def serve(self, now: int, emit: Emit) -> None:
         """Send boot-up, SDO and LSS answers, EMCY and error control, as far as they are due."""
-        if now < self._agenda.due or not self._is_started:
+        if now < self.agenda.due or not self._is_started:
             return
         services, rest = self._services, self._rest
         if self._is_silent:
-            self._agenda.due = rest.due = services.lss.silent_until
+            self.agenda.due = rest.due = services.lss.silent_until
             return
         if now < rest.due:
             services.sdo.serve(now, emit)
@@ -175,14 +175,18 @@ class Node:
             if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
                 self._boot(now, emit)
             rest.due = services.serve(now, emit, self.state)
-        self._agenda.due = min(rest.due, services.sdo.due)
+        self.agenda.due = min(rest.due, services.sdo.due)
 
     def _watch_identifiers(self) -> None:
         for variable in self.object_dictionary:
             if names_identifier(variable):
-                variable.add_hook(self._update_routes)
+                variable.add_hook(self._follow_identifier)
 
-    def _update_routes(self, _value: Any = None) -> None:  # noqa: ANN401 - it is a hook
+    def _follow_identifier(self, _cob_id: int) -> None:
+        self._update_routes()
+        self._rest.bring_forward(0)
+
+    def _update_routes(self) -> None:
         table = RouteTable()
         if self._services.lss.is_available and not self._is_silent:
             table.add(LSS_REQUEST, self._receive_lss)
@@ -230,10 +234,11 @@ class Node:
             self._obey(request.command)
 
     def _receive_sync(self, frame: Frame, now: int) -> None:
-        if not self.counters.is_data(frame) or self.state not in COMMUNICATING:
-            return
-        if not self._services.sync_producer.is_producing:
-            self._synchronise(frame.data, now)
+        _, data, is_remote, is_extended = frame
+        if is_remote or is_extended:
+            self.counters.ignored_frames += 1
+        elif self.state in COMMUNICATING and not self._services.sync_producer.is_producing:
+            self._synchronise(data, now)
 
     def _synchronise(self, data: bytes, now: int, own: Frame | None = None) -> None:
         """Act on a SYNC; `own` is the frame where this node produces it."""

@@ -120,7 +120,8 @@ class Variable:
 
         `SdoAbort` where a limit or check refuses the value; the old one stays.
         """
-        self.check_limits(value)
+        if self.low is not None or self.high is not None:
+            self.check_limits(value)
         for check in self._checks:
             check(value)
         self.value = value

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
@@ -14,6 +15,7 @@ from hil_bench.errors import SdoAbort
 
 PDO_BITS: Final = 64
 _DUMMIES: Final = range(0x0001, 0x0008)
+_VALUE: Final = attrgetter("value")
 
 
 class Direction(Enum):
@@ -139,15 +141,18 @@ class PdoMapping:
             self.read, self.write = self._read_struct, self._write_struct
 
     def _read_struct(self) -> bytes:
-        return self._struct.pack(*[variable.value for variable in self.variables])
+        return self._struct.pack(*map(_VALUE, self.variables))
 
     def _write_struct(self, data: bytes) -> int:
         refused = 0
         for variable, value in zip(self.variables, self._struct.unpack_from(data), strict=True):
             if variable.is_plain:
                 variable.value = value
-            else:
-                refused += _is_refused(variable, value)
+                continue
+            try:
+                variable.write(value)
+            except SdoAbort:
+                refused += 1
         return refused
 
     def _read_bits(self) -> bytes:

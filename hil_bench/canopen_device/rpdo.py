@@ -47,7 +47,6 @@ class Rpdo:
         self._events = events
         self._emcy = emcy
         self._counters = counters
-        self._received = NodeEvent(NodeEventKind.RPDO_RECEIVED, self.number)
         self._is_operational = False
         self._has_failed = False
         self.configure()
@@ -87,7 +86,7 @@ class Rpdo:
         if self._event_time:
             self._restart_timer(now)
         if not self._is_synchronous:
-            self._apply(mapping, data)
+            self._counters.refused_values += mapping.write(data)
         elif now > self._window.end:
             self._counters.late_synchronous_pdos += 1
         else:
@@ -96,7 +95,7 @@ class Rpdo:
     def synchronise(self) -> None:
         """Act on the last synchronous RPDO, if one came since the last SYNC."""
         if self._waiting is not None and self._mapping is not None:
-            self._apply(self._mapping, self._waiting)
+            self._counters.refused_values += self._mapping.write(self._waiting)
             self._waiting = None
 
     def expire(self, now: int) -> None:
@@ -107,13 +106,6 @@ class Rpdo:
         self._has_failed = True
         self._emcy.raise_error(RPDO_TIMEOUT, COMMUNICATION, source=self.number)
         self._events.tell(NodeEvent(NodeEventKind.RPDO_TIMEOUT, self.number))
-
-    def _apply(self, mapping: PdoMapping, data: bytes) -> None:
-        refused = mapping.write(data)
-        if refused:
-            self._counters.refused_values += refused
-        if self._received not in self._events:
-            self._events.append(self._received)
 
     def _restart_timer(self, now: int) -> None:
         was_running = self.due != NEVER

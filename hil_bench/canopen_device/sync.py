@@ -98,21 +98,18 @@ class SyncProducer:
     The first SYNC goes at once. A period that is shorter than a round gives one SYNC a round.
 
     Attributes:
+        is_producing: whether this device is the producer, and sends.
         due: when the next SYNC is to be sent [ns].
     """
 
     def __init__(self, object_dictionary: ObjectDictionary, agenda: Agenda) -> None:
+        self.is_producing = False
         self.due = NEVER
         self._object_dictionary = object_dictionary
         self._agenda = agenda
         self._is_enabled = False
         self._count = _FIRST_COUNT
         self._watch_parameters()
-
-    @property
-    def is_producing(self) -> bool:
-        """Whether this device is the producer, and sends."""
-        return self.due != NEVER
 
     def set_enabled(self, *, is_enabled: bool) -> None:
         """Begin to send, the counter at 1, or end it."""
@@ -142,9 +139,10 @@ class SyncProducer:
         return bytes([count])
 
     def _start(self, _value: int = 0) -> None:
-        is_producer = self._object_dictionary.number(_COB_ID) & BIT_30
+        is_producer = bool(self._object_dictionary.number(_COB_ID) & BIT_30)
         has_period = self._object_dictionary.number(_PERIOD) > 0
-        self.due = 0 if self._is_enabled and is_producer and has_period else NEVER
+        self.is_producing = self._is_enabled and is_producer and has_period
+        self.due = 0 if self.is_producing else NEVER
         self._agenda.bring_forward(self.due)
 
     def _watch_parameters(self) -> None:

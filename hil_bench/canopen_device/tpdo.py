@@ -31,7 +31,8 @@ class Tpdo:
 
     Attributes:
         can_id: its identifier, None while it is disabled.
-        due: when it is to be sent [ns].
+        is_active: whether it is sent, in the present NMT state.
+        due: when it is to be sent [ns]; NEVER while it is not active.
     """
 
     def __init__(
@@ -68,13 +69,13 @@ class Tpdo:
 
     def trigger(self) -> None:
         """Take an event of the application."""
-        if self._is_event_driven and self._is_active:
+        if self._is_event_driven and self.is_active:
             self.due = min(self.due, self._inhibited_until)
         self._has_event = True
 
     def request(self) -> bool:
         """Take a remote request; return whether it is answered."""
-        if not self._is_active or not self._allows_remote:
+        if not self.is_active or not self._allows_remote:
             return False
         if self._is_event_driven:
             self.trigger()
@@ -89,7 +90,7 @@ class Tpdo:
 
     def synchronise(self, counter: int) -> None:
         """Take a SYNC with that counter; 0 where it has none."""
-        if not self._is_active:
+        if not self.is_active:
             return
         if self._type == SYNCHRONOUS_ACYCLIC:
             self.due = 0 if self._has_event else NEVER
@@ -136,7 +137,7 @@ class Tpdo:
         return self._has_begun
 
     def _begin(self) -> None:
-        self._is_active = (
+        self.is_active = (
             self._is_operational and self.can_id is not None and self._mapping is not None
         )
         self._has_event = False
@@ -145,7 +146,7 @@ class Tpdo:
         self._sample = None
         self._must_sample = False
         self._is_requested = False
-        starts = self._is_active and self._is_event_driven
+        starts = self.is_active and self._is_event_driven
         self.due = self._inhibited_until if starts else NEVER
 
 
@@ -166,6 +167,7 @@ class TpdoProducer:
         self._counters = counters
         self._sync: Frame | None = None
         self._tpdos: dict[int, Tpdo] = {}
+        self._active: tuple[Tpdo, ...] = ()
         for index in object_dictionary.indices(COMMUNICATION_INDICES[Direction.TPDO]):
             parameters = PdoParameters(object_dictionary, index, Direction.TPDO)
             tpdo = Tpdo(parameters, window, counters)
@@ -189,16 +191,18 @@ class TpdoProducer:
         if frame.is_remote and not frame.is_extended:
             asked = (tpdo for tpdo in self._tpdos.values() if tpdo.can_id == frame.can_id)
             self._counters.ignored_frames += not sum(tpdo.request() for tpdo in asked)
-            self._update_due()
+            self._find_due()
         else:
             self._counters.is_data(frame)
 
     def synchronise(self, counter: int, sync: Frame | None = None) -> None:
         """Take a SYNC with that counter, 0 for none; `sync` is to be sent before the PDOs."""
-        self._sync = sync or self._sync
-        for tpdo in self._tpdos.values():
+        if sync is not None:
+            self._sync, self.due = sync, 0
+        for tpdo in self._active:
             tpdo.synchronise(counter)
-        self._update_due()
+            if tpdo.due < self.due:  # noqa: PLR1730 - min() costs more than all the rest here
+                self.due = tpdo.due
 
     def transmit(self, now: int, emit: Emit) -> None:
         """Send the PDOs that are due, in the order of their numbers."""
@@ -207,30 +211,34 @@ class TpdoProducer:
         if self._sync is not None:
             emit(self._sync)
             self._sync = None
-        for tpdo in self._tpdos.values():
+        due = NEVER
+        for tpdo in self._active:
             if now >= tpdo.due:
                 tpdo.transmit(now, emit)
-        self._update_due()
+            if tpdo.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
+                due = tpdo.due
+        self.due = due
 
     def set_operational(self, *, is_operational: bool) -> None:
         """Begin or end to transmit."""
         for tpdo in self._tpdos.values():
             tpdo.set_operational(is_operational=is_operational)
-        self._update_due()
+        self._find_active()
 
     def reset(self) -> None:
         """Begin anew after the parameters got their defaults."""
         for tpdo in self._tpdos.values():
             tpdo.configure()
-        self._update_due()
+        self._find_active()
 
     def _configure(self, tpdo: Tpdo, _value: Any) -> None:  # noqa: ANN401 - it is a hook
         tpdo.configure()
-        self._update_due()
+        self._find_active()
 
-    def _update_due(self) -> None:
-        due = NEVER if self._sync is None else 0
-        for tpdo in self._tpdos.values():
-            if tpdo.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
-                due = tpdo.due
-        self.due = due
+    def _find_active(self) -> None:
+        self._active = tuple(tpdo for tpdo in self._tpdos.values() if tpdo.is_active)
+        self._find_due()
+
+    def _find_due(self) -> None:
+        due = min((tpdo.due for tpdo in self._active), default=NEVER)
+        self.due = due if self._sync is None else 0

@@ -98,13 +98,10 @@ class AnalogueInput:
 
     def measure(self, sample: float) -> float:
         """Take a new sample, and return the process value."""
-        field_value = self._filter.pass_through(sample)
-        self._field_value.value = field_value
-        return self.convert(field_value)
-
-    def convert(self, field_value: float) -> float:
-        """Return the process value of a field value."""
-        return field_value * self._scale + self._shift
+        if self._filter.kind:
+            sample = self._filter.pass_through(sample)
+        self._field_value.value = sample
+        return sample * self._scale + self._shift
 
     def restart(self, _written: int = 0) -> None:
         """Begin anew with the objects' present values; the filter forgets."""

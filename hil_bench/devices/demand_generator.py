@@ -151,7 +151,9 @@ class DemandGenerator:
 
     def generate(self, setpoint: int, now: int) -> int:
         """Return the demand value of a set-point at `now` [ns]; all [increments]."""
-        limited: int = min(max(setpoint, self._lower_limit.value), self._upper_limit.value)
+        limited = setpoint
+        if not self._lower_limit.value <= setpoint <= self._upper_limit.value:
+            limited = min(max(setpoint, self._lower_limit.value), self._upper_limit.value)
         self.is_limited = limited != setpoint
         if self._is_plain:
             self._scaled = limited

@@ -36,21 +36,16 @@ class ValueInterrupts:
 
     def watch(self, value: float) -> None:
         """Take a new process value."""
-        if self._last is None or not self._delta.value:
+        delta, lower, upper = self._delta.value, self._lower.value, self._upper.value
+        was_outside = self._is_outside
+        self._is_outside = lower < upper and not lower <= value <= upper
+        has_passed = self._is_outside and not was_outside
+        if self._last is None or not delta:
             self._last = value
-        has_passed = self._passes_limit(value)
-        if has_passed or self._has_changed(value, self._last):
+        if has_passed or (delta and _has_changed(value, self._last, delta)):
             self._last = value
             self._trigger.pull()
 
-    def _has_changed(self, value: float, last: float) -> bool:
-        delta = self._delta.value
-        if delta < 0.0:
-            return value != last
-        return bool(delta and abs(value - last) > delta)
 
-    def _passes_limit(self, value: float) -> bool:
-        lower, upper = self._lower.value, self._upper.value
-        was_outside = self._is_outside
-        self._is_outside = lower < upper and not lower <= value <= upper
-        return self._is_outside and not was_outside
+def _has_changed(value: float, last: float, delta: float) -> bool:
+    return value != last if delta < 0.0 else abs(value - last) > delta

@@ -163,7 +163,9 @@ class ValveDevice:
             spool_position * self._increments, _LOWEST, _HIGHEST, unknown=self._actual.value
         )
         self._actual.value = actual
-        deviation = min(max(self._demand.value - actual, _LOWEST), _HIGHEST)
+        deviation = self._demand.value - actual
+        if not _LOWEST <= deviation <= _HIGHEST:
+            deviation = min(max(deviation, _LOWEST), _HIGHEST)
         self._deviation.value = deviation
         if self._monitor.is_on and self._monitor.watch(deviation, now):
             self._fault(DEVIATION_EMCY)
@@ -245,8 +247,6 @@ class ValveDevice:
 
     def _hear(self, event: NodeEvent) -> None:
         kind, detail = event
-        if kind is NodeEventKind.RPDO_RECEIVED:
-            return  # the most frequent one; the hook of the control word has seen to it
         if kind is NodeEventKind.STATE_CHANGED:
             if detail != NmtState.OPERATIONAL and not self._local.value:
                 self._machine.deactivate()
@@ -268,7 +268,8 @@ class ValveDevice:
             self._error_code.value = error_code
 
     def _receive_control_word(self, control_word: int) -> None:
-        self._hear_events()  # what came before this word counts before it
+        if self.node.events:
+            self._hear_events()  # what came before this word counts before it
         if not self._local.value:
             self._obey(control_word)
 

@@ -41,7 +41,7 @@ rule 2). Rules 1, 3 (second sentence), 4 and 5 are this device's own, as are the
 TR16 and which of TR12 and TR13 is which; see decision 0003.
 """
 
-from enum import Enum
+from enum import StrEnum
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -49,7 +49,7 @@ RESET_BIT: Final = 0b1000
 """R of the control word."""
 
 
-class ValveState(Enum):
+class ValveState(StrEnum):
     """The states of the device state machine."""
 
     NOT_READY = "NOT_READY"
@@ -129,6 +129,13 @@ TRANSITIONS: Final = (
 )
 """The transitions of the control word; from one state, a reset is tried before the others."""
 
+_LEAVING: Final = MappingProxyType(
+    {
+        state: tuple(transition for transition in TRANSITIONS if transition.source is state)
+        for state in ValveState
+    }
+)
+
 FAULT_TARGETS: Final = MappingProxyType(
     {
         ValveState.INIT: ValveState.FAULT_INIT,
@@ -163,12 +170,9 @@ def next_transition(state: ValveState, control_word: int, *, reset: bool) -> Tra
         control_word: value of 0x6040.
         reset: whether this word brought a rising edge of R that counts.
     """
-    for transition in TRANSITIONS:
-        if (
-            transition.source is state
-            and control_word & transition.mask == transition.value
-            and (reset or not transition.is_reset)
-        ):
+    for transition in _LEAVING[state]:
+        _, _, _, mask, value, is_reset = transition
+        if control_word & mask == value and (reset or not is_reset):
             return transition
     return None
 
@@ -236,6 +240,8 @@ class ValveStateMachine:
         self._is_reset_bit_set = is_reset_bit_set
         if self.state is ValveState.FAULT_REACTION:
             self._word_in_reaction = control_word
+        if next_transition(self.state, control_word, reset=reset) is None:
+            return ()
         states = walk(
             self.state, control_word, reset=reset, may_activate=may_activate, is_enabled=is_enabled
         )

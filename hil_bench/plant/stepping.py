@@ -64,14 +64,15 @@ def bound_input(plant_input: PlantInput, steps: int) -> tuple[float, float]:
     Raises:
         ParameterError: for an input that is not finite, or a negative number of steps.
     """
-    u, F_L = plant_input
-    if not (math.isfinite(u) and math.isfinite(F_L)):
-        raise ParameterError(f"u = {u} m, F_L = {F_L} N: both must be finite")
     if steps < 0:
         raise ParameterError(f"steps = {steps}: must be 0 or greater")
-    if not (
+    u, F_L = plant_input
+    is_within = (
         -SPOOL_SETPOINT_LIMIT <= u <= SPOOL_SETPOINT_LIMIT and -LOAD_LIMIT <= F_L <= LOAD_LIMIT
-    ):
+    )
+    if not is_within:
+        if not (math.isfinite(u) and math.isfinite(F_L)):
+            raise ParameterError(f"u = {u} m, F_L = {F_L} N: both must be finite")
         u = math.copysign(min(abs(u), SPOOL_SETPOINT_LIMIT), u)
         F_L = math.copysign(min(abs(F_L), LOAD_LIMIT), F_L)
     return float(u), float(F_L)

@@ -6,6 +6,7 @@ import pytest
 from support.bus_side import CONTROLLER, POSITION, PRESSURE_A, PRESSURE_B, VALVE, BusSide
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.node import Node
 
 ALL = (VALVE, PRESSURE_A, PRESSURE_B, POSITION)
 
@@ -88,6 +89,21 @@ def test_routes_follow_a_changed_identifier(bus):
     assert bus.download(VALVE, 0x1016, 1, struct.pack("<I", watched))[0] == 0x60
     assert bus.bench.routes is not before
     assert 0x700 + CONTROLLER in bus.bench.routes
+
+
+def test_only_what_is_due_wakes_the_nodes(bus, monkeypatch):
+    bus.tick()
+    for node_id in ALL:  # a heartbeat each 50 ms, of one node after the other
+        bus.download(node_id, 0x1017, 0, (50).to_bytes(2, "little"))
+    bus.tick()
+    woken = []
+    serve = Node.serve
+    monkeypatch.setattr(
+        Node, "serve", lambda node, now, emit: [woken.append(now), serve(node, now, emit)]
+    )
+    beats = [bus.now for _ in range(100) if bus.tick()]
+    assert len(beats) == 2 * len(ALL)
+    assert woken == [now for now in beats for _ in ALL]
 
 
 def test_the_same_frames_give_the_same_bytes():

@@ -68,7 +68,6 @@ def test_a_flood_pushes_no_event_out_and_takes_no_memory(rig):
         rig.receive(0x000, b"\x80\x05")
         rig.receive(0x000, b"\x01\x05")
     assert list(rig.node.events) == [
-        NodeEvent(NodeEventKind.RPDO_RECEIVED, 1),
         NodeEvent(NodeEventKind.STATE_CHANGED, NmtState.PRE_OPERATIONAL),
         NodeEvent(NodeEventKind.STATE_CHANGED, NmtState.OPERATIONAL),
     ]

@@ -60,6 +60,7 @@ def run_paced(
     stopped: Callable[[], bool],
     observers: Sequence[Observer] = (),
     realtime: RealtimeConfig | None = None,
+    serves_between_ticks: bool = True,
 ) -> RunReport:
     """Run the bench on a bus, tick by tick on the pacer's grid, until `stopped` says so.
 
@@ -73,11 +74,14 @@ def run_paced(
         stopped: asked once a tick.
         observers: called at the end of each tick.
         realtime: what to ask of the operating system; None for what needs no permission.
+        serves_between_ticks: whether SDO requests are answered there too; that needs a pacer whose
+            seconds are the bus's.
     """
     lost: BusError | TimingError | None = None
     with undisturbed(realtime or RealtimeConfig(), pacer.period):
         try:
-            _loop(bench, transport, pacer, stopped, observers)
+            bus = _Bus(bench, transport, pacer, serves_between_ticks=serves_between_ticks)
+            _loop(bench, bus, pacer, stopped, observers)
         except (BusError, TimingError) as error:
             lost = error
     lost = lost or outage_at_end(transport)
@@ -98,14 +102,14 @@ def frames_per_tick(period: int) -> int:
 
 def _loop(
     bench: Bench,
-    transport: Transport,
+    bus: "_Bus",
     pacer: Pacer,
     stopped: Callable[[], bool],
     observers: Sequence[Observer],
 ) -> None:
     now = pacer.wait()
     bench.start(now)
-    bus = _Bus(bench, transport, pacer)
+    bus.listen()
     share = frames_per_tick(pacer.period)
     while not stopped():
         limit = share if pacer.lateness <= pacer.period else FRAMES_WHEN_LATE
@@ -120,13 +124,20 @@ def _loop(
 class _Bus:
     """The bus of a paced run: what ticks take from it, and what is served between them."""
 
-    def __init__(self, bench: Bench, transport: Transport, pacer: Pacer) -> None:
+    def __init__(
+        self, bench: Bench, transport: Transport, pacer: Pacer, *, serves_between_ticks: bool
+    ) -> None:
         self._bench = bench
         self._transport = transport
         self._pacer = pacer
         self._held: list[Frame] = []
         self._routes = bench.routes
-        transport.listen_to(self._routes)
+        self._serves_between_ticks = serves_between_ticks and transport.has_exact_wait
+
+    def listen(self) -> None:
+        """Let the identifiers through that a bench listens to which has been powered on."""
+        self._routes = self._bench.routes
+        self._transport.listen_to(self._routes)
 
     def take(self, limit: int) -> list[Frame]:
         """Return the frames for a tick, the oldest first."""
@@ -139,8 +150,7 @@ class _Bus:
         In this order: a master that has the answer may use the new identifier at once.
         """
         if self._bench.routes is not self._routes:
-            self._routes = self._bench.routes
-            self._transport.listen_to(self._routes)
+            self.listen()
         self._transport.send(frames)
 
     def serve(self, now: int) -> None:
@@ -151,7 +161,7 @@ class _Bus:
         Args:
             now: time of the last tick [ns], at which the bench stands still.
         """
-        if not self._transport.has_exact_wait:
+        if not self._serves_between_ticks:
             return
         for _ in range(ROUNDS_BETWEEN_TICKS):
             remaining = self._pacer.remaining()

@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         wish = stack.enter_context(interruption())
         with StatusLine(
             session.snapshot,
-            session.fields,
+            [session.fields[:2], session.fields[2:]],  # time and set-point, then the axes
             statistics=session.statistics,
             wanted=not args.quiet,
         ):

@@ -13,6 +13,7 @@ from hil_bench.cli.arguments import (
     add_fault_arguments,
     add_loop_arguments,
     load_bench_config,
+    read_speed,
 )
 from hil_bench.cli.bench_bus import HUB_CHANNEL, OpenBus, open_bus
 from hil_bench.cli.device_table import device_table
@@ -42,7 +43,7 @@ from hil_bench.cli.status_line import (
 )
 from hil_bench.config import BenchConfig, FaultConfig
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.inline_recorder import RecordingSink
@@ -64,6 +65,8 @@ examples:
   hil-bench run --hub                  a bus for other programs where there is no SocketCAN;
                                        they join it with: -i socketcand -c {HUB_CHANNEL}
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
+  hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
+                --fault freeze pressure_a at_s=10
   hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
 """
 
@@ -82,6 +85,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_fault_arguments(parser)
     parser.add_argument(
         "--duration", type=float, metavar="S", help="end after S seconds of bench time"
+    )
+    parser.add_argument(
+        "--speed",
+        type=read_speed,
+        default=1.0,
+        metavar="X",
+        help="times real time (1), or max: as fast as this machine can, however slow others are",
     )
     parser.add_argument(
         "--hub",
@@ -143,7 +153,7 @@ def run(args: argparse.Namespace) -> int:
         wish = stack.enter_context(interruption())
         recording = None
         if not args.lockstep:
-            opened = open_recording(args, config, bench, is_real_time=True)
+            opened = open_recording(args, config, bench, is_real_time=args.speed <= 1)
             recording = stack.enter_context(opened)
         histograms = stack.enter_context(HistogramFile(args.histograms))
         bus = stack.enter_context(open_bus(args, config))
@@ -172,10 +182,13 @@ def check_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
     if args.hub is not None and not 0 <= args.hub <= 65535:
         raise ConfigError(f"--hub {args.hub}: a port from 1 to 65535 is right, or 0 for a free one")
+    if args.lockstep and args.speed != 1:
+        raise ConfigError("--speed: in lock-step the controller's SYNC is the pace; leave it out")
     for option in ("strict_timing", "histograms", "realtime", "overrun"):
-        if args.lockstep and getattr(args, option):
-            flag = f"--{option.replace('_', '-')}"
-            raise ConfigError(f"{flag}: in lock-step there is no real time to miss; leave it out")
+        if (args.lockstep or math.isinf(args.speed)) and getattr(args, option):
+            flag, where = f"--{option.replace('_', '-')}", "in lock-step"
+            where = where if args.lockstep else "at --speed max"
+            raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
     check_recording_arguments(args)
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
@@ -211,7 +224,8 @@ def run_until_told(
     bus, modbus = ways_in
     realtime = config.realtime
     statistics = TickStatistics(is_shared=True)
-    pacer = Pacer(MonotonicClock(), config.tick_ns, overrun=realtime.overrun, statistics=statistics)
+    clock = clock_of(args.speed)
+    pacer = Pacer(clock, config.tick_ns, overrun=realtime.overrun, statistics=statistics)
     periods = math.inf if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
     channels, fields = bench_status(bench)
     bus_channels, bus_fields = bus_status()
@@ -232,11 +246,22 @@ def run_until_told(
     if recording is not None:
         tap = RecordingTap(transport, recording)
         transport, observers = tap, [tap.observe, *observers]
-    shown = (*fields, *bus_fields)
+    shown = (fields, bus_fields)
     with StatusLine(snapshot, shown, statistics=statistics, wanted=not args.quiet):
         return run_paced(
-            *(bench, transport, pacer), stopped=stopped, observers=observers, realtime=realtime
+            *(bench, transport, pacer),
+            stopped=stopped,
+            observers=observers,
+            realtime=realtime,
+            serves_between_ticks=args.speed == 1,
         )
+
+
+def clock_of(speed: float) -> Clock:
+    """Return the clock of a run at some speed, which may be infinite."""
+    if math.isinf(speed):
+        return VirtualClock()
+    return MonotonicClock() if speed == 1 else ScaledClock(MonotonicClock(), speed)
 
 
 def lock_step(

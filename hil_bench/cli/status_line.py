@@ -1,4 +1,4 @@
-"""The live status line.
+"""The live status: some lines that are written over, in place.
 
 It is a process of its own that reads a snapshot, so that the loop never waits for a terminal.
 """
@@ -22,7 +22,8 @@ REFRESH = 0.1
 """Time between two refreshes [s]."""
 
 _END_TIMEOUT = 2.0
-_CLEAR_LINE = "\r\x1b[K"
+_CLEAR_BELOW = "\r\x1b[J"
+_LINE_UP = "\x1b[A"
 
 
 class Field(NamedTuple):
@@ -44,7 +45,7 @@ class StatusLine:
 
     Args:
         snapshot: what the loop writes.
-        fields: one a value of the row.
+        lines: the fields of each line, together one a value of the row.
         statistics: of the loop, shared; None shows none.
         wanted: False turns it off, as for ``--quiet``.
     """
@@ -52,7 +53,7 @@ class StatusLine:
     def __init__(
         self,
         snapshot: Snapshot,
-        fields: Sequence[Field],
+        lines: Sequence[Sequence[Field]],
         *,
         statistics: TickStatistics | None = None,
         wanted: bool = True,
@@ -61,7 +62,7 @@ class StatusLine:
         self._ended = context.Event()
         self._process = context.Process(
             target=show,
-            args=(snapshot, tuple(fields), statistics, self._ended),
+            args=(snapshot, tuple(map(tuple, lines)), statistics, self._ended),
             name="hil-bench-status",
             daemon=True,
         )
@@ -88,7 +89,10 @@ class StatusLine:
 
 
 def show(
-    snapshot: Snapshot, fields: tuple[Field, ...], statistics: TickStatistics | None, ended: Event
+    snapshot: Snapshot,
+    lines: tuple[tuple[Field, ...], ...],
+    statistics: TickStatistics | None,
+    ended: Event,
 ) -> None:
     """Write the newest row until `ended` is set; signals are the parent's to act on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -97,11 +101,23 @@ def show(
     while not ended.wait(REFRESH) and parent is not None and parent.is_alive():
         row = snapshot.read()
         if row is not None:
-            text = "  ".join((format_row(row.values, fields), *format_health(statistics)))
-            sys.stderr.write(_CLEAR_LINE + text[: shutil.get_terminal_size().columns - 1])
+            texts = format_lines(row.values, lines) + format_health(statistics)
+            sys.stderr.write(in_place(texts, shutil.get_terminal_size().columns))
             sys.stderr.flush()
-    sys.stderr.write(_CLEAR_LINE)
+    sys.stderr.write(_CLEAR_BELOW)
     sys.stderr.flush()
+
+
+def in_place(texts: Sequence[str], columns: int) -> str:
+    """Return what writes these lines over those before them, on a terminal of so many columns."""
+    cut = [text[: columns - 1] for text in texts]
+    return _CLEAR_BELOW + "\n".join(cut) + _LINE_UP * (len(cut) - 1)
+
+
+def format_lines(values: Sequence[float], lines: Sequence[Sequence[Field]]) -> list[str]:
+    """Return the values of a row, line by line."""
+    rest = iter(values)
+    return [format_row([next(rest) for _ in fields], fields) for fields in lines]
 
 
 def format_row(values: Sequence[float], fields: Sequence[Field]) -> str:
@@ -113,14 +129,18 @@ def format_row(values: Sequence[float], fields: Sequence[Field]) -> str:
 
 
 def format_health(statistics: TickStatistics | None) -> list[str]:
-    """Return what the status line shows of the loop's health, from its histograms."""
+    """Return the line on the loop's health, from its histograms; none where there is no loop."""
     if statistics is None:
         return []
-    late = statistics.lateness
-    return [
-        f"late p99 {late.percentile(99):.0f} max {late.maximum / 1e3:.0f} us",
+    facts = [
+        *(
+            f"{name} p99 {duration.percentile(99):.0f} max {duration.maximum / 1e3:.0f} us"
+            for name, duration in (("late", statistics.lateness), ("work", statistics.work))
+        ),
         f"{statistics.overruns} overran",
+        f"{statistics.skipped} skipped",
     ]
+    return ["  ".join(facts)]
 
 
 def bench_status(bench: Bench) -> tuple[list[Channel], list[Field]]:

@@ -185,7 +185,7 @@ READ_POSITION = Frame(0x604, READ_VALVE.data)
 SYNC = Frame(0x080)
 
 
-def answers(arrivals, ticks=5):
+def answers(arrivals, ticks=5, **options):
     """Run on a clock that starts at 0; return the SDO answers with their times [ns]."""
     clock = VirtualClock()
     transport = TimedTransport(clock, arrivals)
@@ -195,6 +195,7 @@ def answers(arrivals, ticks=5):
         transport,
         pacer,
         stopped=lambda: pacer.statistics.ticks == ticks,
+        **options,
     )
     assert pacer.statistics.overruns == 0
     assert pacer.statistics.lateness.maximum == 0  # what fits in is all that is served
@@ -207,6 +208,11 @@ def test_an_sdo_request_is_answered_between_two_ticks():
         (us(2320), 0x581),
         (us(2420), 0x584),
     ]
+
+
+def test_a_pacer_of_other_seconds_has_them_answered_by_the_next_tick():
+    arrivals = [(us(2300), READ_VALVE)]
+    assert answers(arrivals, serves_between_ticks=False) == [(us(3020), 0x581)]
 
 
 def test_shortly_before_a_tick_nothing_is_served():

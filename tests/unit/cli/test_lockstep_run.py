@@ -98,6 +98,10 @@ def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
             "--strict-timing: in lock-step there is no real time to miss; leave it out",
         ),
         (
+            ["--lockstep", "--speed", "max"],
+            "--speed: in lock-step the controller's SYNC is the pace; leave it out",
+        ),
+        (
             ["--lockstep", "--sync-period-us", "1500"],
             "--sync-period-us: 1500 is not a multiple of tick_us = 1000; give 1000 or 2000",
         ),

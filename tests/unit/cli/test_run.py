@@ -11,6 +11,7 @@ from hil_bench.cli import main
 from hil_bench.cli.bench_bus import check_hub
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import VirtualClock
+from hil_bench.recording.files import read_recording
 
 BUS = ["-i", "virtual", "-c", "test_run"]
 
@@ -103,6 +104,10 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
             "--hub 70000: a port from 1 to 65535 is right, or 0 for a free one",
         ),
         (
+            ["--speed", "max", "--realtime", "fifo"],
+            "--realtime: at --speed max there is no real time to miss; leave it out",
+        ),
+        (
             ["--hub", "-c", "can1"],
             "--hub makes a bus of its own; give either --hub or -i and -c",
         ),
@@ -136,6 +141,25 @@ def test_a_system_clock_that_is_set_back_holds_nothing_up(monkeypatch, capsys):
         monkeypatch.setattr(f"time.{name}", lambda: next(clock))
     assert main(["run", "--hub", "0", "--duration", "0.05"]) == 0
     assert "ticks     50 of 1000 us, 0 overran, 0 skipped\n" in capsys.readouterr().out
+
+
+def test_its_speed_is_that_of_the_clock_times_a_factor(monkeypatch, capsys):
+    clock = VirtualClock()
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", lambda: clock)
+    assert main(["run", *BUS, "--duration", "1", "--speed", "0.5"]) == 0
+    assert "ticks     1000 of 1000 us, 0 overran, 0 skipped\n" in capsys.readouterr().out
+    assert clock.now() == pytest.approx(2e9, rel=2e-3)  # [ns], a tick more or less
+
+
+def test_at_full_speed_it_looks_at_no_clock_and_records_every_tick(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", None)
+    path = tmp_path / "run.csv"
+    words = ["--duration", "2", "--speed", "max", "--record", str(path)]
+    assert main(["run", *BUS, *words]) == 0
+    out = capsys.readouterr().out
+    assert "ticks     2000 of 1000 us, 0 overran, 0 skipped\n" in out
+    assert f"recorded  2000 rows, 4 frames: {path}\n" in out
+    assert len(read_recording(path)) == 2000
 
 
 def test_faults_are_announced(capsys):

@@ -14,6 +14,7 @@ from hil_bench.cli.status_line import (
     bus_status_row,
     format_health,
     format_row,
+    in_place,
 )
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.snapshot import Snapshot
@@ -33,9 +34,12 @@ def test_it_shows_the_health_of_the_loop():
     statistics = TickStatistics()
     for lateness in (*[70_000] * 99, 123_400):
         statistics.lateness.record(lateness)
-    statistics.overruns = 2
+    statistics.work.record(50_000)
+    statistics.overruns, statistics.skipped = 2, 1
     # 70,000 ns lie in a bin of 512 ns, that ends with 70,143: 70 us.
-    assert format_health(statistics) == ["late p99 70 max 123 us", "2 overran"]
+    assert format_health(statistics) == [
+        "late p99 70 max 123 us  work p99 50 max 50 us  2 overran  1 skipped"
+    ]
     assert format_health(None) == []
 
 
@@ -47,7 +51,7 @@ def test_it_shows_the_traffic_of_the_bus():
 
 def test_it_is_silent_where_nobody_looks(capfd):
     channels, fields = bus_status()
-    with StatusLine(Snapshot(channels), fields):
+    with StatusLine(Snapshot(channels), [fields]):
         pass
     assert capfd.readouterr() == ("", "")
 
@@ -64,12 +68,20 @@ def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
     try:
         with os.fdopen(os.dup(2), "w") as stream, monkeypatch.context() as patch:
             patch.setattr(sys, "stderr", stream)
-            with StatusLine(snapshot, fields, statistics=statistics):
+            with StatusLine(snapshot, [fields[:2], fields[2:]], statistics=statistics):
                 shown = b""
-                while b"overran" not in shown:
+                while not shown.endswith(b"\x1b[A\x1b[A"):
                     shown += os.read(reader, 1024)
     finally:
         os.dup2(stderr, 2)
         for descriptor in (stderr, reader, terminal):
             os.close(descriptor)
-    assert b"in 7  out 5  bus 50.0 %  late p99 0 max 0 us  3 overran" in shown
+    # A terminal makes a line feed a carriage return, too. Down twice is up twice.
+    assert shown.endswith(
+        b"\r\x1b[Jin 7  out 5\r\nbus 50.0 %\r\n"
+        b"late p99 0 max 0 us  work p99 0 max 0 us  3 overran  0 skipped\x1b[A\x1b[A"
+    )
+
+
+def test_no_line_is_longer_than_the_terminal_is_wide():
+    assert in_place(["123456789", "ab"], 8) == "\r\x1b[J1234567\nab\x1b[A"

@@ -185,8 +185,8 @@ def draw_step(axes, pressure: ChainParameters) -> None:  # noqa: ANN001 - matplo
     }
     for label, (values, colour) in lines.items():
         axes.step(time_ms, values / BAR, where="post", label=label, color=colour)
-    axes.set(title="A step", xlabel="time [ms]", ylabel="pressure [bar]")
-    axes.legend()
+    axes.set(title="A step", xlabel="Time [ms]", ylabel="Pressure [bar]")
+    axes.legend(loc="lower right")
 
 
 def draw_motion(axes, position: ChainParameters) -> None:  # noqa: ANN001 - matplotlib's
@@ -199,7 +199,7 @@ def draw_motion(axes, position: ChainParameters) -> None:  # noqa: ANN001 - matp
     axes.plot(quantity * 1e6, quantity * 1e6, color=GREY, label="position")
     axes.plot(quantity * 1e6, values * 1e6, ".", color=BLUE, ms=3, label="magnetostrictive, 1 um")
     axes.step(quantity * 1e6, loop * 1e6, color=RED, lw=1, label="its hysteresis and resolution")
-    axes.set(title="To and fro", xlabel="position [um]", ylabel="shown [um]")
+    axes.set(title="To and fro", xlabel="Position [um]", ylabel="Shown [um]")
     axes.legend()
 
 
@@ -210,7 +210,7 @@ def draw_noise(axes, pressure: ChainParameters) -> None:  # noqa: ANN001 - matpl
     axes.axhline(100.0, color=GREY, label="pressure")
     axes.axhline(100.35, color=GREEN, ls="--", label="with offset and gain error")
     axes.step(np.arange(300), values / BAR, where="post", color=BLUE, lw=1, label="shown")
-    axes.set(title="At rest, class 0.25", xlabel="time [ms]", ylabel="pressure [bar]")
+    axes.set(title="At rest, class 0.25", xlabel="Time [ms]", ylabel="Pressure [bar]")
     axes.legend()
 
 
@@ -226,8 +226,8 @@ def draw_spectrum(axes) -> None:  # noqa: ANN001 - matplotlib's
     axes.loglog(frequency[1:], theory[1:], color=ORANGE, label="density times gain of the low-pass")
     axes.set(
         title="Noise of 100 Pa/√Hz, 100 Hz, first order",
-        xlabel="frequency [Hz]",
-        ylabel="density [Pa/√Hz]",
+        xlabel="Frequency [Hz]",
+        ylabel="Density [Pa/√Hz]",
     )
     axes.legend()
 

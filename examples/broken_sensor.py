@@ -99,27 +99,29 @@ def plot(start: float, cycles: np.ndarray, signals: Recording, path: Path) -> No
             axes.axvspan(begin, end, color=ORANGE, alpha=0.15, lw=0)
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10, 8), layout="constrained")
+        figure = Figure(figsize=(10, 8.5), layout="constrained")
         top, middle, bottom, last = figure.subplots(4, 1, sharex=True)
-        top.plot(times, signals["position.measured"] * 1e3, color=BLUE, label="measured")
-        top.plot(times, signals["axis1.position"] * 1e3, color=GREY, label="true")
+        true = {"color": GREY, "lw": 2.6}  # wide, or what lies on it would hide it
+        top.plot(times, signals["axis1.position"] * 1e3, label="true", **true)
+        top.plot(times, signals["position.measured"] * 1e3, color=BLUE, lw=1.3, label="measured")
         top.plot(cycles[:, 0], cycles[:, 1] * 1e3, "k--", lw=1, label="set-point")
-        top.set_ylabel("position [mm]")
+        top.set(ylabel="Position [mm]", ylim=(-150.0, 70.0))  # room for the names of the faults
         error = signals["axis1.position"] - np.interp(times, *cycles.T)
         middle.plot(times, error * 1e3, color=BLUE)
-        middle.set_ylabel("true error [mm]")
+        middle.set_ylabel("True error [mm]")
+        bottom.plot(times, signals["axis1.spool_position"] * 1e2, color=BLUE, label="actual")
         bottom.plot(times, signals["axis1.spool_setpoint"] * 1e2, "k--", lw=1, label="set-point")
-        bottom.plot(times, signals["axis1.spool_position"] * 1e2, color=BLUE, label="spool")
-        bottom.set_ylabel("spool [%]")
-        last.plot(times, signals["pressure_a.measured"] / 1e5, color=BLUE, label="P_A measured")
-        last.plot(times, signals["axis1.P_A"] / 1e5, color=GREY, label="P_A true")
-        last.set(ylabel="pressure [bar]", xlabel="time [s]", xlim=(0.0, DURATION))
+        bottom.set_ylabel("Spool [%]")
+        last.plot(times, signals["axis1.P_A"] / 1e5, label="$P_A$ true", **true)
+        last.plot(times, signals["pressure_a.measured"] / 1e5, color=BLUE, lw=1.3, label="measured")
+        last.set(ylabel="Pressure [bar]", xlabel="Time [s]", xlim=(0.0, DURATION))
         for axes in (top, middle, bottom, last):
             shade(axes)
         for axes in (top, bottom, last):
-            axes.legend(loc="upper center", ncols=3)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.0)
         for begin, end, name in STEPS:
-            top.text((begin + end) / 2, top.get_ylim()[0], name, ha="center", va="bottom", size=8)
+            top.text((begin + end) / 2, -146.0, name, ha="center", va="bottom", size=8)
+        figure.align_ylabels()
         figure.savefig(path, dpi=110)
 
 

@@ -6,15 +6,17 @@ default, and ``run(args) -> int``. It is imported only when it is called, so tha
 """
 
 import argparse
+import errno
 import importlib
 import logging
-import os
 import sys
 import traceback
 from collections.abc import Sequence
 
 from hil_bench import __version__
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
+from hil_bench.cli.parser import Parser
+from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments
 from hil_bench.errors import HilBenchError
 
@@ -37,6 +39,8 @@ VERBS = {
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""
 
+_FAULTS_OF_THE_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.EROFS}
+
 _EXAMPLES = """\
 exit codes:
   0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
@@ -53,23 +57,32 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    verbosity = 0
     try:
-        args = _build_parser(arguments).parse_args(arguments)
-    except SystemExit as end:  # argparse has said why
-        return int(end.code or ExitCode.DONE)
-    _set_up_logging(args.verbose, quiet=args.quiet)
-    try:
+        prepare_streams()
+        args = _parse(arguments)
+        verbosity = args.verbose
+        _set_up_logging(verbosity, quiet=args.quiet)
         code: int = args.run(args)
-        sys.stdout.flush()  # here, where a closed pipe can still be told from an error
+        flush_output()  # here, where a closed pipe can still be told from an error
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
-        _discard_standard_output()
+        discard_output()
         return ExitCode.DONE
     except KeyboardInterrupt:
         return ExitCode.INTERRUPTED
     except Exception as error:  # the last place where it can become one line
-        return _report(error, verbosity=args.verbose)
+        return _report(error, verbosity=verbosity)
     return code
+
+
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the command line; where argparse has given the answer, nothing is left to be run."""
+    try:
+        return _build_parser(arguments).parse_args(arguments)
+    except SystemExit as end:
+        code = int(end.code or ExitCode.DONE)
+        return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
 
 
 def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
@@ -82,7 +95,9 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     add_verbosity_arguments(parser, verbose=0, quiet=False)
-    subparsers = parser.add_subparsers(title="verbs", metavar="VERB", required=True)
+    subparsers = parser.add_subparsers(
+        title="verbs", metavar="VERB", required=True, parser_class=Parser
+    )
     called = next((argument for argument in arguments if not argument.startswith("-")), None)
     for verb, summary in VERBS.items():
         if verb == called:
@@ -100,9 +115,6 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
     logging.basicConfig(level=level, format="hil-bench: %(message)s", force=True)
-    if not verbosity:
-        # python-can speaks of its own inner life; what matters to a user reaches them as an error.
-        logging.getLogger("can").setLevel(logging.CRITICAL)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
 
@@ -111,16 +123,14 @@ def _report(error: Exception, *, verbosity: int) -> ExitCode:
     """Tell an error on standard error, a line a problem."""
     if verbosity >= 2:
         traceback.print_exception(error)
-    text = str(error)
-    if not isinstance(error, HilBenchError):
+    text, code = str(error), exit_code_of(error)
+    if isinstance(error, OSError) and error.errno in _FAULTS_OF_THE_MACHINE:
+        place = error.filename or "standard output"
+        text, code = f"{place}: {error.strerror}", ExitCode.USAGE
+    elif not isinstance(error, HilBenchError):
         text = f"{type(error).__name__}: {error}"
         if verbosity < 2:
             text += "; this is a bug, please report it with the output of the same command and -vv"
     for line in text.splitlines():
         print(f"hil-bench: error: {line}", file=sys.stderr)
-    return exit_code_of(error)
-
-
-def _discard_standard_output() -> None:
-    """Or the interpreter would complain when it flushes standard output at exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code

@@ -68,7 +68,7 @@ def test_an_error_is_one_line_and_an_exit_code(
     code: int,
     line: str,
 ) -> None:
-    monkeypatch.setattr(cli, "_discard_standard_output", lambda: None)
+    monkeypatch.setattr(cli, "discard_output", lambda: None)
 
     assert act(failing(error)) == code
     assert capsys.readouterr().err == line
@@ -173,7 +173,7 @@ def test_python_m_is_the_same_command() -> None:
     assert done.stdout == f"hil-bench {__version__}\n"
 
 
-@pytest.mark.parametrize("verb", ["check", "devices"])  # more and less than a buffer of output
+@pytest.mark.parametrize("verb", ["check", "devices", "--help"])  # more and less than a buffer
 def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path, verb: str) -> None:
     # Unbuffered output would hide what happens when the interpreter flushes it at exit.
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}

@@ -1,0 +1,172 @@
+"""Links, names and snippets of the documents lead somewhere, load and run."""
+
+import ast
+import importlib
+import pkgutil
+import re
+import shutil
+import subprocess
+
+import pytest
+from support import documents
+from support.documents import DOCUMENTS, ROOT, Block
+
+import drivers.modbus
+from drivers.modbus.framing import TcpFraming
+from hil_bench.config import load_config
+from hil_bench.config.register_maps import load_register_map
+from hil_bench.virtual_bench import VirtualBench
+
+pytest_plugins = ["pytester"]
+
+FOLDERS = "docs|examples|benchmarks|device_profiles|drivers|hil_bench|tests|.ci"
+SKETCHES = "docs/design.md"  # its blocks show types, not programs
+PYTHON = [block for block in documents.blocks("python") if not str(block).startswith(SKETCHES)]
+IS_REFUSED = re.compile(r"\s*```text\nbench\.toml:")
+
+VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+PRESSURE = '[nodes.pressure_a]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\n'
+BEGINNINGS = {
+    "[nodes.valve.objects]": VALVE,
+    "[nodes.pressure_a.chain]": VALVE + PRESSURE,
+    "[nodes.io.objects]": '[nodes.io]\nnode_id = 10\neds = "vendor.eds"\n',
+}
+"""What a file has before the first table of a snippet that shows no whole one."""
+
+
+def code_with(pattern: str) -> set[tuple[str, str]]:
+    """Return document and match of the pieces of code in the text that match a pattern."""
+    return {(place, code) for place, code in documents.inline_code() if re.fullmatch(pattern, code)}
+
+
+def test_every_link_leads_to_a_file_and_a_heading():
+    lost = []
+    for document, target in documents.links():
+        name, _, anchor = target.partition("#")
+        path = document.parent / name if name else document
+        if not path.exists() or (anchor and anchor not in documents.anchors(path)):
+            lost.append(f"{document.relative_to(ROOT)}: {target}")
+    assert lost == []
+
+
+def test_every_picture_is_shown_somewhere():
+    shown = {(path.parent / target).resolve() for path, target in documents.links()}
+    assert [path for path in (ROOT / "docs" / "images").iterdir() if path not in shown] == []
+
+
+def test_every_document_is_linked():
+    linked = {
+        (path.parent / target.partition("#")[0]).resolve() for path, target in documents.links()
+    }
+    apart = [path for path in DOCUMENTS if not {path, path.parent} & linked]
+    assert apart == [ROOT / "README.md"]
+
+
+@pytest.mark.parametrize(("place", "code"), code_with(rf"(?:{FOLDERS})/[\w./*-]+"))
+def test_a_file_that_is_named_is_there(place, code):
+    assert list(ROOT.glob(code)), place
+
+
+@pytest.mark.parametrize(("place", "code"), code_with(r"(?:hil_bench|drivers)(?:\.\w+)+"))
+def test_a_name_of_the_packages_is_there(place, code):
+    assert pkgutil.resolve_name(code) is not None, place
+
+
+@pytest.mark.parametrize(
+    ("document", "package"),
+    [("docs/analysis.md", "hil_bench.analysis"), ("docs/plant.md", "hil_bench.plant")],
+)
+def test_a_function_that_is_named_is_there(document, package):
+    modules = {
+        module.name for module in pkgutil.iter_modules(importlib.import_module(package).__path__)
+    }
+    named = [
+        code
+        for place, code in code_with(r"[a-z_]+\.[a-z_]+")
+        if place == document and code.partition(".")[0] in modules
+    ]
+    assert len(named) > 10
+    for name in named:
+        pkgutil.resolve_name(f"{package}.{name}")
+
+
+@pytest.mark.parametrize("block", documents.blocks("toml"), ids=str)
+def test_a_toml_snippet_loads(block, tmp_path):
+    text = block.path.read_text(encoding="utf-8")
+    behind = text[text.index(block.text) + len(block.text) + len("```\n") :]
+    if IS_REFUSED.match(behind):
+        return  # tests/unit/config/test_documentation.py compares what is said of it
+    shutil.copy(ROOT / "device_profiles/imitations/analogue_io_401.eds", tmp_path / "vendor.eds")
+    path = tmp_path / "bench.toml"
+    if "_registers." in block.text:
+        path.write_text(block.text, encoding="utf-8")
+        load_register_map(path)
+        return
+    for name in re.findall(r'"(\w+\.(?:pem|key))"', block.text):
+        (tmp_path / name).touch()
+    beginning = BEGINNINGS.get(block.text.partition("\n")[0], "")
+    path.write_text(beginning + block.text, encoding="utf-8")
+    load_config(path)
+
+
+@pytest.mark.parametrize("block", PYTHON, ids=str)
+def test_a_python_snippet_says_what_its_comments_say(block, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "examples/one_axis.toml", "bench.toml")
+    with VirtualBench(load_config(modbus=True)) as bench:  # what listens to a Modbus client
+        monkeypatch.setattr(
+            drivers.modbus, "TcpLink", lambda _host, _port: bench.modbus_link(TcpFraming())
+        )
+        bench.run(0.1)
+        shown = run_and_collect_comments(block)
+    said = capsys.readouterr().out.splitlines()
+    assert len(said) == len(shown)
+    for line, comment in zip(said, shown, strict=True):
+        assert re.fullmatch(re.escape(comment).replace(r"\.\.\.", ".*"), line)
+
+
+def run_and_collect_comments(block: Block) -> list[str]:
+    """Run a snippet that prints each expression, too; return what it shows behind "#"."""
+    tree, lines, shown = ast.parse(block.text), block.text.splitlines(), []
+    for statement in ast.walk(tree):
+        if isinstance(statement, ast.Expr) and not is_call_of_another(statement.value):
+            if not isinstance(statement.value, ast.Call):
+                statement.value = ast.Call(ast.Name("print", ast.Load()), [statement.value], [])
+            comment = lines[statement.end_lineno - 1].partition("  # ")[2]
+            shown.append((statement.lineno, re.sub(r"(?: \[|: ).*", "", comment)))
+    program = compile(ast.fix_missing_locations(tree), str(block), "exec")
+    exec(program, {"__name__": "snippet"})  # noqa: S102 - it is our own document
+    return [comment for _, comment in sorted(shown)]
+
+
+def is_call_of_another(value: ast.expr) -> bool:
+    """Whether an expression is a call, and none of print, so that it shows nothing."""
+    return isinstance(value, ast.Call) and ast.unparse(value.func) != "print"
+
+
+def test_the_tests_pass(pytester):
+    tests = [block.text for block in documents.blocks("py") if "firmware(" not in block.text]
+    pytester.makepyfile("\n\n".join(tests))
+    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(
+        passed=sum(text.count("def test_") for text in tests)
+    )
+
+
+@pytest.mark.skipif(
+    not (shutil.which("make") and shutil.which("cc")),
+    reason="no C compiler; apt-get install make gcc libc6-dev",
+)
+def test_the_tests_of_firmware_pass(pytester):
+    tests = [block.text for block in documents.blocks("py") if "firmware(" in block.text]
+    assert len(tests) == 1
+    build = pytester.path / "build"
+    make = ["make", "--silent", "-C", ROOT / "examples" / "firmware", f"BUILD={build}"]
+    subprocess.run(make, check=True)  # noqa: S603 - our own sources
+    pytester.makepyfile(tests[0])
+    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
+
+
+def test_no_example_is_left_untold():
+    texts = [path.read_text(encoding="utf-8") for path in DOCUMENTS]
+    examples = [path.name for path in (ROOT / "examples").iterdir() if path.is_file()]
+    assert [name for name in examples if not any(name in text for text in texts)] == []

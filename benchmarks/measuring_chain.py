@@ -169,7 +169,7 @@ def draw_step(axes, pressure: ChainParameters) -> None:  # noqa: ANN001 - matplo
             run_chain(MeasuringChain(pressure, fine_ns, stream), quantity),
             BLUE,
         ),
-        "100 Hz, second order, 2 ms delay": (
+        "100 Hz, second order,\n2 ms delay": (
             run_chain(
                 MeasuringChain(
                     ChainParameters(
@@ -186,7 +186,7 @@ def draw_step(axes, pressure: ChainParameters) -> None:  # noqa: ANN001 - matplo
     for label, (values, colour) in lines.items():
         axes.step(time_ms, values / BAR, where="post", label=label, color=colour)
     axes.set(title="A step", xlabel="Time [ms]", ylabel="Pressure [bar]")
-    axes.legend(loc="lower right")
+    axes.legend(loc="center right")
 
 
 def draw_motion(axes, position: ChainParameters) -> None:  # noqa: ANN001 - matplotlib's

@@ -101,18 +101,21 @@ def plot(start: float, cycles: np.ndarray, signals: Recording, path: Path) -> No
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10, 8.5), layout="constrained")
         top, middle, bottom, last = figure.subplots(4, 1, sharex=True)
-        true = {"color": GREY, "lw": 2.6}  # wide, or what lies on it would hide it
-        top.plot(times, signals["axis1.position"] * 1e3, label="true", **true)
+        below = {"color": GREY, "lw": 2.6}  # wide, or what lies on it would hide it
+        top.plot(times, signals["axis1.position"] * 1e3, label="true", **below)
         top.plot(times, signals["position.measured"] * 1e3, color=BLUE, lw=1.3, label="measured")
         top.plot(cycles[:, 0], cycles[:, 1] * 1e3, "k--", lw=1, label="set-point")
         top.set(ylabel="Position [mm]", ylim=(-150.0, 70.0))  # room for the names of the faults
         error = signals["axis1.position"] - np.interp(times, *cycles.T)
         middle.plot(times, error * 1e3, color=BLUE)
         middle.set_ylabel("True error [mm]")
-        bottom.plot(times, signals["axis1.spool_position"] * 1e2, color=BLUE, label="actual")
-        bottom.plot(times, signals["axis1.spool_setpoint"] * 1e2, "k--", lw=1, label="set-point")
+        setpoint, spool = (
+            signals[f"axis1.spool_{what}"] * 1e2 for what in ("setpoint", "position")
+        )
+        bottom.plot(times, setpoint, "--", label="set-point", **below)
+        bottom.plot(times, spool, color=BLUE, lw=1.3, label="actual")
         bottom.set_ylabel("Spool [%]")
-        last.plot(times, signals["axis1.P_A"] / 1e5, label="$P_A$ true", **true)
+        last.plot(times, signals["axis1.P_A"] / 1e5, label="$P_A$ true", **below)
         last.plot(times, signals["pressure_a.measured"] / 1e5, color=BLUE, lw=1.3, label="measured")
         last.set(ylabel="Pressure [bar]", xlabel="Time [s]", xlim=(0.0, DURATION))
         for axes in (top, middle, bottom, last):

@@ -1,7 +1,7 @@
 """A parser that takes its positional arguments wherever they stand."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 
 class Parser(argparse.ArgumentParser):
@@ -12,7 +12,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     def _match_arguments_partial(
-        self, actions: Iterable[argparse.Action], arg_strings_pattern: str
+        self, actions: Sequence[argparse.Action], arg_strings_pattern: str
     ) -> list[int]:
         counts = super()._match_arguments_partial(actions, arg_strings_pattern)
         has_more = "A" in arg_strings_pattern[sum(counts) :]  # "A" for argument, "O" for option

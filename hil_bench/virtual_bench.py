@@ -183,6 +183,7 @@ class VirtualBench:
         Raises:
             WaitTimeoutError: it did not hold in time.
         """
+        __tracebackhide__ = True  # a failed test shows its own line
         start = self.now()
         tick = self.config.tick_ns * 1e-9
         last_begin = start + timeout - 0.5 * tick

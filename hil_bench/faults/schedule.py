@@ -44,7 +44,8 @@ class FaultSchedule:
     """The faults that are there or are to come; past ones are in `events` only.
 
     Attributes:
-        due: when `advance` has something to do [ns].
+        due: when `advance` has something to do [ns]: in each tick while a fault is there, since
+            somebody may clear it after any of them, which is then its end.
         events: what began and ended last, oldest first.
     """
 
@@ -120,5 +121,5 @@ class FaultSchedule:
             self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=False))
 
     def _set_due(self) -> None:
-        times = [fault.ends if fault.is_active else fault.begins or 0 for fault in self._faults]
-        self.due = min((self._origin + time for time in times if time is not None), default=NEVER)
+        times = [0 if fault.is_active else fault.begins or 0 for fault in self._faults]
+        self.due = min((self._origin + time for time in times), default=NEVER)

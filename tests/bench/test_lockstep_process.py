@@ -168,3 +168,20 @@ def test_a_controller_that_is_gone_leaves_time_to_the_next_one(start):
     assert exit_code == 130
     assert "lockstep  11 SYNCs of 1000 us: 0.011 s" in out
     assert "node 1    valve: OPERATIONAL" in out
+
+
+@pytest.mark.timeout(120)
+def test_a_controller_on_two_buses_moves_a_bench_on_each(start):
+    benches = [start(name) for name in ("left", "right")]
+    buses = [Controller(bench.port) for bench in benches]
+    for number in range(20):
+        for bus, count in zip(buses, (1, 2), strict=True):  # the right one at twice the rate
+            for _ in range(count):
+                bus.cycle()
+                answer = bus.await_answer()[-1]
+                assert answer[1].startswith(b"43001000"), number
+    for bus in buses:
+        bus.close()
+    outputs = [bench.end()[1] for bench in benches]
+    assert "lockstep  20 SYNCs of 1000 us: 0.020 s" in outputs[0]
+    assert "lockstep  40 SYNCs of 1000 us: 0.040 s" in outputs[1]

@@ -7,8 +7,9 @@ BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#9
 PURPLE, SKY, BLACK = "#CC79A7", "#56B4E9", "#222222"
 
 STYLE: dict[Any, Any] = {
-    "axes.edgecolor": "#444444",
     "axes.axisbelow": True,
+    "axes.edgecolor": "#444444",
+    "axes.formatter.useoffset": False,  # or a reader has to add what stands above the axis
     "axes.grid": True,
     "axes.labelcolor": "#222222",
     "axes.spines.right": False,

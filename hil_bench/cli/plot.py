@@ -74,7 +74,7 @@ def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:
     """Draw the traffic.
 
     Raises:
-        ConfigError: signals are asked for too.
+        ConfigError: signals are asked for too, or there are no frames.
     """
     if args.signals:
         raise ConfigError(f"--signals: {args.recording} is drawn as frames; give one or the other")
@@ -83,6 +83,8 @@ def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:
         for logged in read_frames(args.recording)
         if args.begin <= logged.now * 1e-9 <= args.end
     ]
+    if not frames:
+        raise ConfigError(f"{args.recording}: no frames to draw, at least not in this time")
     plot_frames(frames, path, title=title)
 
 

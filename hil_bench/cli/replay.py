@@ -131,10 +131,18 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
 
 
 def drive(args: argparse.Namespace, config: BenchConfig) -> int:
-    """Drive the plant and compare."""
+    """Drive the plant and compare.
+
+    Raises:
+        ConfigError: the recording lacks what is needed.
+    """
     recorded = read_recording(args.recording)
     tolerances = dict(_tolerance(text) for text in args.tolerance)
-    deviations = compare_recordings(recorded, drive_plant(config, recorded), tolerances)
+    try:
+        driven = drive_plant(config, recorded)
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    deviations = compare_recordings(recorded, driven, tolerances)
     if args.json:
         print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
     else:

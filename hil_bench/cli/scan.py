@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
@@ -103,6 +103,7 @@ def _node_ids(text: str) -> range:
 
 def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -> str:
     lines = [f"bus    {opened.description}", f"load   {_load(found.traffic, args)}", ""]
+    lines += _table(found.nodes)
     for node in found.nodes:
         lines += _node_lines(node)
     lines += [_unconfigured_line(address) for address in found.unconfigured or ()]
@@ -118,9 +119,33 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     return "\n".join(lines)
 
 
+def _table(nodes: Sequence[NodeDescription]) -> list[str]:
+    """Return a line a node, and an empty one behind them; nothing for no nodes."""
+    if not nodes:
+        return []
+    rows = [("node", "NMT state", "profile", "revision", "errors", "name")]
+    for node in nodes:
+        register = node.error_register
+        rows.append(
+            (
+                str(node.node_id),
+                (node.nmt_state or "not told").replace("_", "-"),
+                node.profile or "not told",
+                _hex(node.revision_number),
+                "-" if register is None else f"0x{register:02X}",
+                node.device_name or "-",
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    ]
+    return [*(line.rstrip() for line in lines), ""]
+
+
 def _node_lines(node: NodeDescription) -> Iterator[str]:
-    name = node.device_name or ""
-    yield f"node {node.node_id}  {node.nmt_state or 'NMT state not told'}  {name}".rstrip()
+    yield f"node {node.node_id}"
     if node.clash:
         yield "  clash     more than one device answers under this node-ID"
     if node.device_type is not None:

@@ -15,12 +15,14 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3))
 
 SERIAL_NUMBER = (0x1018, 4)
 
+MAPPING = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+"""What the PDOs carry: the indices of RPDOs and of TPDOs."""
+
 # Commands and clocks in the guise of values: pre-defined error field, store, restore, time stamp,
 # high resolution time stamp, verify configuration and what follows it.
 _NO_SETTINGS = (0x1003, 0x1010, 0x1011, 0x1012, 0x1013, *range(0x1F20, 0x1F60))
 
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
-_MAPPING = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 _RPDO_MAPPING = range(0x1600, 0x1800)
 _NUMBERS = frozenset((*datatypes.INTEGER_TYPES, *datatypes.FLOAT_TYPES, datatypes.BOOLEAN))
 
@@ -57,7 +59,7 @@ class Difference:
 
 
 def compare(
-    network: Network, config: BenchConfig, *, patience: float = 1.0, timeout: float = 0.2
+    network: Network, config: BenchConfig, *, patience: float = 1.0, timeout: float = 0.5
 ) -> list[Difference]:
     """Return every difference between a bus and the configuration; reads only.
 
@@ -204,7 +206,7 @@ def _commanded(values: Mapping[Key, int | float]) -> set[Key]:
 
 def _is_beyond_mapping(key: Key, values: Mapping[Key, int | float]) -> bool:
     index, subindex = key
-    return any(index in block for block in _MAPPING) and subindex > values.get((index, 0), 0)
+    return any(index in block for block in MAPPING) and subindex > values.get((index, 0), 0)
 
 
 def _place(node: Node, key: Key) -> str:
@@ -215,7 +217,7 @@ def _place(node: Node, key: Key) -> str:
 def _text(key: Key, value: int | float) -> str:  # noqa: PYI041 - which of both it is decides
     """Return a value as an engineer reads it: identifiers and mapping entries in hexadecimal."""
     is_identifier = any(key[0] in block for block in _COMMUNICATION) and key[1] == 1
-    is_entry = any(key[0] in block for block in _MAPPING) and key[1] > 0
+    is_entry = any(key[0] in block for block in MAPPING) and key[1] > 0
     if (is_identifier or is_entry) and isinstance(value, int):
         return f"0x{value:08X}"
     return f"{value:g}" if isinstance(value, float) else str(value)

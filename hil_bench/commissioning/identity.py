@@ -69,7 +69,7 @@ class NodeDescription:
         return f"CiA {number}, {meaning}" if number and meaning else meaning or f"CiA {number}"
 
 
-def describe(network: Network, sighting: Sighting, *, timeout: float = 0.2) -> NodeDescription:
+def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> NodeDescription:
     """Return what a node says of itself.
 
     Args:

@@ -150,6 +150,7 @@ class StepResult:
         verdict: how it ended.
         measures: its numbers.
         findings: the faults that it names.
+        notes: what else is worth knowing, a sentence each.
         problem: why it was stopped or not run, empty otherwise.
         trace: its samples; None without motion or recording.
         curves: its characteristics.
@@ -160,6 +161,7 @@ class StepResult:
     verdict: Verdict = Verdict.PASSED
     measures: list[Measure] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     problem: str = ""
     trace: Recording | None = None
     curves: list[Curve] = field(default_factory=list)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers import Network
-from hil_bench.commissioning.comparison import Mend, compare
+from hil_bench.commissioning.comparison import MAPPING, Difference, Mend, compare
 from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdict
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Step, expected_speed
@@ -93,17 +93,30 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
         if difference.node_id in names
     ]
     foreign = [difference for difference in differences if difference.mend is Mend.NODE]
+    settings = [difference for difference in differences if difference.mend is Mend.WRITE]
+    remapped = [difference for difference in settings if _is_mapping(difference)]
     result.findings += [_identity_finding(difference.what) for difference in foreign]
-    result.measures.append(Measure("nodes as configured", float(4 - len(foreign)), "nodes", low=4))
-    result.measures.append(
-        Measure("settings that differ from the EDS", float(len(differences) - len(foreign)), "")
-    )
-    if foreign:
+    result.findings += [
+        Finding("another PDO mapping", difference.what, "hil-bench check --bus --apply mends it")
+        for difference in remapped
+    ]
+    result.notes += [difference.what for difference in settings if difference not in remapped]
+    strangers = {difference.node_id for difference in foreign}
+    result.measures += [
+        Measure("nodes as configured", float(len(names) - len(strangers)), "nodes", low=len(names)),
+        Measure("settings that differ from the EDS", float(len(settings)), ""),
+    ]
+    if foreign or remapped:
         result.verdict = Verdict.STOPPED
-        result.problem = "a node is not the one that its EDS describes; nothing was moved"
+        result.problem = "a node is not as its EDS describes it; nothing was moved"
         return result
     procedure.rig.set_up()
     return result
+
+
+def _is_mapping(difference: Difference) -> bool:
+    """Whether it is one of what a PDO carries."""
+    return difference.key is not None and any(difference.key[0] in block for block in MAPPING)
 
 
 def _identity_finding(what: str) -> Finding:

@@ -148,6 +148,7 @@ def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Pat
             lines += [f"**{finding.name}**: {finding.evidence}. {finding.mend}.", ""]
         if result.measures:
             lines += _markdown_table(_MEASURE_HEAD, [_measure_row(m) for m in result.measures])
+        lines += ["", *(f"- {note}" for note in result.notes)] if result.notes else []
         if result.kind in pictures:
             lines += ["", f"![{_title(result)}]({pictures[result.kind].name})"]
     return "\n".join(lines) + "\n"
@@ -183,6 +184,9 @@ def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) 
         parts += [_html_finding(f.name, f.evidence, f.mend) for f in result.findings]
         if result.measures:
             parts.append(_html_table(_MEASURE_HEAD, [_measure_row(m) for m in result.measures]))
+        if result.notes:
+            notes = "".join(f"<li>{escape(note)}</li>" for note in result.notes)
+            parts.append(f"<ul>{notes}</ul>")
         if result.kind in pictures:
             parts.append(_html_picture(pictures[result.kind], result))
     return "\n".join((*filter(None, parts), "</body></html>\n"))

@@ -17,7 +17,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import Transport
 
-START_TIMEOUT = 10.0
+START_TIMEOUT = 20.0
 """Longest wait for the first answer [s]: the bench may just be starting."""
 
 ANSWER_TIMEOUT = 2.0
@@ -33,10 +33,14 @@ MOST_ASKED = 3
 """Nodes that are asked for one end mark, one after the other, before the bench is given up."""
 
 _SYNC = Frame(0x080)
-_SDO_REQUEST, _SDO_ANSWER = 0x600, 0x580
+_SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600, 0x580, 0x700
 _ABORT, _UPLOAD, _COMMAND = 0x80, 0x40, 0xE0
 _READ_ERROR_REGISTER = bytes.fromhex("4001100000000000")
 """Upload of 0x1001, which every device has (CiA 301)."""
+
+
+class _LockStepError(Exception):
+    """The bench is gone, or not in lock-step."""
 
 
 class SyncProducer:
@@ -65,6 +69,7 @@ class SyncProducer:
         self._brought: list[Frame] = []
         self._busy: int | None = None
         self._is_interrupted = False
+        self._has_heard_heartbeat = False
 
     def join(self) -> None:
         """Find out which nodes answer, and that nothing happens by itself.
@@ -72,13 +77,10 @@ class SyncProducer:
         Raises:
             BusError: fewer than two answer, or time passes without SYNC.
         """
-        deadline = self._clock() + START_TIMEOUT
-        answered: set[int] = set()
-        while not answered and self._clock() < deadline:
-            self._unanswered.clear()  # nobody had heard of it
-            for node_id in self._node_ids:
-                self._ask(node_id)
-            answered = self._listen()
+        try:
+            answered = self._find_nodes()
+        except _LockStepError as error:
+            raise BusError(f"{self._transport.description}: {error}") from error
         self._node_ids = [node_id for node_id in self._node_ids if node_id in answered]
         # A second node stands in where the first is in the middle of the controller's own transfer.
         if len(answered) < 2:
@@ -98,7 +100,7 @@ class SyncProducer:
         """
         try:
             return self._exchange(frames)
-        except BusError as error:
+        except (BusError, _LockStepError) as error:
             raise can.CanOperationError(str(error)) from error
 
     def _exchange(self, frames: Sequence[Frame]) -> list[Frame]:
@@ -113,7 +115,28 @@ class SyncProducer:
         self._collect_all()
         self._is_interrupted = False
         brought, self._brought = self._brought, []
+        self._check_heartbeats(brought)
         return brought
+
+    def _check_heartbeats(self, brought: Sequence[Frame]) -> None:
+        """At the first heartbeat, see that the next does not come by itself: that is real time."""
+        if not self._has_heard_heartbeat and any(
+            _HEARTBEAT < frame.can_id < _HEARTBEAT + 0x80 for frame in brought
+        ):
+            self._has_heard_heartbeat = True
+            self._transport.wait(QUIET)
+            self._refuse(self._take())
+
+    def _find_nodes(self) -> set[int]:
+        """Return which nodes answer."""
+        deadline = self._clock() + START_TIMEOUT
+        answered: set[int] = set()
+        while not answered and self._clock() < deadline:
+            self._unanswered.clear()  # nobody had heard of it
+            for node_id in self._node_ids:
+                self._ask(node_id)
+            answered = self._listen()
+        return answered
 
     def _listen(self) -> set[int]:
         """Return which nodes answer, once nothing more comes; a bus that goes on is refused."""
@@ -132,20 +155,19 @@ class SyncProducer:
         """Refuse frames that nothing of ours has brought.
 
         Raises:
-            BusError: there are some.
+            _LockStepError: there are some.
         """
         if unasked:
-            raise BusError(
-                f"{self._transport.description}: frame 0x{unasked[0].can_id:03X} came unasked; "
-                "lock-step needs a bus on which nothing happens between two of our SYNCs, as of "
-                "'hil-bench run --lockstep'"
+            raise _LockStepError(
+                f"frame 0x{unasked[0].can_id:03X} came unasked; lock-step needs a bus on which "
+                "nothing happens between two of our SYNCs, as of 'hil-bench run --lockstep'"
             )
 
     def _collect_all(self) -> None:
         """Take all that comes up to the end mark.
 
         Raises:
-            BusError: it does not come.
+            _LockStepError: it does not come.
         """
         # A second request to an SDO server would end the controller's own transfer.
         free = [node_id for node_id in self._node_ids if node_id != self._busy]
@@ -157,9 +179,8 @@ class SyncProducer:
             self._node_ids.remove(node_id)
             self._node_ids.append(node_id)
         asked = " and ".join(map(str, free[:MOST_ASKED]))
-        raise BusError(
-            f"{self._transport.description}: no answer from node {asked} within "
-            f"{ANSWER_TIMEOUT:g} s; is the bench still there?"
+        raise _LockStepError(
+            f"no answer from node {asked} within {ANSWER_TIMEOUT:g} s; is the bench still there?"
         )
 
     def _ask(self, node_id: int) -> None:

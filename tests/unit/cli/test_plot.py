@@ -45,7 +45,7 @@ def test_it_goes_beside_the_recording(folder):
     [
         (["run.csv", "--signals", "axis9.*"], "no signal fits axis9.*; the recording has axis1.po"),
         (["run.csv", "--from", "9"], "run.csv: no rows to draw; it has 0.001 to 0.05 s"),
-        (["run.log", "--from", "9"], "run.png: the recording has no frames to plot"),
+        (["run.log", "--from", "9"], "run.log: no frames to draw, at least not in this time"),
         (["run.log", "--signals", "x"], "run.log is drawn as frames; give one or the other"),
         (["run.mf4", "-o", "x.xyz"], "x.xyz: cannot be written: "),
     ],

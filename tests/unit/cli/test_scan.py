@@ -16,7 +16,15 @@ serial_number = 77
 def test_the_virtual_bench_is_scanned(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scan", "--virtual"]) == 0
     out = capsys.readouterr().out
-    assert "CiA 408, proportional valve" in out
+    header, valve, *_ = (line.split("  ") for line in out.splitlines()[3:])
+    assert [cell.strip() for cell in header if cell] == [
+        *("node", "NMT state", "profile", "revision", "errors", "name"),
+    ]
+    assert [cell.strip() for cell in valve if cell] == [
+        *("1", "PRE-OPERATIONAL", "CiA 408, proportional valve"),
+        *("0x00010000", "0x00", "HIL bench valve"),
+    ]
+    assert "  versions  hardware virtual, software 1.0\n" in out
     assert out.rstrip().endswith("4 nodes found")
 
 

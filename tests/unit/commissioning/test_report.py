@@ -38,6 +38,7 @@ def found():
         trace=trace,
         curves=[curve],
     )
+    ramp.notes.append("a heartbeat is <off>")
     chirp = StepResult("chirp", Verdict.NOT_RUN, problem="step ramp failed")
     node = NodeDescription(4, "OPERATIONAL", False, 0x196, 1, 2, 3, 4, "encoder")
     return Commissioning("axis1", (ramp, chirp), (node,), 0)
@@ -59,6 +60,7 @@ def test_both_say_the_same(tmp_path):
         "valve inverted",
         "speed < 0",
         "exchange the hoses",
+        "a heartbeat is <off>",
         "50 bar",
         "0 to 40 bar",
         "100 mm/s",

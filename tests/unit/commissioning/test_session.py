@@ -139,6 +139,19 @@ def test_a_wrong_revision_is_named_and_nothing_moves(machine):
     assert tested.bench.signals["axis1.spool_setpoint"].any() == 0
 
 
+def test_another_mapping_is_named_and_other_settings_are_noted(machine):
+    """The drivers set all else that they need; a mapping is the device's, and to be looked at."""
+    changed = '[nodes.pressure_a.objects]\n"0x1A00.00" = 1\n"0x1017" = 500\n'
+    tested = machine(SOUND + changed)
+    found = tested.commission(confirm=lambda: pytest.fail("asked to move"))
+    assert names(found) == ["another PDO mapping"]
+    communication = found.results[0]
+    assert communication.verdict is Verdict.STOPPED
+    assert communication.findings[0].evidence.startswith("node 2 (pressure_a): 0x1A00.00 (")
+    (note,) = communication.notes
+    assert note.startswith("node 2 (pressure_a): 0x1017.00 (Producer heartbeat time) is 500; 0 by ")
+
+
 def test_a_valve_of_the_other_polarity_is_named(machine):
     assert names(machine(with_fault("invert", "valve")).commission()) == ["valve inverted"]
 

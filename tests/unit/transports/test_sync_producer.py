@@ -6,12 +6,12 @@ import can
 import pytest
 from support.direct_lockstep import DirectLockStep
 
-from drivers import DriverTimeoutError, Network
+from drivers import BusLostError, DriverTimeoutError, Network
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
 from hil_bench.transports.embedded import EmbeddedBus
-from hil_bench.transports.sync_producer import SyncProducer
+from hil_bench.transports.sync_producer import QUIET, SyncProducer
 
 SYNC = Frame(0x080)
 NODE_IDS = (1, 2, 3, 4)
@@ -144,6 +144,24 @@ def test_a_frame_between_two_syncs_ends_it_but_what_was_to_be_sent_is_sent(confi
     with pytest.raises(can.CanOperationError, match="frame 0x704 came unasked"):
         producer.tick([close], 0)
     assert close in transport.sent
+
+
+def test_real_time_shows_itself_at_the_first_heartbeat(config):
+    """A bench in real time that sent nothing before: the drivers switch its heartbeat on."""
+    transport = DirectLockStep(config)
+    producer = join(transport)
+    switch_on = Frame(0x604, bytes.fromhex("2b17100001000000"))  # 0x1017: 1 ms
+
+    def wait(timeout):
+        if timeout == QUIET:
+            transport.put(Frame(0x704, b"\x7f"))
+        return DirectLockStep.wait(transport, timeout)
+
+    transport.wait = wait
+    network = network_of(producer, config)
+    network.send(switch_on.can_id, switch_on.data)
+    with pytest.raises(BusLostError, match="frame 0x704 came unasked"):
+        network.pump(0.01)
 
 
 def test_after_an_interruption_the_rest_of_the_answers_is_no_surprise(config, monkeypatch):

@@ -56,7 +56,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Draw the recording and print where."""
-    path = args.output or args.recording.with_suffix(".png")
+    path = args.output or _beside(args.recording)
     title = args.recording.name
     if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
         _plot_frames(args, path, title)
@@ -68,6 +68,17 @@ def run(args: argparse.Namespace) -> int:
             plot_result(recording, path, title=title)
     print(path)
     return ExitCode.DONE
+
+
+def _beside(recording: Path) -> Path:
+    """Return the picture beside a recording.
+
+    Raises:
+        ConfigError: it is a directory without a name.
+    """
+    if not recording.name:
+        raise ConfigError(f"{recording}: cannot be read: Is a directory; give a recording")
+    return recording.with_suffix(".png")
 
 
 def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:

@@ -16,6 +16,7 @@ from hil_bench.bench import Bench
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
+from hil_bench.spawning import start_shielded
 from hil_bench.transports.transport import TransportCounters
 
 REFRESH = 0.1
@@ -70,7 +71,7 @@ class StatusLine:
 
     def __enter__(self) -> Self:
         if self._wanted:
-            self._process.start()
+            start_shielded(self._process)
         return self
 
     def __exit__(

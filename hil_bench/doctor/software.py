@@ -29,7 +29,7 @@ def examine_software() -> Topic:
 def _kernel() -> Finding:
     name = "plant kernel"
     if not IS_COMPILED:
-        advice = f"'pip install hil-bench[fast]'; {_INTERPRETED}"
+        advice = f"pip install 'hil-bench[fast]'; {_INTERPRETED}"
         if "numba" in sys.modules:
             advice = f"unset NUMBA_DISABLE_JIT; {_INTERPRETED}"
         return Finding(name, Verdict.HINT, "interpreted", advice)

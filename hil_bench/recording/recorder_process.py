@@ -26,6 +26,7 @@ from hil_bench.recording.recorder import (
     warn,
 )
 from hil_bench.recording.shared_ring import SharedRing
+from hil_bench.spawning import start_shielded
 
 CAPACITY = 8 << 20
 """Bytes between loop and recorder: several seconds of a 1 kHz bench of one axis."""
@@ -94,7 +95,7 @@ class RecorderProcess:
         Raises:
             ConfigError: a file cannot be written.
         """
-        self._process.start()
+        start_shielded(self._process)
         self._child_connection.close()
         answer = self._receive(_START_TIMEOUT)
         if isinstance(answer, str):

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hil_bench.errors import BusError
+from hil_bench.spawning import start_shielded
 
 _START_TIMEOUT = 30.0
 _STOP_TIMEOUT = 5.0
@@ -56,7 +57,7 @@ class ChildProcess:
         Raises:
             BusError: it says why it cannot serve, or it did not start.
         """
-        self._process.start()
+        start_shielded(self._process)
         self._child_connection.close()
         answer = self._first_answer()
         if isinstance(answer, str):

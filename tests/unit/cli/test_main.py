@@ -6,10 +6,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from hil_bench import __version__, cli
+from hil_bench.__main__ import main as command
 from hil_bench.cli import VERBS, main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import BusError, ConfigError, HilBenchError, SdoAbort
@@ -171,6 +173,15 @@ def test_python_m_is_the_same_command() -> None:
     )
 
     assert done.stdout == f"hil-bench {__version__}\n"
+
+
+def test_ctrl_c_counts_before_anything_is_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted(ModuleType):
+        def __getattr__(self, name: str) -> object:
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "hil_bench.cli", Interrupted("hil_bench.cli"))
+    assert command() == ExitCode.INTERRUPTED
 
 
 @pytest.mark.parametrize("verb", ["check", "devices", "--help"])  # more and less than a buffer

@@ -48,6 +48,8 @@ def test_it_goes_beside_the_recording(folder):
         (["run.log", "--from", "9"], "run.log: no frames to draw, at least not in this time"),
         (["run.log", "--signals", "x"], "run.log is drawn as frames; give one or the other"),
         (["run.mf4", "-o", "x.xyz"], "x.xyz: cannot be written: "),
+        (["."], ".: cannot be read: Is a directory; give a recording"),
+        (["/"], "/: cannot be read: Is a directory; give a recording"),
     ],
 )
 def test_what_cannot_be_drawn(folder, arguments, message, capsys, monkeypatch):

@@ -1,20 +1,12 @@
 """Driver for a proportional valve with spool position feedback (CiA 408)."""
 
-import logging
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from device_profiles import VALVE_408
 from drivers.device import Device, milliseconds
-from drivers.errors import (
-    DeviceFaultError,
-    DeviceMismatchError,
-    DriverError,
-    DriverTimeoutError,
-    RemoteProtocolError,
-)
+from drivers.errors import DeviceFaultError, DeviceMismatchError
 from drivers.network import Network
 from drivers.node import object_name
 from drivers.pdo import (
@@ -26,12 +18,8 @@ from drivers.pdo import (
     configure_pdo,
     verify_mapping,
 )
-from drivers.valve_state import RESET_FAULT, STATE_BITS, ValveState
-
-logger = logging.getLogger(__name__)
-
-POLL_PERIOD = 0.005
-"""Time between two looks at the status word while a transition is awaited [s]."""
+from drivers.valve_control import ValveControl
+from drivers.valve_state import ValveState
 
 _CONTROL_WORD, _STATUS_WORD = (0x6040, 0), (0x6041, 0)
 _SET_POINT, _ACTUAL_VALUE = (0x6300, 1), (0x6301, 1)
@@ -48,12 +36,12 @@ class Output(NamedTuple):
     signal: Signal
 
 
-class ProportionalValve(Device):
+class ProportionalValve(ValveControl, Device):
     """A proportional valve whose set-point comes by bus.
 
-    A valve that was set up with a command time-out must be told its set-point again and again, by
-    `spool_setpoint` or `send`; it goes to its fault reaction otherwise, which is its protection
-    against a controller that died.
+    It takes commands in NMT state OPERATIONAL only. A valve that was set up with a command time-out
+    must be told its set-point again and again, by `spool_setpoint` or `send`; it goes to its fault
+    reaction otherwise, which is its protection against a controller that died.
 
     Args:
         network: the network that the device is on.
@@ -68,6 +56,7 @@ class ProportionalValve(Device):
     """
 
     PROFILE = 408
+    RELEASED = "left unwatched"
 
     def __init__(
         self,
@@ -85,19 +74,6 @@ class ProportionalValve(Device):
         self._control, self._setpoint = outputs[_CONTROL_WORD], outputs[_SET_POINT]
         self._sent = list(dict.fromkeys(output.pdo for output in outputs.values()))
         self._reference = self.node.default(*_REFERENCE, otherwise=16384)
-        self._fraction = 0.0
-        self._is_set_up = False
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def setup(
         self,
@@ -136,82 +112,16 @@ class ProportionalValve(Device):
         self._is_set_up = True
 
     @property
-    def state(self) -> ValveState:
-        """State by the last status word."""
-        return self._state_of(int(self._value(self._status)))
-
-    def check_active(self) -> None:
-        """Raises a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
-        state = self.state
-        if state is not ValveState.ACTIVE:
-            raise self._fault(state)
-
-    @property
     def spool_position(self) -> float:
         """Spool position as fraction of full opening [-], positive for P to A."""
         return self._value(self._actual) / self._reference
 
-    @property
-    def spool_setpoint(self) -> float:
-        """Spool set-point as fraction of full opening, -1 to 1; assigning sends it."""
-        return self._fraction
-
-    @spool_setpoint.setter
-    def spool_setpoint(self, fraction: float) -> None:
-        self._put_setpoint(fraction)
-        self.send()
-
     def send(self) -> None:
         """Sends control word and set-point as they are, again."""
-        for pdo in self._sent:
-            self.network.send(pdo.cob_id, bytes(pdo.data))
-
-    def enable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to ACTIVE, where the spool follows the set-point.
-
-        A device takes commands in NMT state OPERATIONAL only. Out of a fault state leads
-        `reset_fault`; a device in one gives a `DeviceFaultError`.
-        """
-        self._reach(ValveState.ACTIVE, timeout)
-
-    def hold(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to HOLD, where the spool is at the device's hold set-point."""
-        self._put_setpoint(0.0)
-        self._reach(ValveState.HOLD, timeout)
-
-    def disable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to DISABLED."""
-        self._put_setpoint(0.0)
-        self._reach(ValveState.DISABLED, timeout)
-
-    def reset_fault(self, *, timeout: float = 1.0) -> None:
-        """Leads a valve out of a fault state, to INIT, DISABLED or HOLD, with set-point 0."""
-        self._put_setpoint(0.0)
-        deadline = self.network.now() + timeout
-        while (state := self.read_state()) is ValveState.NOT_READY or state.is_fault:
-            if self.network.now() >= deadline:
-                raise self._fault(state)
-            # The device acts on the edge of bit 3, so it must have seen it low before.
-            self._command(ValveState.DISABLED.command)
-            self._command(ValveState.DISABLED.command | RESET_FAULT)
-        self._command(state.command)
-
-    def read_state(self) -> ValveState:
-        """Returns the state now, read by SDO: needs neither SYNC nor NMT state OPERATIONAL."""
-        return self._state_of(self.node.read_integer(*_STATUS_WORD))
-
-    def close(self) -> None:
-        """Leaves the valve disabled and no longer watching us, as far as it can still be reached.
-
-        Never raises a `DriverError`: what could not be done is logged as a warning.
-        """
-        if not self._is_set_up:
-            return
-        for what, act in (("disabled", self.disable), ("left unwatched", self._unwatch)):
-            try:
-                act()
-            except DriverError as error:
-                logger.warning("%s: could not be %s: %s", self.node, what, error)
+        pdo, signal = self._setpoint
+        signal.encode(pdo.data, round(self._fraction * self._reference))
+        for sent in self._sent:
+            self.network.send(sent.cob_id, bytes(sent.data))
 
     def _outputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Output]:
         """Returns how to send these objects."""
@@ -265,52 +175,32 @@ class ProportionalValve(Device):
         if watch or self.node.has(*_CONSUMER_HEARTBEAT):
             self.node.write(*_CONSUMER_HEARTBEAT, watch)
 
-    def _unwatch(self) -> None:
-        """Has the device watch us no longer, so that our silence is no fault."""
-        self._supervise(0.0, 0)
+    @property
+    def _medium(self) -> Network:
+        return self.network
 
-    def _put_setpoint(self, fraction: float) -> None:
-        if not -1.0 <= fraction <= 1.0:
-            raise ValueError(f"spool set-point {fraction}: a fraction from -1 to 1 is right")
-        self._fraction = fraction
-        pdo, signal = self._setpoint
-        signal.encode(pdo.data, round(fraction * self._reference))
+    def _status_word(self) -> int:
+        return int(self._value(self._status))
 
-    def _command(self, control_word: int) -> None:
-        """Sends a control word, and lets the device act on it."""
+    def _read_status_word(self) -> int:
+        # By SDO: that needs neither SYNC nor NMT state OPERATIONAL.
+        return self.node.read_integer(*_STATUS_WORD)
+
+    def _send_command(self, control_word: int) -> None:
         pdo, signal = self._control
         signal.encode(pdo.data, control_word)
         self.send()
-        self.network.pump(POLL_PERIOD)
 
-    def _reach(self, target: ValveState, timeout: float) -> None:
-        """Commands a state until the device is there.
+    def _has_error(self) -> bool:
+        return self.node.active_emergency is not None
 
-        Raises:
-            DriverTimeoutError: it did not get there in time.
-        """
-        deadline = self.network.now() + timeout
-        while True:
-            self._command(target.command)
-            state = self.read_state()
-            if state is target:
-                return
-            if state.is_fault or (state is ValveState.NOT_READY and self.node.active_emergency):
-                raise self._fault(state)
-            if self.network.now() >= deadline:
-                nmt_state = self.node.nmt_state
-                raise DriverTimeoutError(
-                    f"{self.node}: valve not {target.name} within {timeout:g} s: it is "
-                    f"{state.name}, in NMT state {nmt_state.name if nmt_state else 'unknown'}"
-                )
+    def _circumstances(self) -> str:
+        nmt_state = self.node.nmt_state
+        return f", in NMT state {nmt_state.name if nmt_state else 'unknown'}"
 
-    def _state_of(self, status_word: int) -> ValveState:
-        try:
-            return ValveState(status_word & STATE_BITS)
-        except ValueError:
-            raise RemoteProtocolError(
-                f"{self.node}: status word 0x{status_word:04X} tells no state of CiA 408"
-            ) from None
+    def _release(self) -> None:
+        # Our silence must be no fault.
+        self._supervise(0.0, 0)
 
     def _fault(self, state: ValveState) -> DeviceFaultError:
         # A device may take the error back while the fault that it caused is still there.

@@ -7,30 +7,21 @@ Status words: low four bits R M H D as in `test_valve_state_machine`; bit 4 loca
 import math
 
 import pytest
+from support.valves import (
+    ACTIVE,
+    DISABLED,
+    HOLD,
+    INIT,
+    activate,
+    control,
+    fit_valve,
+    status,
+)
 
 from device_profiles import VALVE_408
-from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
-from hil_bench.errors import EdsError, ParameterError
-
-FULL_OPENING = 1e-3
-INIT, DISABLED, HOLD, ACTIVE, FAULT_HOLD = 0x0008, 0x0009, 0x000B, 0x000F, 0x0003
-PDOS = range(0x1400, 0x1C00)
-CONTROLLER = 0x7F
-
-
-def fit_valve(rig):
-    """Put a valve on the rig whose spool is where it is told to be."""
-    rig.valve = ValveDevice(rig.node, FULL_OPENING)
-
-    def work(now):
-        rig.spool = rig.valve.command(now)
-        rig.valve.publish(rig.spool, now)
-
-    rig.work = work
-    rig.tick()
-    return rig
+from hil_bench.errors import ParameterError
 
 
 @pytest.fixture
@@ -41,20 +32,9 @@ def rig(make_rig):
 @pytest.fixture
 def active(rig):
     """A valve that follows the bus, at 50 %."""
-    rig.nmt(rig.START)
-    control(rig, 0x0007, 8192)
+    activate(rig, 8192)
     assert rig.spool == 0.5e-3
     return rig
-
-
-def control(rig, word, setpoint=0):
-    """Send RPDO1, as the controller does, and run the tick that takes it."""
-    rig.receive(0x205, *word.to_bytes(2, "little"), *setpoint.to_bytes(2, "little", signed=True))
-    rig.tick()
-
-
-def status(rig):
-    return rig.value(0x6041)
 
 
 def test_after_power_on_the_valve_is_in_init_and_its_spool_in_the_centre(rig):
@@ -186,143 +166,6 @@ def test_outside_operational_a_word_by_sdo_leads_no_further_than_hold(rig):
     assert status(rig) == HOLD
 
 
-def watch_rpdo(rig, milliseconds):
-    assert rig.write(0x1400, 5, milliseconds, 2) is None
-
-
-def test_an_rpdo_timeout_is_a_fault_that_holds(active):
-    watch_rpdo(active, 50)
-    control(active, 0x0007, 8192)
-    active.tick(48)  # 49 ms after the RPDO
-    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
-    assert active.emcy_codes() == []
-    active.tick()
-    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
-    assert active.value(0x604E) == 0x8250
-    active.tick(100)
-    assert active.emcy_codes() == [0x8250]
-
-
-def test_an_rpdo_timeout_is_recovered_by_a_reset_and_another_word(active):
-    watch_rpdo(active, 50)
-    control(active, 0x0007, 8192)
-    active.tick(50)
-    control(active, 0x0007, 8192)
-    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
-    control(active, 0x000F, 8192)
-    assert (status(active), active.spool) == (HOLD, 0.0)
-    assert active.value(0x604E) == 0
-    control(active, 0x0007, 8192)
-    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
-    assert active.emcy_codes() == [0x8250, 0x0000]
-
-
-def watch_controller(rig, milliseconds, *, stays_operational):
-    """Consumer heartbeat time, and 0x1029.01: 1 is "no change of the NMT state" (CiA 301)."""
-    assert rig.write(0x1029, 1, int(stays_operational), 1) is None
-    assert rig.write(0x1016, 1, CONTROLLER << 16 | milliseconds, 4) is None
-
-
-def heartbeat(rig):
-    rig.receive(0x700 + CONTROLLER, 0x05)
-
-
-def test_a_lost_heartbeat_is_a_fault_that_holds(active):
-    watch_controller(active, 100, stays_operational=True)
-    heartbeat(active)
-    active.tick(99)
-    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
-    active.tick()
-    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
-    assert active.value(0x604E) == 0x8130
-    assert active.emcy_codes() == [0x8130]
-
-
-def test_a_lost_heartbeat_with_the_default_error_behaviour_holds_too(active):
-    watch_controller(active, 100, stays_operational=False)
-    heartbeat(active)
-    active.tick(100)
-    assert active.spool == 0.0
-    assert active.valve.state is ValveState.FAULT_HOLD
-    active.nmt(active.START)
-    control(active, 0x0007, 8192)
-    assert active.spool == 0.0
-
-
-def test_no_reset_while_the_heartbeat_is_missing(active):
-    watch_controller(active, 100, stays_operational=True)
-    heartbeat(active)
-    active.tick(100)
-    control(active, 0x000F, 8192)
-    assert status(active) == FAULT_HOLD
-    heartbeat(active)
-    control(active, 0x0007, 8192)
-    control(active, 0x000F, 8192)
-    assert status(active) == HOLD
-    control(active, 0x0007, 8192)
-    assert status(active) == ACTIVE
-
-
-def test_a_heartbeat_that_is_no_longer_watched_does_not_bar_the_reset(active):
-    watch_controller(active, 100, stays_operational=True)
-    heartbeat(active)
-    active.tick(100)
-    assert active.write(0x1016, 1, 0, 4) is None
-    control(active, 0x000F)
-    assert status(active) == HOLD
-
-
-def guard(rig):
-    """The NMT master's remote request (CiA 301, node guarding)."""
-    rig.node.receive(Frame(0x705, is_remote=True), rig.now)
-
-
-def watch_guarding(rig, milliseconds):
-    assert rig.write(0x1029, 1, 1, 1) is None
-    assert rig.write(0x100C, 0, milliseconds, 2) is None
-    assert rig.write(0x100D, 0, 1, 1) is None
-    guard(rig)
-
-
-def test_a_life_guarding_event_is_a_fault_like_a_lost_heartbeat(active):
-    watch_guarding(active, 100)
-    active.tick(99)
-    assert (status(active), active.spool) == (ACTIVE, 0.5e-3)
-    active.tick()
-    assert (status(active), active.spool) == (FAULT_HOLD, 0.0)
-    assert active.value(0x604E) == 0x8130
-    control(active, 0x000F)
-    assert status(active) == FAULT_HOLD
-    guard(active)
-    control(active, 0x0007)
-    control(active, 0x000F)
-    assert status(active) == HOLD
-
-
-def test_guarding_that_is_switched_off_does_not_bar_the_reset(active):
-    watch_guarding(active, 100)
-    active.tick(100)
-    assert active.write(0x100D, 0, 0, 1) is None
-    control(active, 0x000F)
-    assert status(active) == HOLD
-
-
-@pytest.mark.parametrize("command", ["RESET_COMMUNICATION", "RESET_NODE"])
-def test_after_a_reset_nobody_is_missing(active, command):
-    watch_controller(active, 100, stays_operational=True)
-    heartbeat(active)
-    active.tick(100)
-    active.nmt(getattr(active, command))
-    active.tick(2)
-    watch_rpdo(active, 50)
-    active.nmt(active.START)
-    control(active, 0x0007)
-    active.tick(50)
-    assert status(active) & 0x8 == 0
-    control(active, 0x000F)
-    assert status(active) == HOLD
-
-
 def test_local_control_leads_to_init_and_ignores_the_bus(active):
     assert active.write(0x604F, 0, 1, 1) is None
     active.tick()
@@ -414,78 +257,6 @@ def test_an_unknown_spool_position_leaves_the_last_one(active):
 def test_an_impossible_full_opening_is_refused(make_rig, full_opening):
     with pytest.raises(ParameterError, match="full_opening is"):
         ValveDevice(make_rig(VALVE_408).node, full_opening)
-
-
-@pytest.mark.parametrize("index", [0x6040, 0x6041, 0x6300, 0x6301])
-def test_an_eds_without_a_needed_object_is_refused(make_rig, index):
-    rig = make_rig(VALVE_408, without={*PDOS, index})
-    with pytest.raises(EdsError, match=rf"valve_408\.eds: object 0x{index:04X}"):
-        ValveDevice(rig.node, FULL_OPENING)
-
-
-OPTIONAL = {0x6042, 0x6043, 0x604E, 0x604F, 0x6310, 0x6311, 0x6314, 0x6320, 0x6321, 0x6350}
-
-
-def test_the_smallest_object_set_works(make_rig):
-    rig = fit_valve(make_rig(VALVE_408, without=OPTIONAL))
-    rig.nmt(rig.START)
-    control(rig, 0x0007, 32767)
-    assert (status(rig), rig.spool) == (ACTIVE, pytest.approx(32767 / 16384 * 1e-3))
-    control(rig, 0x0003, 32767)
-    assert (status(rig), rig.spool) == (HOLD, 0.0)
-
-
-@pytest.fixture
-def edited_eds(tmp_path):
-    """Another maker's EDS: ours with one text replaced."""
-
-    def edit(old, new):
-        text = VALVE_408.read_text()
-        assert text.count(old) == 1
-        path = tmp_path / "other.eds"
-        path.write_text(text.replace(old, new))
-        return path
-
-    return edit
-
-
-REFERENCE = "[6311sub1]\nParameterName=Value\nObjectType=0x7\nDataType=0x0003\nAccessType=ro\n"
-
-
-def test_another_reference_value_scales_setpoint_and_actual_value(make_rig, edited_eds):
-    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{REFERENCE}DefaultValue=10000")
-    rig = fit_valve(make_rig(eds))
-    rig.nmt(rig.START)
-    control(rig, 0x0007, 2500)
-    assert rig.spool == 0.25e-3
-    assert rig.value(0x6301, 1) == 2500
-
-
-def test_a_reference_value_of_zero_is_refused(make_rig, edited_eds):
-    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{REFERENCE}DefaultValue=0")
-    with pytest.raises(EdsError, match=r"object 0x6311\.01"):
-        ValveDevice(make_rig(eds).node, FULL_OPENING)
-
-
-def test_a_reference_value_may_be_written_where_the_eds_allows_it(make_rig, edited_eds):
-    eds = edited_eds(REFERENCE, REFERENCE.replace("=ro", "=rw"))
-    rig = fit_valve(make_rig(eds))
-    rig.nmt(rig.START)
-    assert rig.write(0x6311, 1, 0, 2) == 0x06090032
-    assert rig.write(0x6311, 1, 8192, 2) is None
-    control(rig, 0x0007, 8192)
-    assert rig.spool == 1e-3
-    rig.nmt(rig.RESET_NODE)
-    rig.tick()
-    rig.nmt(rig.START)
-    control(rig, 0x0007, 8192)
-    assert rig.spool == 0.5e-3
-
-
-def test_a_wrong_data_type_is_refused(make_rig, edited_eds):
-    unsigned = REFERENCE.replace("0x0003", "0x0006")
-    with pytest.raises(EdsError, match=r"0x6311\.01 \(Value\) is UNSIGNED16; .* INTEGER16"):
-        ValveDevice(make_rig(edited_eds(REFERENCE, unsigned)).node, FULL_OPENING)
 
 
 def test_without_its_enable_input_the_valve_is_disabled(active):

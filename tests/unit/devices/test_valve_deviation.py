@@ -1,12 +1,12 @@
 """Control deviation monitoring (Moog ACV manual, 7.15.1): bit 11, EMCY 0x8301, the fault."""
 
 import pytest
+from support.valves import ACTIVE, FAULT_HOLD, FULL_OPENING, HOLD, INIT, activate, control, status
 
 from device_profiles import VALVE_408
 from hil_bench.devices.valve_408 import ValveDevice
 
-FULL_OPENING = 1e-3
-ACTIVE, HOLD, INIT, FAULT_HOLD, FAULT_INIT = 0x000F, 0x000B, 0x0008, 0x0003, 0x0000
+FAULT_INIT = 0x0000
 DEVIATION = 1 << 11
 EMCY, REGISTER = 0x8301, 0x21
 INCREMENT = FULL_OPENING / 16384
@@ -25,20 +25,10 @@ def rig(make_rig):
 
     rig.work = work
     rig.tick()
-    rig.nmt(rig.START)
-    control(rig, 0x0007)
+    activate(rig)
     assert rig.write(0x6351, 0, 1, 1) is None
     rig.sent(0x085)
     return rig
-
-
-def control(rig, word, setpoint=0):
-    rig.receive(0x205, *word.to_bytes(2, "little"), *setpoint.to_bytes(2, "little", signed=True))
-    rig.tick()
-
-
-def status(rig):
-    return rig.value(0x6041)
 
 
 def test_a_deviation_that_lasts_30_ms_is_a_fault(rig):

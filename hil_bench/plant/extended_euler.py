@@ -14,6 +14,7 @@ from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import find_point, series_force, stop_force
 from hil_bench.plant.orifice import port_flow
 from hil_bench.plant.spool import orifice_state
+from hil_bench.plant.state_row import Seen, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
 
 
@@ -89,7 +90,7 @@ def charge_explicit(P_S: float, drawn: float, dt: float, supply: SupplyConstants
 @kernel
 def advance_extended_euler(
     state: Floats, constants: Floats, u: float, F_L: float, steps: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> Seen:
     """Move the state on by some steps of forward Euler, in place.
 
     Args:
@@ -100,19 +101,17 @@ def advance_extended_euler(
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
     groups, extension = unpack(constants), unpack_extended(constants)
-    (dt, m, _, floor), spool, opening, _, orifice, chambers, _, stop = groups
-    K, _, P_T, width, signed = orifice
+    (dt, m, _, floor), spool, opening, _, (K, _, P_T, width, signed), chambers, _, stop = groups
     _, _, _, (constant, spring, rest), supply = extension
-    x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
-    z_f, P_S = state[7], state[8]
+    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = read_states(state)
     point, last = SERIES + int(state[9]), len(constants) - 2
     F_L += constant
-    z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
-    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     for step in range(steps):
+        z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
+        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
         t = (state[6] + step) * dt
         point = find_point(constants, point, last, t)
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
@@ -124,8 +123,4 @@ def advance_extended_euler(
         x, v = x + dt * v, v + dt * force / m
         acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
-        z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
-        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
-    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    state[6], state[7], state[8], state[9] = state[6] + steps, z_f, P_S, float(point - SERIES)
-    return x, v, P_A, P_B, nu, z, Q_A, Q_B
+    return keep_extended(state, (x, v, P_A, P_B, nu, nu_dot, z_f, P_S), steps, point, groups)

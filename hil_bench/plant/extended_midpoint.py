@@ -32,8 +32,9 @@ from hil_bench.plant.implicit_midpoint import (
 )
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import find_point, series_force
-from hil_bench.plant.orifice import linearise_flow, port_flow
+from hil_bench.plant.orifice import linearise_flow
 from hil_bench.plant.spool import move_spool, orifice_state
+from hil_bench.plant.state_row import Seen, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
 
 Charge = tuple[float, float]
@@ -224,7 +225,7 @@ def move_extended(
 @kernel
 def advance_extended_midpoint(
     state: Floats, constants: Floats, u: float, F_L: float, steps: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> Seen:
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
@@ -235,12 +236,11 @@ def advance_extended_midpoint(
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
     groups, extension = unpack(constants), unpack_extended(constants)
-    (dt, _, _, _), _, opening, transition, (K, _, P_T, width, signed), _, _, _ = groups
-    cylinder = (state[0], state[1], state[2], state[3])
-    nu, nu_dot, z_f, P_S = state[4], state[5], state[7], state[8]
+    (dt, _, _, _), _, opening, transition, _, _, _, _ = groups
+    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = read_states(state)
     point, last = SERIES + int(state[9]), len(constants) - 2
     F_L += extension[3][0]
     for step in range(steps):
@@ -250,9 +250,8 @@ def advance_extended_midpoint(
         t_middle = (state[6] + step + 0.5) * dt
         point = find_point(constants, point, last, t_middle)
         load = F_L + series_force(constants, point, last, t_middle)
-        cylinder, z_f, P_S = move_extended(cylinder, z_middle, load, z_f, P_S, groups, extension)
-    x, v, P_A, P_B = cylinder
-    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    state[6], state[7], state[8], state[9] = state[6] + steps, z_f, P_S, float(point - SERIES)
-    z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
-    return x, v, P_A, P_B, nu, z, port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+        cylinder = (x, v, P_A, P_B)
+        (x, v, P_A, P_B), z_f, P_S = move_extended(
+            cylinder, z_middle, load, z_f, P_S, groups, extension
+        )
+    return keep_extended(state, (x, v, P_A, P_B, nu, nu_dot, z_f, P_S), steps, point, groups)

@@ -7,12 +7,13 @@ from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import stop_force
 from hil_bench.plant.orifice import port_flow
 from hil_bench.plant.spool import orifice_state
+from hil_bench.plant.state_row import Seen, keep
 
 
 @kernel
 def advance_forward_euler(
     state: Floats, constants: Floats, u: float, F_L: float, steps: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> Seen:
     """Move the state on by some steps of forward Euler, in place.
 
     Args:
@@ -23,16 +24,16 @@ def advance_forward_euler(
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
-    step, spool, opening, _, orifice, chambers, friction, stop = unpack(constants)
+    groups = unpack(constants)
+    step, (stiffness, damping), opening, _, orifice, chambers, friction, stop = groups
     dt, m, _, floor = step
-    stiffness, damping = spool
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
-    z = orifice_state(nu, opening)
-    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
     for _ in range(steps):
+        z = orifice_state(nu, opening)
+        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
         V_A, V_B = chamber_volumes(x, chambers)
         net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
         force = P_A * A_A - P_B * A_B - friction_force(v, friction) - F_L + stop_force(x, v, stop)
@@ -42,7 +43,4 @@ def advance_forward_euler(
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
         P_A = floor if P_A < floor else P_A
         P_B = floor if P_B < floor else P_B
-        z = orifice_state(nu, opening)
-        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
-    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    return x, v, P_A, P_B, nu, z, Q_A, Q_B
+    return keep(state, (x, v, P_A, P_B, nu, nu_dot), groups)

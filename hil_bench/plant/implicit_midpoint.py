@@ -16,8 +16,9 @@ from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.friction import FrictionConstants, linearise_friction
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import stop_velocity_change
-from hil_bench.plant.orifice import linearise_flow, port_flow
+from hil_bench.plant.orifice import linearise_flow
 from hil_bench.plant.spool import move_spool, orifice_state
+from hil_bench.plant.state_row import Seen, keep
 
 Cylinder = tuple[float, float, float, float]
 """(x, v, P_A, P_B)."""
@@ -236,7 +237,7 @@ def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants
 @kernel
 def advance_implicit_midpoint(
     state: Floats, constants: Floats, u: float, F_L: float, steps: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> Seen:
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
@@ -247,17 +248,14 @@ def advance_implicit_midpoint(
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
     groups = unpack(constants)
-    _, _, opening, transition, orifice, _, _, _ = groups
+    _, _, opening, transition, _, _, _, _ = groups
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
     for _ in range(steps):
         nu_before = nu
         nu, nu_dot = move_spool(nu, nu_dot, u, transition)
         z_middle = orifice_state(0.5 * (nu_before + nu), opening)
         x, v, P_A, P_B = move_cylinder((x, v, P_A, P_B), z_middle, F_L, groups)
-    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    z = orifice_state(nu, opening)
-    Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
-    return x, v, P_A, P_B, nu, z, Q_A, Q_B
+    return keep(state, (x, v, P_A, P_B, nu, nu_dot), groups)

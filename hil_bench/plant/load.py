@@ -85,3 +85,26 @@ def series_force(points: Floats, point: int, last: int, t: float) -> float:
         return points[point + 1]
     slope = (points[point + 3] - points[point + 1]) / (points[point + 2] - points[point])
     return points[point + 1] + slope * since
+
+
+@kernel
+def step_loads(
+    points: Floats, point: int, last: int, t: float, dt: float
+) -> tuple[int, tuple[float, float, float]]:
+    """Return the load series' force at start, middle and end of a step [N], and its point there.
+
+    Args:
+        points: as for `find_point`.
+        point: index of a point from which to search on.
+        last: index of the last point.
+        t: time at the start of the step [s].
+        dt: step [s].
+    """
+    first = find_point(points, point, last, t)
+    middle = find_point(points, first, last, t + 0.5 * dt)
+    end = find_point(points, middle, last, t + dt)
+    return end, (
+        series_force(points, first, last, t),
+        series_force(points, middle, last, t + 0.5 * dt),
+        series_force(points, end, last, t + dt),
+    )

@@ -127,14 +127,7 @@ class ReducedOrderPlant:
         self._output = self._advance_by(self._nu, 0.0, 0)
 
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
-        """Move the plant on by `steps` steps under a constant input; return what is seen then.
-
-        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` of
-        `hil_bench.plant.stepping` they act as the limit does.
-
-        An input that is not finite, a negative number of steps and a solver that has diverged are
-        refused.
-        """
+        """Move the plant on, as `FullOrderPlant.step` does; return what is seen then."""
         u, F_L = bound_input(plant_input, steps)
         if self._delay_steps == 0:
             self._nu = u

@@ -17,23 +17,25 @@ from hil_bench.plant.implicit_midpoint import (
     velocity_change,
 )
 from hil_bench.plant.kernel import Floats, kernel, make_row
-from hil_bench.plant.load import find_point, series_force, stop_force, stop_velocity_change
+from hil_bench.plant.load import (
+    LoadConstants,
+    find_point,
+    series_force,
+    step_loads,
+    stop_force,
+    stop_velocity_change,
+)
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.orifice import OrificeConstants, linearise_flow
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.spool import orifice_state
+from hil_bench.plant.state_row import Seen
 
 _LARGEST_P_L = 3  # places in the row of constants
 _ORIFICE_P_T = ORIFICE_P_S + 1
 
 Motion = tuple[float, float, float]
 """(x, v, P_L), or their rates of change."""
-
-Spring = tuple[float, float]
-"""(stiffness [N/m], position of rest [m]) of the loads' springs."""
-
-Seen = tuple[float, float, float, float, float, float, float, float]
-"""The fields of `hil_bench.plant.state.PlantOutput`."""
 
 
 def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
@@ -89,15 +91,15 @@ def hold_load_pressure(P_L: float, limit: float) -> float:
 
 @kernel
 def motion_rates(
-    motion: Motion, z: float, F_L: float, spring: Spring, constants: Constants
+    motion: Motion, z: float, F_L: float, loads: LoadConstants, constants: Constants
 ) -> Motion:
     """Return the right-hand side of eqs. (16), (17).
 
     Args:
         motion: x [m], v [m/s] and P_L [Pa].
         z: orifice state [m].
-        F_L: external load but for that of the springs [N].
-        spring: of the loads.
+        F_L: external load but for the springs of the loads [N].
+        loads: their constants, whose force F_L has already.
         constants: of the reduced model, in their groups.
     """
     (_, m, _, limit), _, _, _, orifice, (E, C_L, A, _, V_t, _, _), friction, stop = constants
@@ -106,7 +108,7 @@ def motion_rates(
     net = load_flow(z, P_L, orifice)[0] - A * v - C_L * P_L
     if (P_L <= -limit and net < 0.0) or (P_L >= limit and net > 0.0):
         net = 0.0
-    force = P_L * A - friction_force(v, friction) - F_L - spring[0] * (x - spring[1])
+    force = P_L * A - friction_force(v, friction) - F_L - loads[1] * (x - loads[2])
     return v, (force + stop_force(x, v, stop)) / m, E / V_t * net
 
 
@@ -118,15 +120,15 @@ def shift_motion(motion: Motion, rates: Motion, dt: float) -> Motion:
 
 @kernel
 def move_reduced(
-    motion: Motion, z: float, F_L: float, spring: Spring, constants: Constants
+    motion: Motion, z: float, F_L: float, loads: LoadConstants, constants: Constants
 ) -> Motion:
     """Return the motion one step of the linearly implicit midpoint rule later.
 
     Args:
         motion: at the start of the step.
         z: orifice state [m].
-        F_L: external load in the middle of the step but for that of the springs [N].
-        spring: of the loads.
+        F_L: external load in the middle of the step but for the springs of the loads [N].
+        loads: their constants, whose force F_L has already.
         constants: of the reduced model, in their groups.
     """
     (dt, m, per_E_dt, limit), _, _, _, orifice, chambers, friction, stop = constants
@@ -137,8 +139,8 @@ def move_reduced(
     loss = C + 0.5 * C_L + implicit_share(secant, tangent, C)
     response = ((Q_L - A * v - C_L * P_L) / loss, 0.5 * A / loss, 0.0, 0.0)
     drag = linearise_drag(v, m / dt, friction)
-    force = P_L * A - drag[0] * v - F_L - spring[0] * (x + 0.5 * dt * v - spring[1])
-    inertia = m / dt + 0.25 * dt * spring[0] + drag[2]
+    force = P_L * A - drag[0] * v - F_L - loads[1] * (x + 0.5 * dt * v - loads[2])
+    inertia = m / dt + 0.25 * dt * loads[1] + drag[2]
     dv, resistance = velocity_change(force, inertia, response, chambers)
     end = P_L + response[0] - response[1] * dv
     if end > limit or end < -limit:
@@ -151,11 +153,24 @@ def move_reduced(
 
 
 @kernel
-def show(state: Floats, nu: float, constants: Constants, P_S: float) -> Seen:
-    """Return what is seen of a state, (15), at spool position nu [m], supply pressure P_S [Pa]."""
-    z = orifice_state(nu, constants[2])
-    x, v, P_L = state[0], state[1], state[2]
-    Q_L = load_flow(z, P_L, constants[4])[0]
+def keep(
+    state: Floats, motion: Motion, steps: int, point: int, nu: float, constants: Constants
+) -> Seen:
+    """Write a state back, and return what is seen of it, (15).
+
+    Args:
+        state: takes x, v, P_L, steps since time 0, point of the load series.
+        motion: x [m], v [m/s] and P_L [Pa].
+        steps: made since they were read.
+        point: index of the load series' point in the row of constants.
+        nu: spool position [m].
+        constants: of the reduced model, in their groups.
+    """
+    x, v, P_L = motion
+    state[0], state[1], state[2] = x, v, P_L
+    state[3], state[4] = state[3] + steps, float(point - SERIES)
+    z, orifice = orifice_state(nu, constants[2]), constants[4]
+    P_S, Q_L = 2.0 * orifice[1], load_flow(z, P_L, orifice)[0]
     return x, v, 0.5 * (P_S + P_L), 0.5 * (P_S - P_L), nu, z, Q_L, -Q_L
 
 
@@ -164,19 +179,18 @@ def advance_reduced_euler(state: Floats, row: Floats, u: float, F_L: float, step
     """Move the state on by some steps of forward Euler, in place; as `advance_reduced_midpoint`."""
     constants, extension = unpack(row), unpack_extended(row)
     dt, limit = constants[0][0], constants[0][3]
-    force, stiffness, rest = extension[3]
+    loads = extension[3]
+    F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
     motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
     for step in range(steps):
         t = (state[3] + step) * dt
         point = find_point(row, point, last, t)
-        load = F_L + force + series_force(row, point, last, t)
-        rates = motion_rates(motion, z, load, (stiffness, rest), constants)
+        load = F_L + series_force(row, point, last, t)
+        rates = motion_rates(motion, z, load, loads, constants)
         motion = shift_motion(motion, rates, dt)
         motion = (motion[0], motion[1], hold_load_pressure(motion[2], limit))
-    state[0], state[1], state[2] = motion
-    state[3], state[4] = state[3] + steps, float(point - SERIES)
-    return show(state, u, constants, 2.0 * constants[4][1])
+    return keep(state, motion, steps, point, u, constants)
 
 
 @kernel
@@ -191,21 +205,20 @@ def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, s
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
     constants, extension = unpack(row), unpack_extended(row)
     dt = constants[0][0]
-    force, stiffness, rest = extension[3]
+    loads = extension[3]
+    F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
     motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
     for step in range(steps):
         t_middle = (state[3] + step + 0.5) * dt
         point = find_point(row, point, last, t_middle)
-        load = F_L + force + series_force(row, point, last, t_middle)
-        motion = move_reduced(motion, z, load, (stiffness, rest), constants)
-    state[0], state[1], state[2] = motion
-    state[3], state[4] = state[3] + steps, float(point - SERIES)
-    return show(state, u, constants, 2.0 * constants[4][1])
+        load = F_L + series_force(row, point, last, t_middle)
+        motion = move_reduced(motion, z, load, loads, constants)
+    return keep(state, motion, steps, point, u, constants)
 
 
 @kernel
@@ -215,26 +228,18 @@ def advance_reduced_runge_kutta(
     """Move the state on by some steps of order four, in place; as `advance_reduced_midpoint`."""
     constants, extension = unpack(row), unpack_extended(row)
     dt, limit = constants[0][0], constants[0][3]
-    force, stiffness, rest = extension[3]
-    spring = (stiffness, rest)
+    loads = extension[3]
+    F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
     y, point = (state[0], state[1], state[2]), SERIES + int(state[4])
-    F_L += force
     for step in range(steps):
-        t = (state[3] + step) * dt
-        point = find_point(row, point, last, t)
-        load_1 = F_L + series_force(row, point, last, t)
-        point = find_point(row, point, last, t + 0.5 * dt)
-        load_2 = F_L + series_force(row, point, last, t + 0.5 * dt)
-        point = find_point(row, point, last, t + dt)
-        load_3 = F_L + series_force(row, point, last, t + dt)
-        k_1 = motion_rates(y, z, load_1, spring, constants)
-        k_2 = motion_rates(shift_motion(y, k_1, 0.5 * dt), z, load_2, spring, constants)
-        k_3 = motion_rates(shift_motion(y, k_2, 0.5 * dt), z, load_2, spring, constants)
-        k_4 = motion_rates(shift_motion(y, k_3, dt), z, load_3, spring, constants)
+        point, series = step_loads(row, point, last, (state[3] + step) * dt, dt)
+        load_1, load_2, load_3 = F_L + series[0], F_L + series[1], F_L + series[2]
+        k_1 = motion_rates(y, z, load_1, loads, constants)
+        k_2 = motion_rates(shift_motion(y, k_1, 0.5 * dt), z, load_2, loads, constants)
+        k_3 = motion_rates(shift_motion(y, k_2, 0.5 * dt), z, load_2, loads, constants)
+        k_4 = motion_rates(shift_motion(y, k_3, dt), z, load_3, loads, constants)
         y = shift_motion(shift_motion(y, k_1, dt / 6.0), k_2, dt / 3.0)
         y = shift_motion(shift_motion(y, k_3, dt / 3.0), k_4, dt / 6.0)
         y = (y[0], y[1], hold_load_pressure(y[2], limit))
-    state[0], state[1], state[2] = y
-    state[3], state[4] = state[3] + steps, float(point - SERIES)
-    return show(state, u, constants, 2.0 * constants[4][1])
+    return keep(state, y, steps, point, u, constants)

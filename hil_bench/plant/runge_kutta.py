@@ -12,13 +12,11 @@ from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
 from hil_bench.plant.friction import friction_force
 from hil_bench.plant.kernel import Floats, kernel
-from hil_bench.plant.load import find_point, series_force, stop_force
+from hil_bench.plant.load import step_loads, stop_force
 from hil_bench.plant.orifice import port_flow
 from hil_bench.plant.spool import orifice_state
+from hil_bench.plant.state_row import Seen, States, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
-
-States = tuple[float, float, float, float, float, float, float, float]
-"""(x, v, P_A, P_B, nu, nu_dot, z_f, P_S), or their rates of change."""
 
 
 @kernel
@@ -119,9 +117,7 @@ def state_rates(
 
 
 @kernel
-def advance_runge_kutta(
-    state: Floats, constants: Floats, u: float, F_L: float, steps: int
-) -> tuple[float, float, float, float, float, float, float, float]:
+def advance_runge_kutta(state: Floats, constants: Floats, u: float, F_L: float, steps: int) -> Seen:
     """Move the state on by some steps of the classical Runge-Kutta method, in place.
 
     Args:
@@ -132,31 +128,19 @@ def advance_runge_kutta(
         steps: how many.
 
     Returns:
-        The fields of `hil_bench.plant.state.PlantOutput` after the last step.
+        What is seen after the last step.
     """
     groups, extension = unpack(constants), unpack_extended(constants)
-    (dt, _, _, floor), _, opening, _, (K, _, P_T, width, signed), _, _, _ = groups
-    last = len(constants) - 2
-    point = SERIES + int(state[9])
+    dt, _, _, floor = groups[0]
+    y, point, last = read_states(state), SERIES + int(state[9]), len(constants) - 2
     F_L += extension[3][0]
-    y = (state[0], state[1], state[2], state[3], state[4], state[5], state[7], state[8])
     for step in range(steps):
-        t = (state[6] + step) * dt
-        point = find_point(constants, point, last, t)
-        load_1 = F_L + series_force(constants, point, last, t)
-        point = find_point(constants, point, last, t + 0.5 * dt)
-        load_2 = F_L + series_force(constants, point, last, t + 0.5 * dt)
-        point = find_point(constants, point, last, t + dt)
-        load_3 = F_L + series_force(constants, point, last, t + dt)
+        point, series = step_loads(constants, point, last, (state[6] + step) * dt, dt)
+        load_1, load_2, load_3 = F_L + series[0], F_L + series[1], F_L + series[2]
         k_1 = state_rates(y, u, load_1, groups, extension)
         k_2 = state_rates(shift(y, k_1, 0.5 * dt), u, load_2, groups, extension)
         k_3 = state_rates(shift(y, k_2, 0.5 * dt), u, load_2, groups, extension)
         k_4 = state_rates(shift(y, k_3, dt), u, load_3, groups, extension)
         y = shift(shift(y, k_1, dt / 6.0), k_2, dt / 3.0)
         y = hold_pressures(shift(shift(y, k_3, dt / 3.0), k_4, dt / 6.0), floor)
-    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = y
-    state[0], state[1], state[2], state[3], state[4], state[5] = x, v, P_A, P_B, nu, nu_dot
-    state[6], state[7], state[8], state[9] = state[6] + steps, z_f, P_S, float(point - SERIES)
-    z = orifice_state(nu, opening)
-    fed = (K, P_S, P_T, width, signed)
-    return x, v, P_A, P_B, nu, z, port_flow(z, P_A, fed), port_flow(-z, P_B, fed)
+    return keep_extended(state, y, steps, point, groups)

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.load import find_point, series_force, stop_force, stop_velocity_change
+from hil_bench.plant.load import (
+    find_point,
+    series_force,
+    step_loads,
+    stop_force,
+    stop_velocity_change,
+)
 
 STOP = (0.2, 2e8, 2e4)
 NO_STOP = (math.inf, 0.0, 0.0)
@@ -82,3 +88,11 @@ def test_two_points_at_one_time_are_a_step() -> None:
 
     assert [force(t) for t in (-1.0, 0.5, 1.0, 1.5, 9.0)] == [10.0, 10.0, 50.0, 60.0, 70.0]
     assert force(1.0 - 1e-9) == pytest.approx(10.0)
+
+
+def test_a_step_has_the_series_force_of_its_start_its_middle_and_its_end() -> None:
+    # From 0 N up to 100 N in 1 s, and down to 0 N at once: 1 s lies in the middle of the step.
+    row = np.array([0.0, 0.0, 1.0, 100.0, 1.0, 0.0])
+    point, forces = step_loads(row, 0, 4, 0.9, 0.2)
+    assert forces == pytest.approx((90.0, 0.0, 0.0), abs=1e-9)
+    assert point == 4

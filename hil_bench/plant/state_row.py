@@ -1,0 +1,61 @@
+"""The row of states that a stepping kernel moves on: how it is read, written back and shown."""
+
+from hil_bench.plant.constants import Constants
+from hil_bench.plant.extended_constants import SERIES
+from hil_bench.plant.kernel import Floats, kernel
+from hil_bench.plant.orifice import OrificeConstants, port_flow
+from hil_bench.plant.spool import OpeningConstants, orifice_state
+
+Seen = tuple[float, float, float, float, float, float, float, float]
+"""The fields of `hil_bench.plant.state.PlantOutput`."""
+
+PlainStates = tuple[float, float, float, float, float, float]
+"""(x, v, P_A, P_B, nu, nu_dot), which is the whole row of a plant without extensions."""
+
+States = tuple[float, float, float, float, float, float, float, float]
+"""(x, v, P_A, P_B, nu, nu_dot, z_f, P_S).
+
+In the row of a plant with extensions the steps since time 0 stand before the last two, and the
+point of the load series after them.
+"""
+
+
+@kernel
+def show(states: PlainStates, opening: OpeningConstants, orifice: OrificeConstants) -> Seen:
+    """Return what is seen of a plant in these states."""
+    x, v, P_A, P_B, nu, _ = states
+    z = orifice_state(nu, opening)
+    return x, v, P_A, P_B, nu, z, port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+
+
+@kernel
+def keep(row: Floats, states: PlainStates, constants: Constants) -> Seen:
+    """Write the states of a plant without extensions back, and return what is seen of them."""
+    row[0], row[1], row[2], row[3], row[4], row[5] = states
+    return show(states, constants[2], constants[4])
+
+
+@kernel
+def read_states(row: Floats) -> States:
+    """Return the states of a plant with extensions."""
+    return row[0], row[1], row[2], row[3], row[4], row[5], row[7], row[8]
+
+
+@kernel
+def keep_extended(
+    row: Floats, states: States, steps: int, point: int, constants: Constants
+) -> Seen:
+    """Write the states of a plant with extensions back, and return what is seen of them.
+
+    Args:
+        row: takes the states.
+        states: of the plant.
+        steps: made since they were read.
+        point: index of the load series' point in the row of constants.
+        constants: in their groups.
+    """
+    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = states
+    row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
+    row[6], row[7], row[8], row[9] = row[6] + steps, z_f, P_S, float(point - SERIES)
+    K, _, P_T, transition, signed = constants[4]
+    return show((x, v, P_A, P_B, nu, nu_dot), constants[2], (K, P_S, P_T, transition, signed))

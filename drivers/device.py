@@ -173,6 +173,35 @@ class Device:
         )
 
 
+class Sensor(Device):
+    """Base of the drivers of sensors."""
+
+    def setup(
+        self,
+        *,
+        transmission_type: int = 1,
+        event_timer: float = 0.0,
+        heartbeat_period: float = 0.1,
+    ) -> None:
+        """Checks the device, reads its scaling, and sets how it sends.
+
+        Args:
+            transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
+            event_timer: longest time between two values [s]; 0 is none.
+            heartbeat_period: between the device's heartbeats [s]; 0 is none.
+        """
+        self._set_up(
+            transmission_type=transmission_type,
+            event_timer=event_timer,
+            heartbeat_period=heartbeat_period,
+        )
+        self._read_scaling()
+
+    def _read_scaling(self) -> None:
+        """Reads from the device what one digit of its values stands for."""
+        raise NotImplementedError
+
+
 def milliseconds(what: str, time: float) -> int:
     """Returns a time [s] as the whole milliseconds that CANopen's timers hold.
 

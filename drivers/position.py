@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from device_profiles import ENCODER_406
-from drivers.device import Device
+from drivers.device import Sensor
 from drivers.errors import DeviceMismatchError
 from drivers.interfaces import Reading
 from drivers.network import Network
@@ -20,7 +20,7 @@ METRE_PER_SECOND_PER_SPEED_UNIT = 1e-5
 _POSITION, _POSITION_MULTI_SENSOR, _SPEED, _STEPS = 0x6004, 0x6020, 0x6030, 0x6005
 
 
-class PositionSensor(Device):
+class PositionSensor(Sensor):
     """A linear position sensor.
 
     The position may be 0x6004 or a channel of 0x6020, whichever the EDS maps into a TPDO; the
@@ -59,29 +59,6 @@ class PositionSensor(Device):
         self._channel = channel
         self._position_step = self._speed_step = math.nan
 
-    def setup(
-        self,
-        *,
-        transmission_type: int = 1,
-        event_timer: float = 0.0,
-        heartbeat_period: float = 0.1,
-    ) -> None:
-        """Checks the device, reads its scaling, and sets how it sends.
-
-        Args:
-            transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
-            event_timer: longest time between two values [s]; 0 is none.
-            heartbeat_period: between the device's heartbeats [s]; 0 is none.
-        """
-        self._set_up(
-            transmission_type=transmission_type,
-            event_timer=event_timer,
-            heartbeat_period=heartbeat_period,
-        )
-        self._position_step = self._read_step(1) * METRE_PER_POSITION_UNIT
-        if self._speed is not None:
-            self._speed_step = self._read_step(2) * METRE_PER_SECOND_PER_SPEED_UNIT
-
     @property
     def position(self) -> float:
         """Position [m]."""
@@ -103,6 +80,11 @@ class PositionSensor(Device):
     def reading(self) -> Reading:
         """The position with unit, time and validity."""
         return Reading(self.position, "m", self.received_at, self.is_valid)
+
+    def _read_scaling(self) -> None:
+        self._position_step = self._read_step(1) * METRE_PER_POSITION_UNIT
+        if self._speed is not None:
+            self._speed_step = self._read_step(2) * METRE_PER_SECOND_PER_SPEED_UNIT
 
     def _read_step(self, subindex: int) -> int:
         step = self.node.read_integer(_STEPS, subindex)

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from device_profiles import PRESSURE_404
-from drivers.device import Device
+from drivers.device import Sensor
 from drivers.errors import DeviceMismatchError
 from drivers.interfaces import Reading
 from drivers.network import Network
@@ -21,7 +21,7 @@ _UNIT, _DIGITS, _STATUS = 0x6131, 0x6132, 0x6150
 _NOT_VALID = 0x01
 
 
-class PressureSensor(Device):
+class PressureSensor(Sensor):
     """One channel of a pressure transducer.
 
     The process value may be a real number or a scaled integer, whichever the EDS maps into a TPDO;
@@ -60,27 +60,6 @@ class PressureSensor(Device):
         self._channel = channel
         self._pascal_per_digit = math.nan
 
-    def setup(
-        self,
-        *,
-        transmission_type: int = 1,
-        event_timer: float = 0.0,
-        heartbeat_period: float = 0.1,
-    ) -> None:
-        """Checks the device, reads its scaling, and sets how it sends.
-
-        Args:
-            transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
-            event_timer: longest time between two values [s]; 0 is none.
-            heartbeat_period: between the device's heartbeats [s]; 0 is none.
-        """
-        self._set_up(
-            transmission_type=transmission_type,
-            event_timer=event_timer,
-            heartbeat_period=heartbeat_period,
-        )
-        self._pascal_per_digit = self._read_unit() * self._read_resolution()
-
     @property
     def pressure(self) -> float:
         """Pressure [Pa]; NaN while the device says that its value is not valid."""
@@ -98,6 +77,9 @@ class PressureSensor(Device):
     def reading(self) -> Reading:
         """The pressure with unit, time and validity."""
         return Reading(self.pressure, "Pa", self.received_at, self.is_valid)
+
+    def _read_scaling(self) -> None:
+        self._pascal_per_digit = self._read_unit() * self._read_resolution()
 
     def _is_valid(self, value: float) -> bool:
         if self._status is not None and int(self._value(self._status)) & _NOT_VALID:

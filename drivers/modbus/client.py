@@ -9,7 +9,6 @@ in real time and on the embedded bench in virtual time.
 import struct
 import time
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Self
 
 from drivers.errors import (
@@ -72,12 +71,7 @@ class ModbusClient:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def now(self) -> float:

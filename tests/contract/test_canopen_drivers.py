@@ -56,38 +56,6 @@ def test_setup_leads_to_heartbeats_in_operational(started):
     started.network.wait_for_state([1, 2, 3, 4], NmtState.OPERATIONAL, WAIT)
 
 
-def test_the_valve_walks_its_states(started):
-    valve = started.valve
-    for act, state in (
-        (valve.enable, ValveState.ACTIVE),
-        (valve.hold, ValveState.HOLD),
-        (valve.enable, ValveState.ACTIVE),
-        (valve.disable, ValveState.DISABLED),
-    ):
-        act(timeout=WAIT)
-        assert valve.read_state() is state
-        sample(started)
-        assert valve.state is state
-
-
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_the_piston_follows_the_spool(started, direction):
-    hold_still(started)
-    start = started.position.position
-    started.valve.enable(timeout=WAIT)
-    started.valve.spool_setpoint = 0.5 * direction
-    started.network.wait_until(
-        lambda: sample(started) or direction * (started.position.position - start) > 0.01,
-        WAIT,
-        "10 mm",
-    )
-    assert started.valve.spool_position == pytest.approx(0.5 * direction, abs=0.01)
-    assert direction * started.position.speed > 0.05
-    started.valve.hold(timeout=WAIT)
-    hold_still(started)
-    assert started.valve.spool_position == pytest.approx(0.0, abs=0.001)
-
-
 def test_silence_is_a_fault_that_can_be_reset(rig):
     rig.valve.setup(command_timeout=0.5)
     rig.network.start_node(1)

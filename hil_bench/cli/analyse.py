@@ -10,7 +10,7 @@ from hil_bench.analysis.paper import check_paper, write_paper
 from hil_bench.analysis.paper_runs import run_paper
 from hil_bench.analysis.study import Study, write_study
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
-from hil_bench.cli.arguments import find_axis, make_directory
+from hil_bench.cli.arguments import add_output_argument, find_axis, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import load_config
 
@@ -62,13 +62,7 @@ def _add_paper(names: "Names[argparse.ArgumentParser]") -> None:
         None,
         "  hil-bench analyse paper --output paper\n",
     )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        default=Path("hil-bench-paper"),
-        metavar="DIR",
-        help="where report, figures and data go (hil-bench-paper)",
-    )
+    add_output_argument(parser, "hil-bench-paper", "report, figures and data")
 
 
 def _run_paper(args: argparse.Namespace) -> int:

@@ -64,6 +64,17 @@ def add_fault_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str) -> None:
+    """Add `--output`, which names the directory for `what`; `make_directory` makes it."""
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path(default),
+        metavar="DIR",
+        help=f"where {what} go (%(default)s)",
+    )
+
+
 def parse_fault(words: Sequence[str]) -> dict[str, object]:
     """Return the table of `[[faults]]` that the words of `--fault` stand for.
 

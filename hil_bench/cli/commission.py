@@ -11,7 +11,12 @@ from pathlib import Path
 from platform import python_version
 
 from hil_bench import __version__
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import (
+    add_bench_arguments,
+    add_output_argument,
+    load_bench_config,
+    make_directory,
+)
 from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.commissioning.measures import StepResult
@@ -77,13 +82,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--yes", action="store_true", help="move without asking; --virtual never asks"
     )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        default=Path("hil-bench-commissioning"),
-        metavar="DIR",
-        help="where report and recording go (hil-bench-commissioning)",
-    )
+    add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     parser.set_defaults(run=run)
 
 
@@ -91,7 +90,6 @@ def run(args: argparse.Namespace) -> int:
     """Run the plan, write report and recording, print the verdicts.
 
     Raises:
-        ConfigError: the output directory cannot be made.
         BusError: the bus was lost; the report tells how far it came.
     """
     check_arguments(args)
@@ -100,10 +98,7 @@ def run(args: argparse.Namespace) -> int:
         args.config = str(plan.bench)
     config = load_bench_config(args)
     check_against(plan, choose_axis(plan, config))
-    try:
-        args.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"--output {args.output}: cannot be made: {error.strerror}") from None
+    make_directory(args.output)
     machine = load_config(args.machine, seed=args.seed) if args.machine else config
     _check_period(args, plan, machine)
     started = datetime.now(UTC)

@@ -6,7 +6,7 @@ import importlib.util
 import math
 from pathlib import Path
 
-from hil_bench.cli.arguments import make_directory, read_speed
+from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
@@ -60,13 +60,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--duration", type=float, default=10.0, metavar="S", help="length of the motion (10 s)"
     )
-    parser.add_argument(
-        "--output",
-        type=Path,
-        default=Path("hil-bench-demo"),
-        metavar="DIR",
-        help="where recording and plot go (hil-bench-demo)",
-    )
+    add_output_argument(parser, "hil-bench-demo", "recording and plot")
     parser.add_argument(
         "--speed", type=read_speed, default=1.0, metavar="X", help="times real time (1), or max"
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
-from hil_bench.cli.arguments import find_axis, make_directory
+from hil_bench.cli.arguments import add_output_argument, find_axis, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import AxisConfig, BenchConfig, load_config
 from hil_bench.errors import ConfigError
@@ -44,13 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "HIL_BENCH_CONFIG, or else the built-in bench",
     )
     parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
-    parser.add_argument(
-        "--output",
-        type=Path,
-        default=Path("hil-bench-identify"),
-        metavar="DIR",
-        help="where the files go (%(default)s)",
-    )
+    add_output_argument(parser, "hil-bench-identify", "the files")
     parser.add_argument(
         "--starts", type=int, default=24, metavar="N", help="starts that the search tries (24)"
     )

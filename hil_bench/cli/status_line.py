@@ -9,7 +9,6 @@ import signal
 import sys
 from collections.abc import Sequence
 from multiprocessing.synchronize import Event
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from hil_bench.bench import Bench
@@ -74,12 +73,7 @@ class StatusLine:
             start_shielded(self._process)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if not self._wanted:
             return
         self._ended.set()

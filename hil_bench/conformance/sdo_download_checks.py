@@ -167,6 +167,18 @@ def further_channel(dut: DeviceUnderTest) -> None:
 
 
 @contextlib.contextmanager
+def restored(dut: DeviceUnderTest, variable: Variable) -> Iterator[None]:
+    """Restore an object that is written meanwhile, whatever transfer is then under way."""
+    key = variable.index, variable.subindex
+    before = dut.sdo.upload(*key)
+    try:
+        yield
+    finally:
+        dut.sdo.abort()
+        dut.sdo.download(*key, before)
+
+
+@contextlib.contextmanager
 def scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
     """Restore a number that is written meanwhile.
 
@@ -179,12 +191,8 @@ def scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
     for key in _HARMLESS:
         variable = dut.objects.find(*key)
         if variable is not None and variable.access.writable:
-            before = dut.sdo.upload(*key)
-            try:
+            with restored(dut, variable):
                 yield variable
-            finally:
-                dut.sdo.abort()
-                dut.sdo.download(*key, before)
             return
     raise NotApplicable("the EDS has no time of the communication profile that can be written")
 
@@ -207,13 +215,8 @@ def long_scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
             and variable.index >= 0x2000
             and variable.data_type.name != "UNICODE_STRING"
         ):
-            key = variable.index, variable.subindex
-            before = dut.sdo.upload(*key)
-            try:
+            with restored(dut, variable):
                 yield variable
-            finally:
-                dut.sdo.abort()
-                dut.sdo.download(*key, before)
             return
     raise NotApplicable("the EDS has no string or domain that can be written")
 

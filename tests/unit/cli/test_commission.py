@@ -130,7 +130,7 @@ def test_a_silent_bus_fails_and_nobody_is_asked(capsys):
         ),
         (
             ["plan.toml", "--virtual", "--output", "sheet.toml"],
-            "--output sheet.toml: cannot be made: File exists",
+            "--output sheet.toml: cannot be made: File exists; give a directory of yours",
         ),
         (
             ["plan.toml", "--virtual", "--lockstep"],

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -124,39 +125,74 @@ class Ended(NamedTuple):
     stderr: str
 
 
+class Stream:
+    """What a program writes to one of its streams, taken as it comes: no full pipe can stop it."""
+
+    def __init__(self, pipe):
+        self._text = ""
+        self._is_open = True
+        self._change = threading.Condition()
+        self._reader = threading.Thread(target=self._read, args=(pipe,), daemon=True)
+        self._reader.start()
+
+    def text(self):
+        """Return what has come so far."""
+        with self._change:
+            return self._text
+
+    def wait_for(self, text, timeout):
+        """Wait until this has come."""
+        with self._change:
+            self._change.wait_for(lambda: text in self._text or not self._is_open, timeout)
+            assert text in self._text, f"no {text!r} in {self._text!r}"
+
+    def wait_for_end(self, timeout):
+        """Return all of it, once whoever may write to it has ended."""
+        self._reader.join(timeout)
+        assert not self._reader.is_alive(), f"still open after {timeout:g} s: {self.text()!r}"
+        return self._text
+
+    def _read(self, pipe):
+        with pipe:
+            for line in pipe:
+                with self._change:
+                    self._text += line
+                    self._change.notify_all()
+        with self._change:
+            self._is_open = False
+            self._change.notify_all()
+
+
 class Program:
-    """A process with its output in files, so that no full pipe can stop it."""
+    """A process whose output is taken as it comes."""
 
     def __init__(self, command, directory):
-        self._paths = directory / "stdout", directory / "stderr"
-        with self._paths[0].open("wb") as stdout, self._paths[1].open("wb") as stderr:
-            self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, cwd=directory
-            )
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=directory,
+            text=True,
+        )
+        self._stdout, self._stderr = Stream(self.process.stdout), Stream(self.process.stderr)
 
     def output(self):
         """Return what the program has printed so far."""
-        return self._paths[0].read_text()
+        return self._stdout.text()
 
     def wait_for_output(self, text, timeout=START_TIMEOUT):
         """Wait until the program has written this to its standard output."""
-        self._wait_for(text, self._paths[0], timeout)
+        self._stdout.wait_for(text, timeout)
 
     def wait_for_error(self, text, timeout=30.0):
         """Wait until the program has written this to its standard error."""
-        self._wait_for(text, self._paths[1], timeout)
-
-    def _wait_for(self, text, path, timeout):
-        deadline = time.monotonic() + timeout
-        while text not in path.read_text():
-            assert time.monotonic() < deadline, f"no {text!r} in {path.read_text()!r}"
-            assert self.process.poll() is None, self.wait()
-            time.sleep(0.05)
+        self._stderr.wait_for(text, timeout)
 
     def wait(self, timeout=30.0):
-        """Return what the program left behind once it has ended by itself."""
+        """Return what the program left behind once it and all that it has started have ended."""
         exit_code = self.process.wait(timeout)
-        return Ended(exit_code, *(path.read_text() for path in self._paths))
+        return Ended(exit_code, *(s.wait_for_end(timeout) for s in (self._stdout, self._stderr)))
 
     def stop(self, signal_number=signal.SIGINT, timeout=30.0):
         """Return what the program left behind after a signal."""

@@ -1,7 +1,6 @@
 """A fault: when it is there, and how to end it."""
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Protocol, Self
 
 from hil_bench.faults.kinds import FaultKind
@@ -68,12 +67,7 @@ class Fault:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.clear()
 
     def __repr__(self) -> str:

@@ -12,7 +12,7 @@ import signal
 import struct
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Self
 
 from hil_bench.canopen_device.frame import Frame
@@ -81,12 +81,7 @@ class RecorderProcess:
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def start(self) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import Self
 
 from hil_bench.errors import BusError
@@ -55,12 +54,7 @@ class HubProcess:
         self.port = self._child.start()
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._child.stop()
 
 

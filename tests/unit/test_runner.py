@@ -185,8 +185,8 @@ READ_POSITION = Frame(0x604, READ_VALVE.data)
 SYNC = Frame(0x080)
 
 
-def answers(arrivals, ticks=5, **options):
-    """Run on a clock that starts at 0; return the SDO answers with their times [ns]."""
+def run_ticks(arrivals, ticks, **options):
+    """Run on a clock that starts at 0; return transport and pacer."""
     clock = VirtualClock()
     transport = TimedTransport(clock, arrivals)
     pacer = Pacer(clock, TICK)
@@ -197,6 +197,12 @@ def answers(arrivals, ticks=5, **options):
         stopped=lambda: pacer.statistics.ticks == ticks,
         **options,
     )
+    return transport, pacer
+
+
+def answers(arrivals, ticks=5, **options):
+    """Return the SDO answers of a run with their times [ns]."""
+    transport, pacer = run_ticks(arrivals, ticks, **options)
     assert pacer.statistics.overruns == 0
     assert pacer.statistics.lateness.maximum == 0  # what fits in is all that is served
     return [(time, can_id) for time, can_id in transport.sent_at if can_id & 0x780 == 0x580]
@@ -250,29 +256,15 @@ def test_a_flood_between_ticks_costs_none():
     assert len(answers(requests, ticks=30)) == 300
 
 
-def limits_of_a_run(arrivals, ticks):
-    """Run on a clock that starts at 0; return how many frames were asked for each time."""
-    clock = VirtualClock()
-    transport = TimedTransport(clock, arrivals)
-    pacer = Pacer(clock, TICK)
-    run_paced(
-        build_bench(load_config()),
-        transport,
-        pacer,
-        stopped=lambda: pacer.statistics.ticks == ticks,
-    )
-    return transport.limits
-
-
 def test_between_two_ticks_the_bus_is_looked_at_some_times_only():
     flood = [(us(10) + 10_000 * n, Frame(0x7FF)) for n in range(90)]  # one each 10 us
-    assert len(limits_of_a_run(flood, ticks=1)) == 1 + ROUNDS_BETWEEN_TICKS
+    assert len(run_ticks(flood, 1)[0].limits) == 1 + ROUNDS_BETWEEN_TICKS
 
 
 def test_what_was_held_back_counts_among_the_frames_of_a_tick():
     arrivals = [(us(300), SYNC)] * 10
     # The first tick; four of the ten between the ticks, which are held back; the second tick.
-    assert limits_of_a_run(arrivals, ticks=2)[:3] == [32, 4, 32 - 4]
+    assert run_ticks(arrivals, 2)[0].limits[:3] == [32, 4, 32 - 4]
 
 
 def test_an_object_written_between_ticks_acts_in_the_next_one():

@@ -6,7 +6,6 @@ import errno
 import time
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
 from hil_bench.errors import BusError
@@ -98,12 +97,7 @@ class ModbusProcess:
         self.endpoints = Endpoints(*self._child.start())
         return self
 
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc_value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._child.stop()
 
 

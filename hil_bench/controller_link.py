@@ -5,14 +5,18 @@ Both are the same to who waits: `advance` returns when bench time has come to a 
 """
 
 from collections.abc import Callable
+from operator import methodcaller
 from typing import Protocol
 
-from hil_bench.errors import ControllerError
+from hil_bench.errors import ControllerError, HilBenchError
 from hil_bench.lockstep import PATIENCE, LockStep, LockStepBus, Round
 from hil_bench.realtime.clock import Clock, MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.runner import frames_per_tick
 from hil_bench.transports.transport import Transport
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 SILENCE = 20.0
 """Time without a frame from the bus after which a controller in lock-step is given up [s]."""

@@ -7,6 +7,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -14,7 +15,7 @@ from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.controller_link import ControllerLink, LockStepLink, RealTimeLink, advance
-from hil_bench.errors import ConfigError, WaitTimeoutError
+from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.faults.faults import Faults
 from hil_bench.lockstep import LockStep
 from hil_bench.modbus_binding import ModbusBinding
@@ -30,6 +31,9 @@ from hil_bench.transports.transport import Transport
 
 if TYPE_CHECKING:
     from hil_bench.transports.modbus.embedded import EmbeddedLink
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 RECORDED_TIME = 60.0
 """Bench time that `VirtualBench.signals` reaches back unless told otherwise [s]."""
@@ -177,7 +181,6 @@ class VirtualBench:
         Raises:
             WaitTimeoutError: it did not hold in time.
         """
-        __tracebackhide__ = True  # a failed test shows its own line
         start = self.now()
         tick = self.config.tick_ns * 1e-9
         last_begin = start + timeout - 0.5 * tick

@@ -5,11 +5,12 @@ import signal
 import subprocess
 import time
 from collections.abc import Sequence
+from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.controller_link import ControllerLink
-from hil_bench.errors import BusError, ControllerError, WaitTimeoutError
+from hil_bench.errors import BusError, ControllerError, HilBenchError, WaitTimeoutError
 from hil_bench.lockstep import PATIENCE
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
@@ -18,6 +19,9 @@ from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.transport import Transport
 from hil_bench.virtual_bench import VirtualBench
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 HUB = "hub"
 """Name of the bus that the bench hosts itself."""

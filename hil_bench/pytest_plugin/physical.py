@@ -2,12 +2,16 @@
 
 import time
 from collections.abc import Callable
+from operator import methodcaller
 from typing import NoReturn
 
 import pytest
 
 from hil_bench.config import BenchConfig
-from hil_bench.errors import WaitTimeoutError
+from hil_bench.errors import HilBenchError, WaitTimeoutError
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
 LOOK = 0.001
 """Time between two looks at a condition [s]."""

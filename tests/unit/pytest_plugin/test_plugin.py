@@ -93,6 +93,18 @@ def test_the_junit_file_tells_what_a_test_ran_on(pytester, options, config, seed
     assert on_nothing == {}
 
 
+def test_an_error_of_the_controller_shows_the_line_of_the_test(pytester):
+    pytester.makepyfile(
+        "def test_late(bench):\n    bench.run_until(lambda: False, timeout=0)\n"
+        "def test_bug(bench):\n    bench.run('long')\n"
+    )
+    result = pytester.runpytest_subprocess("--tb=short")
+    result.assert_outcomes(failed=2)
+    late, bug = re.split(r"_{5,} test_\w+ _{5,}", result.stdout.str())[1:]
+    assert re.findall(r"^\S+\.py:\d+: in (\w+)$", late, re.MULTILINE) == ["test_late"]
+    assert "virtual_bench.py" in bug  # what is not ours to explain is shown whole
+
+
 def test_a_marker_names_what_the_bench_must_have(pytester):
     pytester.makepyfile(
         "import pytest\n"

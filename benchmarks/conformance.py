@@ -17,10 +17,10 @@ from pathlib import Path
 
 import canopen
 from durand.datatypes import DatatypeEnum
-from durand.network import NetworkABC
 from durand.node import MinimalNode
 from durand.object_dictionary import ObjectDictionary, Variable
 from durand.scheduler import VirtualScheduler, set_scheduler
+from peers import CanopenNetwork, DurandNetwork, Sent
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
@@ -84,11 +84,7 @@ class Task:
 
 def local_node() -> tuple[Tick, Path]:
     """Return `canopen.LocalNode`, and its EDS."""
-    sent: list[Frame] = []
-    network = canopen.Network()
-    network.send_message = lambda can_id, data, _remote=False: sent.append(  # type: ignore[method-assign]
-        Frame(can_id, bytes(data))
-    )
+    network = CanopenNetwork()
     tasks: list[Task] = []
 
     def start_task(can_id: int, data: bytes, period: float, _remote: bool = False) -> Task:
@@ -102,35 +98,16 @@ def local_node() -> tuple[Tick, Path]:
         for frame in only_data(frames):
             with contextlib.suppress(Exception):  # its listener logs what a frame raises
                 network.notify(frame.can_id, bytearray(frame.data), now * 1e-9)
-        return [*taken(sent), *(frame for task in tasks for frame in task.advance(now))]
+        return [*taken(network.sent), *(frame for task in tasks for frame in task.advance(now))]
 
     return tick, EDS
-
-
-class Exchange(NetworkABC):
-    """What durand sends and receives by."""
-
-    def __init__(self) -> None:
-        self.sent: list[Frame] = []
-        self.callbacks: dict[int, Callable[[int, bytes], None]] = {}
-
-    def add_subscription(  # noqa: D102 - told by the base class
-        self, cob_id: int, callback: Callable[[int, bytes], None]
-    ) -> None:
-        self.callbacks[cob_id] = callback
-
-    def remove_subscription(self, cob_id: int, _callback: object = None) -> None:  # noqa: D102
-        self.callbacks.pop(cob_id, None)
-
-    def send(self, cob_id: int, msg: bytes) -> None:  # noqa: D102
-        self.sent.append(Frame(cob_id, bytes(msg)))
 
 
 def durand_node() -> tuple[Tick, Path]:
     """Return `durand.MinimalNode`, and the EDS that it writes."""
     scheduler = VirtualScheduler()
     set_scheduler(scheduler)
-    exchange, objects = Exchange(), ObjectDictionary()
+    network, objects = DurandNetwork(), ObjectDictionary()
     objects[0x2000] = Variable(DatatypeEnum.UNSIGNED16, "rw", 0, name="Command")
     objects[0x2001] = Variable(
         DatatypeEnum.INTEGER16, "rw", 0, minimum=-1000, maximum=1000, name="Set-point"
@@ -139,7 +116,7 @@ def durand_node() -> tuple[Tick, Path]:
     objects[0x2011] = Variable(DatatypeEnum.INTEGER16, "ro", 0, name="Actual value")
     objects[0x2020] = Variable(DatatypeEnum.VISIBLE_STRING, "rw", b"some text", name="Text")
     objects[0x2022] = Variable(DatatypeEnum.UNSIGNED32, "wo", 0, name="Key")
-    node = MinimalNode(exchange, NODE_ID, objects)
+    node = MinimalNode(network, NODE_ID, objects)
     node.rpdo[0].mapping = [(0x2000, 0), (0x2001, 0)]
     node.tpdo[0].mapping = [(0x2010, 0), (0x2011, 0)]
     eds = Path(tempfile.mkdtemp()) / "durand.eds"
@@ -148,12 +125,10 @@ def durand_node() -> tuple[Tick, Path]:
 
     def tick(frames: Sequence[Frame], _now: int) -> Sequence[Frame]:
         for frame in only_data(frames):
-            callback = exchange.callbacks.get(frame.can_id)
-            if callback is not None:
-                with contextlib.suppress(Exception):  # as its own listener does
-                    callback(frame.can_id, frame.data)
+            with contextlib.suppress(Exception):  # as its own listener does
+                network.notify(frame.can_id, frame.data)
         scheduler.run(0.001)
-        return taken(exchange.sent)
+        return taken(network.sent)
 
     return tick, eds
 
@@ -170,9 +145,9 @@ def only_data(frames: Sequence[Frame]) -> Iterator[Frame]:
             yield frame
 
 
-def taken(sent: list[Frame]) -> list[Frame]:
+def taken(sent: Sent) -> list[Frame]:
     """Return what was sent, and forget it."""
-    frames = sent[:]
+    frames = [Frame(can_id, bytes(data)) for can_id, data in sent]
     sent.clear()
     return frames
 

@@ -23,39 +23,25 @@ class Timed(Protocol):
 class Agenda:
     """The earliest time at which one of a node's services wants to be called.
 
-    The services of a node share one; whatever gives a service something to do brings `due`
-    forward. It may be earlier than need be, never later.
+    Whatever gives a service something to do brings `due` forward. It may be earlier than need be,
+    never later.
 
     Attributes:
         due: that time [ns]; 0 for at once.
+        whole: the agenda that this one is a part of, as that of one node is of the bench's; it is
+            brought forward with it.
     """
 
-    __slots__ = ("due",)
+    __slots__ = ("due", "whole")
 
-    def __init__(self) -> None:
+    def __init__(self, whole: "Agenda | None" = None) -> None:
         self.due = NEVER
-
-    def bring_forward(self, time: int) -> None:
-        """Be called at `time` [ns] at the latest."""
-        if time < self.due:  # noqa: PLR1730 - min() costs more than all the rest here
-            self.due = time
-
-
-class PartialAgenda(Agenda):
-    """A part of an agenda, as of one node among several; it brings the whole forward with it.
-
-    Attributes:
-        whole: the agenda of all.
-    """
-
-    __slots__ = ("whole",)
-
-    def __init__(self, whole: Agenda) -> None:
-        super().__init__()
         self.whole = whole
 
     def bring_forward(self, time: int) -> None:
         """Be called at `time` [ns] at the latest."""
-        if time < self.due:  # noqa: PLR1730 - min() costs more than all the rest here
-            self.due = time
-        self.whole.bring_forward(time)
+        agenda: Agenda | None = self
+        while agenda is not None:
+            if time < agenda.due:  # noqa: PLR1730 - min() costs more than all the rest here
+                agenda.due = time
+            agenda = agenda.whole

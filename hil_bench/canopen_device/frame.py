@@ -1,7 +1,8 @@
 """The CAN frame as the devices see it: a value, free of any bus library."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from functools import partial
+from typing import Final, NamedTuple
 
 
 class Frame(NamedTuple):
@@ -20,6 +21,10 @@ class Frame(NamedTuple):
     data: bytes = b""
     is_remote: bool = False
     is_extended: bool = False
+
+
+make_frame: Final[Callable[[tuple[int, bytes, bool, bool]], Frame]] = partial(tuple.__new__, Frame)
+"""Return the frame of these four fields: as `Frame` does, but quicker."""
 
 
 def frame_bits(length: int, *, is_extended: bool = False) -> float:

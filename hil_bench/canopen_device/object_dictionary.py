@@ -17,7 +17,14 @@ the write asks for has failed."""
 
 
 class Access(Enum):
-    """Access type of an object, by its EDS word (CiA 306): who may read, write and map it."""
+    """Access type of an object, by its EDS word (CiA 306): who may read, write and map it.
+
+    Attributes:
+        readable: whether an SDO client may read it.
+        writable: whether an SDO client may write it.
+        in_tpdo: whether a TPDO may carry it: rwr is read by a PDO, rww only written by one.
+        in_rpdo: whether an RPDO may carry it.
+    """
 
     RO = "ro"
     WO = "wo"
@@ -26,25 +33,11 @@ class Access(Enum):
     RWW = "rww"
     CONST = "const"
 
-    @property
-    def readable(self) -> bool:
-        """Whether an SDO client may read it."""
-        return self is not Access.WO
-
-    @property
-    def writable(self) -> bool:
-        """Whether an SDO client may write it."""
-        return self not in {Access.RO, Access.CONST}
-
-    @property
-    def in_tpdo(self) -> bool:
-        """Whether a TPDO may carry it: rwr is read by a PDO, rww only written by one."""
-        return self not in {Access.WO, Access.RWW}
-
-    @property
-    def in_rpdo(self) -> bool:
-        """Whether an RPDO may carry it."""
-        return self in {Access.WO, Access.RW, Access.RWW}
+    def __init__(self, word: str) -> None:
+        self.readable = word != "wo"
+        self.writable = word not in {"ro", "const"}
+        self.in_tpdo = word not in {"wo", "rww"}
+        self.in_rpdo = word in {"wo", "rw", "rww"}
 
 
 class Variable:

@@ -16,7 +16,7 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo_block import BLOCK_SIZE, BlockDownload, BlockUpload
 from hil_bench.canopen_device.sdo_transfer import (
@@ -58,63 +58,98 @@ class SdoServer:
         request_id: identifier from client to server, None while the channel is closed.
         response_id: identifier from server to client.
         is_enabled: whether the NMT state allows SDO.
-        due: when the transfer under way is to go on, or times out [ns].
     """
 
     def __init__(
-        self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
+        self,
+        object_dictionary: ObjectDictionary,
+        agenda: Agenda,
+        node_agenda: Agenda,
+        answers: list[Frame],
+        counters: NodeCounters,
     ) -> None:
+        """Begin as a closed channel.
+
+        Args:
+            object_dictionary: what clients read and write.
+            agenda: brought forward when `serve` has something to do.
+            node_agenda: brought forward when an answer is ready.
+            answers: where an answer goes that is ready when its request comes. It is sent before
+                any that `serve` finds, and is that of the only request that waits, on any channel.
+            counters: what was ignored or refused.
+        """
         self.request_id: int | None = None
         self.response_id = 0
         self.is_enabled = False
-        self.due = NEVER
         self._object_dictionary = object_dictionary
         self._agenda = agenda
+        self._node_agenda = node_agenda
+        self._answers = answers
         self._counters = counters
         self._queue: deque[bytes] = deque()
         self._transfer: Transfer | None = None
 
     def receive(self, frame: Frame, now: int) -> None:
-        """Take a segment that gets no answer; queue every other request."""
-        if not self._counters.is_data(frame) or not self.is_enabled:
-            return
-        transfer = self._transfer
-        if transfer is not None and not self._queue and transfer.absorb(frame.data, now):
-            return
-        if len(frame.data) < 8:
-            self._counters.short_sdo_requests += 1
-        elif len(self._queue) >= QUEUE_LENGTH:
-            self._counters.dropped_sdo_requests += 1
-        else:
-            self._queue.append(frame.data)
-            self._agenda.bring_forward(0)
+        """Answer a request in the midst of a transfer; queue any other one."""
+        request, transfer, answer = frame.data, self._transfer, None
+        # A remote frame has no data. What waits goes first.
+        if (
+            transfer is not None
+            and not (self._queue or self._answers)
+            and len(request) == 8
+            and not frame.is_extended
+        ):
+            answer = transfer.absorb(request, now)
+        if answer is None:
+            self._enqueue(frame)
+        elif answer:
+            self._answers.append(make_frame((self.response_id, answer, False, False)))
+            self._node_agenda.bring_forward(0)
 
     def reset(self) -> None:
         """Forget all requests and the transfer under way, without an answer."""
         self._queue.clear()
         self._transfer = None
-        self.due = NEVER
 
-    def serve(self, now: int, emit: Emit) -> None:
-        """Answer what was asked; go on with a block upload, or abort what has timed out."""
+    def serve(self, now: int, emit: Emit) -> int:
+        """Answer what was asked; go on with a block upload, or abort what has timed out.
+
+        Returns:
+            When the transfer under way is to go on, or times out [ns].
+        """
+        response_id = self.response_id  # of old, where a request changes it
         while self._queue:
             answer = self._answer(self._queue.popleft(), now)
             if answer is not None:
-                emit(Frame(self.response_id, answer))
+                emit(make_frame((response_id, answer, False, False)))
         transfer = self._transfer
         if transfer is None:
-            self.due = NEVER
-        else:
+            return NEVER
+        if now >= transfer.due:
             self._proceed(transfer, now, emit)
+        return transfer.due if self._transfer is transfer else NEVER
+
+    def _enqueue(self, frame: Frame) -> None:
+        _, request, is_remote, is_extended = frame
+        if is_remote or is_extended:
+            self._counters.ignored_frames += 1
+        elif not self.is_enabled:
+            return
+        elif len(request) < 8:
+            self._counters.short_sdo_requests += 1
+        elif len(self._queue) >= QUEUE_LENGTH:
+            self._counters.dropped_sdo_requests += 1
+        else:
+            self._queue.append(request)
+            self._agenda.bring_forward(0)
 
     def _proceed(self, transfer: Transfer, now: int, emit: Emit) -> None:
-        if now >= transfer.due:
-            try:
-                for data in transfer.proceed(now):
-                    emit(Frame(self.response_id, data))
-            except SdoAbort as abort:
-                emit(Frame(self.response_id, self._abort(transfer.target, abort.code)))
-        self.due = NEVER if self._transfer is None else transfer.due
+        response_id = self.response_id
+        try:
+            for data in transfer.proceed(now):
+                emit(make_frame((response_id, data, False, False)))
+        except SdoAbort as abort:
+            emit(Frame(response_id, self._abort(transfer.target, abort.code)))
 
     def _answer(self, request: bytes, now: int) -> bytes | None:
         command, transfer = request[0], self._transfer
@@ -189,12 +224,13 @@ class SdoServer:
     def _initiate_download(self, request: bytes, now: int) -> bytes:
         target = _parse_object(request)
         command = request[0]
-        data_type = self._object_dictionary.writable(*target).data_type
+        variable = self._object_dictionary.writable(*target)
+        data_type = variable.data_type
         is_sized = command & _SIZE_INDICATED
         if command & _EXPEDITED:
             # Without a size, the object's own counts: 4 bytes at most are there.
             length = 4 - (command >> 2 & 3) if is_sized else min(data_type.size or 4, 4)
-            self._object_dictionary.download(*target, request[4 : 4 + length])
+            variable.write(data_type.decode(request[4 : 4 + length]))
         else:
             announced, limit = self._expect(request, is_sized=bool(is_sized))
             write = partial(self._object_dictionary.download, *target)

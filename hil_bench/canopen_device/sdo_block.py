@@ -8,11 +8,12 @@ carries a CRC over the data: CRC-CCITT, polynomial 0x1021, initial value 0.
 
 import struct
 from binascii import crc_hqx
-from collections.abc import Iterator
+from collections.abc import Iterable
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.sdo_transfer import (
+    SEGMENT,
     SEGMENT_BYTES,
     TIME_OUT,
     Multiplexer,
@@ -28,6 +29,9 @@ BLOCK_SIZE: Final = 127
 SEGMENTS_PER_ROUND: Final = 8
 """Segments that the server sends in one round: what a bus of 1 Mbit/s carries in 1 ms."""
 
+_PATIENCE: Final = TIME_OUT // 2
+"""Longest wait for the next segment of a sub-block [ns]."""
+
 _ABORT: Final = 0x80
 _LAST: Final = 0x80
 _NUMBER: Final = 0x7F
@@ -42,8 +46,8 @@ _UPLOAD_CONFIRMATION: Final = 2
 _UPLOAD_START: Final = 3
 _UPLOAD_END_RESPONSE: Final = 0xC1
 
-_NUMBERS: Final = [bytes([number]) for number in range(BLOCK_SIZE + 2)]
-"""The first byte of a segment in the midst of a sub-block, by its number."""
+_NUMBERS: Final = [bytes([number]) for number in range(1, BLOCK_SIZE + 1)]
+"""The first byte of the segments of a sub-block, but for that of the last segment of all."""
 
 _END: Final = struct.Struct("<BH5x")
 _CONFIRMATION: Final = struct.Struct("<BBB5x")
@@ -57,8 +61,8 @@ class BlockDownload(Transfer):
     """
 
     __slots__ = (
-        *("_acknowledged", "_announced", "_data", "_has_crc", "_is_complete", "_is_within"),
-        *("_limit", "_write"),
+        *("_absorbable", "_acknowledged", "_announced", "_data", "_has_crc", "_is_complete"),
+        *("_is_within", "_limit", "_segments", "_write"),
     )
 
     def __init__(
@@ -87,7 +91,9 @@ class BlockDownload(Transfer):
         self._limit = limit if announced is None else announced
         self._has_crc = has_crc
         self._data = bytearray()
+        self._segments: list[bytes] = []
         self._acknowledged = 0
+        self._absorbable = 0
         self._is_complete = False
         self._is_within = False
 
@@ -100,36 +106,32 @@ class BlockDownload(Transfer):
             return command & 0xE3 == _DOWNLOAD_END
         return command != _ABORT
 
-    def absorb(self, request: bytes, now: int) -> bool:
-        """Take a segment in the midst of a sub-block; most are, so this is the quick way."""
+    def absorb(self, request: bytes, now: int) -> bytes | None:
+        """Take the next segment in the midst of a sub-block, in silence."""
         number = self._acknowledged + 1
-        # Not the first of a sub-block, nor its last, nor that of all, whose bit 7 is set.
-        if not self._is_within or request[:1] != _NUMBERS[number] or number == BLOCK_SIZE:
-            return False
-        if len(request) != 8 or len(self._data) > self._limit:
-            return False
+        # Bit 7, the mark of the last segment of all and of an abort, makes it another number.
+        if request[0] != number or number > self._absorbable:
+            return None
         self._acknowledged = number
-        self._data += request[1:]
-        self.due = now + TIME_OUT // 2
-        return True
+        self._segments.append(request)
+        self.due = now + _PATIENCE
+        return b""
 
     def take(self, request: bytes, now: int) -> bytes | None:  # noqa: D102 - told by the base class
         return self._finish(request) if self._is_complete else self._take_segment(request, now)
 
-    def proceed(self, now: int) -> Iterator[bytes]:
-        """Confirm the part of a sub-block that came.
-
-        Yields:
-            The confirmation.
+    def proceed(self, now: int) -> Iterable[bytes]:
+        """Return the confirmation of the part of a sub-block that came.
 
         Raises:
             SdoAbort: 0504 0000, the client has gone silent.
         """
         if not self._is_within:
             raise SdoAbort(*abort_codes.TIME_OUT)
-        yield self._confirm(now)
+        return (self._confirm(now),)
 
     def _take_segment(self, request: bytes, now: int) -> bytes | None:
+        self._collect_segments()
         number, is_last = request[0] & _NUMBER, bool(request[0] & _LAST)
         if not 1 <= number <= BLOCK_SIZE:
             raise SdoAbort(*abort_codes.SEQUENCE_NUMBER)
@@ -142,11 +144,23 @@ class BlockDownload(Transfer):
         if is_last or number == BLOCK_SIZE:
             return self._confirm(now)
         self._is_within = True
-        self.due = now + TIME_OUT // 2
+        # All but the last of a sub-block, as long as they fit.
+        room = (self._limit - len(self._data)) // SEGMENT_BYTES + 1
+        self._absorbable = min(self._acknowledged + room, BLOCK_SIZE - 1)
+        self.due = now + _PATIENCE
         return None
 
+    def _collect_segments(self) -> None:
+        """Append what was absorbed."""
+        absorbed = bytearray().join(self._segments)
+        del absorbed[:: SEGMENT_BYTES + 1]  # the numbers
+        self._data += absorbed
+        self._segments.clear()
+
     def _confirm(self, now: int) -> bytes:
+        self._collect_segments()
         acknowledged, self._acknowledged = self._acknowledged, 0
+        self._absorbable = 0
         self._is_within = False
         self.due = now + TIME_OUT
         return _CONFIRMATION.pack(_DOWNLOAD_CONFIRMATION, acknowledged, BLOCK_SIZE)
@@ -167,8 +181,8 @@ class BlockUpload(Transfer):
     """An upload in sub-blocks, whose size the client may change with each confirmation."""
 
     __slots__ = (
-        *("_block_size", "_count", "_data", "_first", "_has_ended", "_has_started", "_is_sending"),
-        "_sent",
+        *("_block_size", "_count", "_data", "_first", "_has_ended", "_has_started", "_padded"),
+        *("_segments", "_sent"),
     )
 
     def __init__(self, target: Multiplexer, data: bytes, block_size: int, now: int) -> None:
@@ -184,10 +198,11 @@ class BlockUpload(Transfer):
         _check_block_size(block_size)
         self._data = data
         self._count = max(-(-len(data) // SEGMENT_BYTES), 1)
+        self._padded = data.ljust(self._count * SEGMENT_BYTES, b"\0")
         self._block_size = block_size
         self._first = 0
+        self._segments: list[bytes] = []
         self._sent = 0
-        self._is_sending = False
         self._has_started = False
         self._has_ended = False
 
@@ -213,37 +228,33 @@ class BlockUpload(Transfer):
             return None
         raise SdoAbort(*abort_codes.COMMAND_SPECIFIER)
 
-    def proceed(self, now: int) -> Iterator[bytes]:
-        """Send the next segments of the sub-block.
-
-        Yields:
-            The segments.
+    def proceed(self, now: int) -> Iterable[bytes]:
+        """Return the next segments of the sub-block.
 
         Raises:
             SdoAbort: 0504 0000, the client has gone silent.
         """
-        if not self._is_sending:
+        if self._sent == len(self._segments):
             raise SdoAbort(*abort_codes.TIME_OUT)
-        end = min(self._block_size, self._count - self._first)
-        upto = min(self._sent + SEGMENTS_PER_ROUND, end)
-        start = (self._first + self._sent) * SEGMENT_BYTES
-        for number in range(self._sent + 1, upto + 1):
-            segment = self._data[start : start + SEGMENT_BYTES]
-            start += SEGMENT_BYTES
-            if start < len(self._data):
-                yield _NUMBERS[number] + segment
-            else:
-                yield bytes([number | _LAST]) + segment.ljust(SEGMENT_BYTES, b"\0")
-        self._sent = upto
-        if upto == end:
-            self._is_sending = False
+        segments = self._segments[self._sent : self._sent + SEGMENTS_PER_ROUND]
+        self._sent += len(segments)
+        if self._sent == len(self._segments):
             self.due = now + TIME_OUT
+        return segments
 
     def _send_from(self, first: int) -> None:
+        """Begin a sub-block with the segment `first` of all."""
+        rest = self._padded[first * SEGMENT_BYTES : (first + self._block_size) * SEGMENT_BYTES]
+        chunks = SEGMENT.iter_unpack(rest)
+        self._segments = [
+            number + chunk for number, (chunk,) in zip(_NUMBERS, chunks, strict=False)
+        ]
         self._first = first
         self._sent = 0
-        self._is_sending = True
         self.due = 0
+        number = len(self._segments)
+        if first + number == self._count:
+            self._segments[-1] = bytes([number | _LAST]) + self._segments[-1][1:]
 
     def _take_confirmation(self, acknowledged: int, block_size: int, now: int) -> bytes | None:
         if acknowledged > self._sent:
@@ -257,7 +268,7 @@ class BlockUpload(Transfer):
 
     def _end(self, now: int) -> bytes:
         self._has_ended = True
-        self._is_sending = False
+        self._segments = []
         self._sent = 0
         self.due = now + TIME_OUT
         unused = self._count * SEGMENT_BYTES - len(self._data)

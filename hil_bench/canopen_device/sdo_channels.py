@@ -7,7 +7,7 @@ from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.frame import Emit, Handler
+from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo import SdoServer
 from hil_bench.errors import SdoAbort
@@ -32,7 +32,8 @@ class SdoChannels:
     a transfer on one does not touch that of another.
 
     Attributes:
-        due: when a transfer is to go on, or times out [ns].
+        agenda: when a request waits, or a transfer is to go on or times out. An answer that is
+            ready does not count: it only brings the agenda of the whole node forward.
     """
 
     def __init__(
@@ -43,14 +44,13 @@ class SdoChannels:
         counters: NodeCounters,
     ) -> None:
         self._object_dictionary = object_dictionary
-        self._default = SdoServer(object_dictionary, agenda, counters)
-        self._further = {
-            index: SdoServer(object_dictionary, agenda, counters)
-            for index in object_dictionary.indices(_FURTHER)
-        }
+        self.agenda = Agenda(agenda)
+        self._answers: list[Frame] = []
+        parts = (object_dictionary, self.agenda, agenda, self._answers, counters)
+        self._default = SdoServer(*parts)
+        self._further = {index: SdoServer(*parts) for index in object_dictionary.indices(_FURTHER)}
         self._servers = (self._default, *self._further.values())
         self._open: tuple[SdoServer, ...] = ()
-        self.due = NEVER
         self._watch_parameters()
         self.reset(node_id)
 
@@ -69,6 +69,8 @@ class SdoChannels:
             server.is_enabled = is_enabled
             if not is_enabled:
                 server.reset()
+        if not is_enabled:
+            self._answers.clear()
 
     def reset(self, node_id: int) -> None:
         """Begin anew, for the device `node_id`, after the parameters got their defaults."""
@@ -80,13 +82,16 @@ class SdoChannels:
             self._configure(index)
 
     def serve(self, now: int, emit: Emit) -> None:
-        """Answer what was asked, channel by channel."""
+        """Send the answers that are ready, then answer what was asked, channel by channel."""
+        for answer in self._answers:
+            emit(answer)
+        self._answers.clear()
+        if now < self.agenda.due:
+            return
         due = NEVER
         for server in self._open:
-            server.serve(now, emit)
-            if server.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
-                due = server.due
-        self.due = due
+            due = min(due, server.serve(now, emit))
+        self.agenda.due = due
 
     def _configure(self, index: int, _value: Any = None) -> None:  # noqa: ANN401 - it is a hook
         server = self._further[index]

@@ -1,5 +1,6 @@
 """SDO transfers of more than one frame (CiA 301, service data objects): segmented ones."""
 
+import struct
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import Final
@@ -18,15 +19,19 @@ TIME_OUT: Final = 1000 * MILLISECOND
 """Longest wait for the client's next frame [ns]."""
 
 SEGMENT_BYTES: Final = 7
+SEGMENT: Final = struct.Struct(f"{SEGMENT_BYTES}s")
 
 _DOWNLOAD_SEGMENT: Final = 0
 _UPLOAD_SEGMENT: Final = 3
 
 _TOGGLE: Final = 0x10
 _LAST: Final = 0x01
+_SPECIFIER_AND_TOGGLE: Final = 0xF0
 
-_FULL_SEGMENT: Final = {toggle: bytes([toggle]) for toggle in (0, _TOGGLE)}
-"""The first byte of an upload segment of 7 bytes that others follow, by its toggle bit."""
+_FULL_SEGMENT: Final = {_UPLOAD_SEGMENT << 5 | toggle: bytes([toggle]) for toggle in (0, _TOGGLE)}
+"""The first byte of an upload segment of 7 bytes that others follow, by that of the request."""
+_TAKEN: Final = {toggle: bytes([0x20 | toggle, *bytes(7)]) for toggle in (0, _TOGGLE)}
+"""The confirmation of a download segment, by its toggle bit."""
 
 
 class Transfer(ABC):
@@ -56,13 +61,16 @@ class Transfer(ABC):
         `SdoAbort` ends the transfer.
         """
 
-    def absorb(self, request: bytes, now: int) -> bool:  # noqa: ARG002 - block downloads use it
-        """Take a request that has no answer and only puts `due` off.
+    def absorb(self, request: bytes, now: int) -> bytes | None:  # noqa: ARG002 - not all have one
+        """Take a request in the midst of the transfer, of which its object does not hear.
+
+        Most requests are, so this is the quick way; it only puts `due` off.
 
         Returns:
-            Whether it was one; otherwise nothing has happened, and `take` is for it.
+            The answer, empty for silence. None where it is no such request: then nothing has
+            happened, and `take` is for it.
         """
-        return False
+        return None
 
     def proceed(self, now: int) -> Iterable[bytes]:  # noqa: ARG002 - block transfers use it
         """Return what the server sends by itself when `due` has come.
@@ -76,36 +84,42 @@ class Transfer(ABC):
 class SegmentedUpload(Transfer):
     """An upload in segments of 7 bytes, each on request."""
 
-    __slots__ = ("_data", "_position", "_toggle")
+    __slots__ = ("_expected", "_full_segments", "_last_segment")
 
     def __init__(self, target: Multiplexer, data: bytes, now: int) -> None:
         super().__init__(target, now)
-        self._data = data
-        self._position = 0
-        self._toggle = 0
+        followed = max(len(data) - 1, 0) // SEGMENT_BYTES * SEGMENT_BYTES
+        self._full_segments = SEGMENT.iter_unpack(data[:followed])
+        self._last_segment = data[followed:]
+        self._expected = _UPLOAD_SEGMENT << 5
 
     def owns(self, command: int) -> bool:  # noqa: D102 - told by the base class
         return command >> 5 == _UPLOAD_SEGMENT
 
-    def take(self, request: bytes, now: int) -> bytes:
-        """Return the next segment.
-
-        Raises:
-            SdoAbort: 0503 0000.
-        """
-        toggle = self._toggle
-        if request[0] & _TOGGLE != toggle:
-            raise SdoAbort(*abort_codes.TOGGLE)
-        begin = self._position
-        end = self._position = begin + SEGMENT_BYTES
-        self._toggle = toggle ^ _TOGGLE
+    def absorb(self, request: bytes, now: int) -> bytes | None:
+        """Return a segment that others follow."""
+        expected = self._expected
+        if request[0] & _SPECIFIER_AND_TOGGLE != expected:
+            return None
+        segment = next(self._full_segments, None)
+        if segment is None:
+            return None
+        self._expected = expected ^ _TOGGLE
         self.due = now + TIME_OUT
-        segment = self._data[begin:end]
-        if end < len(self._data):
-            return _FULL_SEGMENT[toggle] + segment
+        answer: bytes = _FULL_SEGMENT[expected] + segment[0]
+        return answer
+
+    def take(self, request: bytes, now: int) -> bytes:
+        """Return the next segment; `SdoAbort` 0503 0000 where the toggle bit is not its turn's."""
+        answer = self.absorb(request, now)
+        if answer is not None:
+            return answer
+        toggle = self._expected & _TOGGLE
+        _check_toggle(request[0], toggle)
         self.is_over = True
-        answer = toggle | (SEGMENT_BYTES - len(segment)) << 1 | _LAST
-        return bytes([answer]) + segment.ljust(SEGMENT_BYTES, b"\0")
+        segment = self._last_segment
+        command = toggle | (SEGMENT_BYTES - len(segment)) << 1 | _LAST
+        return bytes([command]) + segment.ljust(SEGMENT_BYTES, b"\0")
 
 
 class SegmentedDownload(Transfer):
@@ -135,20 +149,29 @@ class SegmentedDownload(Transfer):
     def owns(self, command: int) -> bool:  # noqa: D102 - told by the base class
         return command >> 5 == _DOWNLOAD_SEGMENT
 
+    def absorb(self, request: bytes, now: int) -> bytes | None:
+        """Take a segment of 7 bytes that others follow."""
+        toggle = self._toggle
+        if request[0] != toggle or len(self._data) + SEGMENT_BYTES > self._limit:
+            return None
+        self._data += request[1:]
+        self._toggle = toggle ^ _TOGGLE
+        self.due = now + TIME_OUT
+        return _TAKEN[toggle]
+
     def take(self, request: bytes, now: int) -> bytes:  # noqa: D102
-        command = request[0]
-        _check_toggle(command, self._toggle)
+        command, toggle = request[0], self._toggle
+        _check_toggle(command, toggle)
         length = SEGMENT_BYTES - (command >> 1 & 7)
         self._data += request[1 : 1 + length]
         check_bound(len(self._data), self._limit)
-        answer = 0x20 | self._toggle
-        self._toggle ^= _TOGGLE
+        self._toggle = toggle ^ _TOGGLE
         self.due = now + TIME_OUT
         if command & _LAST:
             check_complete(len(self._data), self._announced)
             self._write(bytes(self._data))
             self.is_over = True
-        return bytes([answer]) + bytes(SEGMENT_BYTES)
+        return _TAKEN[toggle]
 
 
 def check_bound(length: int, limit: int) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil_bench.canopen_device.agenda import NEVER, PartialAgenda, Timed
+from hil_bench.canopen_device.agenda import NEVER, Agenda, Timed
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.error_behaviour import ErrorBehaviour
@@ -35,6 +35,7 @@ class Services:
 
     Attributes:
         node_id: the node-ID in force, 255 for none.
+        agenda: of all but SDO, whose requests are most of what wakes a node.
     """
 
     def __init__(
@@ -42,20 +43,22 @@ class Services:
         object_dictionary: ObjectDictionary,
         node_id: int,
         storage: Storage,
-        agenda: PartialAgenda,
+        agenda: Agenda,
         events: NodeEvents,
         counters: NodeCounters,
     ) -> None:
         """Set every object to its power-on value, then compose the services that read them."""
         self.node_id = node_id
+        self.agenda = Agenda(agenda)
         self._object_dictionary = object_dictionary
-        self.emcy = EmcyProducer(object_dictionary, agenda, counters)
+        self.emcy = EmcyProducer(object_dictionary, self.agenda, counters)
         self.store = ParameterStore(object_dictionary, storage, self.emcy)
         self._take_node_id(self.store.node_id or node_id)
         self.store.restore(_EVERYTHING)
         self.emcy.reset(_EVERYTHING)
         self.store.report()
-        self._compose(agenda, events, counters)
+        self.sdo = SdoChannels(object_dictionary, self.node_id, agenda, counters)
+        self._compose(events, counters)
 
     def serve(self, now: int, emit: Emit, state: NmtState) -> int:
         """Send what is due; return the earliest time at which a service wants to be called [ns].
@@ -107,8 +110,9 @@ class Services:
         if node_id != UNCONFIGURED:
             self._object_dictionary.assign_node_id(node_id)
 
-    def _compose(self, agenda: PartialAgenda, events: NodeEvents, counters: NodeCounters) -> None:
+    def _compose(self, events: NodeEvents, counters: NodeCounters) -> None:
         dictionary, node_id, emcy = self._object_dictionary, self.node_id, self.emcy
+        agenda = self.agenda
         window = SynchronousWindow()
         self.startup = Startup(dictionary)
         self.error_behaviour = ErrorBehaviour(dictionary)
@@ -116,7 +120,6 @@ class Services:
         self.sync = SyncConsumer(dictionary, window, emcy, counters)
         self.sync_producer = SyncProducer(dictionary, agenda)
         self.time = TimeConsumer(dictionary, counters)
-        self.sdo = SdoChannels(dictionary, node_id, agenda.whole, counters)
         self.producer = HeartbeatProducer(dictionary, node_id, agenda)
         self.consumer = HeartbeatConsumer(dictionary, agenda, events, emcy, counters)
         self.guarding = NodeGuarding(dictionary, node_id, agenda, events, emcy)

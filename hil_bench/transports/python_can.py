@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import can
 
-from hil_bench.canopen_device.frame import Frame, frame_bits
+from hil_bench.canopen_device.frame import Frame, frame_bits, make_frame
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import TransportCounters
 
@@ -21,7 +21,9 @@ def frame_of(message: can.Message) -> Frame | None:
     if not 0 <= message.arbitration_id <= limit:
         return None
     data = b"" if message.is_remote_frame else bytes(message.data)
-    return Frame(message.arbitration_id, data, message.is_remote_frame, message.is_extended_id)
+    return make_frame(
+        (message.arbitration_id, data, message.is_remote_frame, message.is_extended_id)
+    )
 
 
 def message_of(frame: Frame) -> can.Message:

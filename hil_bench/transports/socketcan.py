@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from hil_bench.canopen_device.frame import FRAME_BITS, Frame
+from hil_bench.canopen_device.frame import FRAME_BITS, Frame, make_frame
 from hil_bench.errors import BusError
 from hil_bench.transports.can_interfaces import is_up
 from hil_bench.transports.transport import TransportCounters
@@ -92,12 +92,8 @@ def unpack_frame(raw: bytes) -> Frame | None:
         return None
     is_extended = can_id & _EFF_FLAG != 0
     is_remote = can_id & _RTR_FLAG != 0
-    return Frame(
-        can_id & (_EFF_MASK if is_extended else _SFF_MASK),
-        b"" if is_remote else data[:length],
-        is_remote,
-        is_extended,
-    )
+    masked = can_id & (_EFF_MASK if is_extended else _SFF_MASK)
+    return make_frame((masked, b"" if is_remote else data[:length], is_remote, is_extended))
 
 
 def pack_filters(can_ids: Iterable[int]) -> bytes:

@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.canopen_device.frame import FRAME_BITS, frame_bits
+from hil_bench.canopen_device.frame import FRAME_BITS, Frame, frame_bits, make_frame
 
 
 @pytest.mark.parametrize(
@@ -20,3 +20,9 @@ def test_the_bits_by_length_are_those_of_an_11_bit_identifier():
     assert FRAME_BITS[0] == frame_bits(0)
     assert FRAME_BITS[8] == frame_bits(8)
     assert len(FRAME_BITS) == 9
+
+
+def test_the_quick_way_makes_the_same_frame():
+    frame = make_frame((0x705, b"", True, False))
+    assert isinstance(frame, Frame)
+    assert frame == Frame(0x705, is_remote=True)

@@ -20,7 +20,6 @@ from durand.datatypes import DatatypeEnum
 from durand.node import MinimalNode
 from durand.object_dictionary import ObjectDictionary, Variable
 from durand.scheduler import VirtualScheduler, set_scheduler
-from peers import CanopenNetwork, DurandNetwork, Sent
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
@@ -30,6 +29,7 @@ from hil_bench.conformance.device import DeviceUnderTest
 from hil_bench.conformance.suite import CHAPTERS, Outcome, Result, run_suite
 from hil_bench.conformance.wire import Wire
 from hil_bench.transports.embedded import EmbeddedBus
+from peers import CanopenNetwork, DurandNetwork, Sent
 
 EDS = Path(__file__).parents[1] / "tests" / "unit" / "canopen_device" / "device.eds"
 NODE_ID = 5

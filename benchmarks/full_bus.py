@@ -16,8 +16,6 @@ from itertools import islice
 from typing import NamedTuple
 
 import canopen
-from master import NMT_START, TICK, demand, download, upload
-from peers import CanopenNetwork
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.assembly import build_bench
@@ -28,6 +26,8 @@ from hil_bench.realtime.clock import Clock, MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.runner import RunReport, run_paced
 from hil_bench.transports.transport import TransportCounters
+from master import NMT_START, TICK, demand, download, upload
+from peers import CanopenNetwork
 
 FULL_BUS = 8000
 """Frames of eight bytes that 1 Mbit/s carries in a second."""

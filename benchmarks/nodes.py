@@ -21,14 +21,14 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import canopen
-from master import NMT_START, SYNC, demand, download, upload
-from peers import CanopenNetwork, Sent
 
 from device_profiles import PRESSURE_404, VALVE_408
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.lockstep import LockStep
+from master import NMT_START, SYNC, demand, download, upload
+from peers import CanopenNetwork, Sent
 
 NODES = 127
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3), (0x1018, 4))

@@ -10,11 +10,11 @@ from typing import Any, Protocol
 
 import canopen
 from canopen.pdo.base import PdoMap
-from peers import CanopenNetwork, DurandNetwork
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.canopen_device.node import Node
+from peers import CanopenNetwork, DurandNetwork
 
 try:
     import durand

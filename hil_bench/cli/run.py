@@ -163,7 +163,8 @@ def run(args: argparse.Namespace) -> int:
             return lock_step(args, config, bench, bus, wish)
         report = run_until_told(args, config, bench, (bus, modbus), wish, recording)
         histograms.write(report, config.tick_ns, bus.bitrate)
-    lines = summary_lines(report, config, bench, bus) + recording_lines(args.record, recording)
+    lines = summary_lines(report, config, bench, bus, is_timed=math.isfinite(args.speed))
+    lines += recording_lines(args.record, recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
@@ -285,11 +286,13 @@ def lock_step(
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 
-def summary_lines(report: RunReport, config: BenchConfig, bench: Bench, bus: OpenBus) -> list[str]:
-    """Return the summary at the end of a run."""
+def summary_lines(
+    report: RunReport, config: BenchConfig, bench: Bench, bus: OpenBus, *, is_timed: bool
+) -> list[str]:
+    """Return the summary at the end of a run; the loop's timing where there was any."""
+    ticks, *timing = loop_lines(report.ticks, config.tick_ns)
     return [
-        "summary",
-        *loop_lines(report.ticks, config.tick_ns),
+        *("summary", ticks, *(timing if is_timed else ())),
         *frame_lines(report.frames, bench.unrouted),
         load_line(report, config.tick_ns, bus.bitrate),
         *fault_lines(bench),

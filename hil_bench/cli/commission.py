@@ -19,6 +19,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.commissioning.measures import StepResult
 from hil_bench.commissioning.plan import (
     CommissioningPlan,
@@ -35,7 +36,7 @@ from hil_bench.recording.channels import Channel
 from hil_bench.recording.formats import Heading
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.network_tap import NetworkTap
-from hil_bench.recording.recorder import RecordingPlan
+from hil_bench.recording.recorder import RecordingPlan, RecordingReport
 from hil_bench.recording.recorder_process import RecorderProcess
 
 _EXAMPLES = """\
@@ -103,14 +104,14 @@ def run(args: argparse.Namespace) -> int:
     _check_period(args, plan, machine)
     started = datetime.now(UTC)
     with open_network(args, machine) as opened:
-        found = _commission(args, opened, config, plan)
-    head = _head(args, opened, config, started)
+        found, recorded = _commission(args, opened, config, plan)
+    head = _head(args, opened, config, started, recorded)
     paths = write_report(args.output, found, head)
     for finding in found.findings:
         print(f"found     {finding.name}: {finding.evidence}; {finding.mend}")
     print(f"verdict   {verdict_of(found)}")
     print(f"report    {paths[0]}, {paths[1]}")
-    print(f"recording {_recording_path(args)}")
+    print("\n".join(report_lines([_recording_path(args)], recorded)))
     if found.lost:
         raise BusError(found.lost)
     if found.is_interrupted:
@@ -151,8 +152,8 @@ def _check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: Be
 
 def _commission(
     args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, plan: CommissioningPlan
-) -> Commissioning:
-    """Run the plan while all is recorded."""
+) -> tuple[Commissioning, RecordingReport]:
+    """Run the plan while all is recorded; return what was found, and what the recording holds."""
     console = Console(
         confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
         begin=lambda step: None if args.quiet else _print_begin(step),
@@ -160,9 +161,10 @@ def _commission(
     )
     channels = recorded_channels(choose_axis(plan, config).name)
     with _recording(args, opened, channels) as (recording, origin), _sigterm_as_interrupt():
-        return commission(
+        found = commission(
             opened.network, config, plan, console=console, recording=recording, origin=origin
         )
+    return found, recording.report
 
 
 @contextlib.contextmanager
@@ -251,8 +253,13 @@ def _print_end(result: StepResult) -> None:
 
 
 def _head(
-    args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, started: datetime
+    args: argparse.Namespace,
+    opened: OpenNetwork,
+    config: BenchConfig,
+    started: datetime,
+    recorded: RecordingReport,
 ) -> ReportHead:
+    losses = [f"{recorded.lost} messages left out"] if recorded.lost else []
     return ReportHead(
         "Commissioning report",
         {
@@ -262,6 +269,6 @@ def _head(
             "bus": opened.description + (f" ({args.machine})" if args.machine else ""),
             "versions": f"hil-bench {__version__}, python-can {version('python-can')}, "
             f"canopen {version('canopen')}, Python {python_version()}",
-            "recording": _recording_path(args).name,
+            "recording": "; ".join((_recording_path(args).name, *losses, *recorded.problems)),
         },
     )

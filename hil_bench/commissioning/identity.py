@@ -40,7 +40,7 @@ class NodeDescription:
         error_register: 0x1001.
         error_history: 0x1003, newest first.
         heartbeat_ms: 0x1017, period of its heartbeat; 0 for none [ms].
-        problem: why reading was given up, empty where it was not.
+        problem: why it tells nothing, or no more than this; empty where it does.
     """
 
     node_id: int
@@ -86,6 +86,9 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
             facts[name] = read(node)
     except (DriverTimeoutError, RemoteProtocolError) as error:
         facts["problem"] = str(error)
+    else:
+        if all(fact in (None, ()) for fact in facts.values()):
+            facts["problem"] = "every read is answered by an abort"
     state = node.nmt_state if node.nmt_state is not None else sighting.nmt_state
     return NodeDescription(
         node_id=sighting.node_id,

@@ -1,5 +1,7 @@
 """`hil-bench commission`."""
 
+import re
+
 import pytest
 from support.direct_lockstep import DirectLockStep
 
@@ -42,6 +44,7 @@ def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys
         ["direction", "passed"],
     ]
     assert out[3] == "verdict   passed"
+    assert re.fullmatch(r"recorded  \d+ rows, \d+ frames: out/commissioning.mf4", out[5])
     report = (folder / "out" / "report.md").read_text(encoding="utf-8")
     assert "| data sheet | sheet.toml |" in report
     assert "| 4 | HIL bench linear encoder |" in report
@@ -69,6 +72,19 @@ def test_another_machine_than_the_data_sheets_fails_by_name(folder, capsys):
     out = capsys.readouterr().out
     assert out.startswith("found     no supply pressure: no motion and no force: ")
     assert "verdict   failed" in out
+
+
+def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatch, capsys):
+    def write_rows(_file, _rows):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hil_bench.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 0
+    out = capsys.readouterr().out
+    assert "verdict   passed" in out
+    problem = next(line for line in out.splitlines() if "No space left on device" in line)
+    report = (folder / "out" / "report.md").read_text(encoding="utf-8")
+    assert f"| recording | commissioning.mf4; {problem.strip()} |" in report
 
 
 def test_in_lockstep_every_run_leaves_the_same_recording(folder, monkeypatch, capsys):

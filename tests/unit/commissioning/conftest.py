@@ -15,6 +15,7 @@ class Device:
     def __init__(self):
         self.answers = {}
         self.received = []
+        self.refusing = None
 
     def answer(self, can_id, request, *answers):
         """Send `answers`, pairs of identifier and hexadecimal data, to one request."""
@@ -22,8 +23,18 @@ class Device:
             Frame(answer_id, bytes.fromhex(data)) for answer_id, data in answers
         ]
 
+    def refuse_all(self, node_id):
+        """Answer every SDO request to a node with an abort, 0800 0000: general error."""
+        self.refusing = node_id
+
     def tick(self, frames, _now):
         self.received += frames
+        if self.refusing is not None:
+            return [
+                Frame(0x580 + self.refusing, b"\x80" + frame.data[1:4] + b"\0\0\0\x08")
+                for frame in frames
+                if frame.can_id == 0x600 + self.refusing
+            ]
         return [
             answer
             for frame in frames

@@ -149,6 +149,16 @@ def test_two_devices_under_one_node_id_are_named(device, device_network, config_
     assert "2 devices answer under this node-ID" in differences[0].what
 
 
+def test_a_device_that_answers_aborts_only_is_one_difference(device, device_network, config_of):
+    device.refuse_all(1)
+    refused, missing = compare(device_network, config_of(MACHINE.format(more="")))
+    assert refused.what == (
+        "node 1 (valve): cannot read 0x1000 (Device type): SDO abort 0x08000000, General error"
+    )
+    assert refused.mend is Mend.NODE
+    assert "node 2 (pressure): does not answer" in missing.what
+
+
 def test_a_device_that_falls_silent_is_named_once(device, device_network, config_of):
     device.answer(0x601, "4000100000000000", (0x581, "8000100000000206"))
     found = [

@@ -42,6 +42,13 @@ def test_what_a_device_refuses_is_none_and_the_rest_is_read(device, device_netwo
     assert found.product_code == 0x1234
 
 
+def test_a_device_that_answers_aborts_only_is_said_to_do_so(device, device_network):
+    device.refuse_all(5)
+    found = describe(device_network, Sighting(5))
+    assert found.problem == "every read is answered by an abort"
+    assert (found.device_type, found.error_register, found.error_history) == (None, None, ())
+
+
 def test_a_device_that_falls_silent_is_given_up_after_one_time_out(device_network):
     begin = device_network.now()
     found = describe(device_network, Sighting(5), timeout=0.2)

@@ -55,7 +55,7 @@ def _findings(
 ) -> list[Finding]:
     """Return what the signs say; see `direction`."""
     evidence = (
-        f"speed {0.5e3 * v:+.1f} mm/s, change of P_A A_A - P_B A_B {change:+.0f} N for a positive "
+        f"speed {0.5e3 * v:+z.1f} mm/s, change of P_A A_A - P_B A_B {change:+.0f} N for a positive "
         "set-point against a negative one"
     )
     if -1.5 < follows < -0.5:

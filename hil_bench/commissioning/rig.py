@@ -8,7 +8,6 @@ reboots or a fault of the valve closes the valve before anything else happens.
 import logging
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +17,12 @@ from drivers import (
     PositionSensor,
     PressureSensor,
     ProportionalValve,
+    ValveState,
 )
+from hil_bench.commissioning.guard import LimitError, Sample, check_sample
 from hil_bench.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Limits
-from hil_bench.errors import HilBenchError
 from hil_bench.recording.channels import TIME, Recording, recording_dtype
 from hil_bench.recording.inline_recorder import RecordingSink
 
@@ -48,20 +48,12 @@ ROUNDING = 1e-6
 """What the division of two times may lack of a whole number."""
 
 
-class LimitError(HilBenchError):
-    """A step left one of its limits, and the valve was closed."""
-
-
-class Sample(NamedTuple):
-    """What the drivers told at one moment; the fields of `SAMPLE_CHANNELS`, in SI units."""
-
-    time: float
-    position: float
-    speed: float
-    pressure_a: float
-    pressure_b: float
-    spool_setpoint: float
-    spool_position: float
+_CLOSED = {
+    ValveState.NOT_READY,
+    ValveState.INIT,
+    ValveState.DISABLED,
+    ValveState.FAULT_DISABLED,
+}
 
 
 class Rig:
@@ -107,6 +99,8 @@ class Rig:
         self._origin = self._next if origin is None else origin
         self._step_number = 0
         self._boot_ups: tuple[int, ...] = ()
+        self._may_be_open = True  # whoever had it before us
+        self._is_closed = False
 
     def set_up(self) -> None:
         """Configure the devices, bring their nodes to OPERATIONAL and take first values."""
@@ -136,17 +130,27 @@ class Rig:
 
     def enable(self) -> None:
         """Bring the valve to ACTIVE with the spool centred."""
+        self._may_be_open = True
         self.valve.reset_fault()
         self.valve.enable()
         self._next = self._network.now()
 
-    def close_valve(self) -> None:
-        """Centre the spool at once and disable the valve; never raises a `DriverError`."""
-        try:
-            self.valve.spool_setpoint = 0.0
-            self.valve.disable()
-        except DriverError as error:
-            logger.warning("%s: spool centred, but not disabled: %s", self.valve.node, error)
+    def close_valve(self) -> bool:
+        """Centre the spool at once and disable the valve, if it is not yet; never raises.
+
+        Returns:
+            Whether the valve is closed by its own words.
+        """
+        if self._may_be_open:
+            self._may_be_open = False
+            try:
+                self.valve.spool_setpoint = 0.0
+                self.valve.disable()
+                self._is_closed = True
+            except DriverError as error:
+                logger.info("%s: spool centred, but not disabled: %s", self.valve.node, error)
+                self._is_closed = self._says_closed()
+        return self._is_closed
 
     def close(self) -> None:
         """Leave the valve disabled, and no longer watching us."""
@@ -248,7 +252,7 @@ class Rig:
         position = self._position
         return Sample(
             since - self._origin,
-            position.position,
+            position.position if position.is_valid else math.nan,
             position.speed,
             self._pressures[0].pressure,
             self._pressures[1].pressure,
@@ -277,10 +281,7 @@ class Rig:
         limits = self._limits
         if limits is None:
             return
-        _check_range("position", sample.position, limits.position, 1e-3, "mm")
-        _check_range("speed", sample.speed, (-limits.speed, limits.speed), 1e-3, "mm/s")
-        _check_range("pressure at A", sample.pressure_a, limits.pressure, 1e5, "bar")
-        _check_range("pressure at B", sample.pressure_b, limits.pressure, 1e5, "bar")
+        check_sample(sample, limits)
         elapsed = self._network.now() - self._step_start
         if elapsed > limits.time:
             raise LimitError(f"time {elapsed:.1f} s is beyond its limit of {limits.time:g} s")
@@ -291,23 +292,12 @@ class Rig:
     def _has_booted(self) -> bool:
         return self._count_boot_ups() != self._boot_ups
 
+    def _says_closed(self) -> bool:
+        """Whether the valve is in a state in which its spool follows nobody."""
+        try:
+            return self.valve.read_state() in _CLOSED
+        except DriverError:
+            return False
+
     def _count_boot_ups(self) -> tuple[int, ...]:
         return tuple(device.node.boot_ups for device in self._devices)
-
-
-def _check_range(
-    what: str, value: float, limits: tuple[float, float], factor: float, unit: str
-) -> None:
-    """Compare a value with its limits.
-
-    Raises:
-        LimitError: it is beyond them, or no number.
-    """
-    low, high = limits
-    if math.isnan(value):
-        raise LimitError(f"{what} is not valid, says its sensor")
-    if not low <= value <= high:
-        beyond = low if value < low else high
-        raise LimitError(
-            f"{what} {value / factor:.4g} {unit} is beyond its limit of {beyond / factor:g} {unit}"
-        )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from drivers import BusLostError, DriverError, Network
 from hil_bench.commissioning.direction import direction
 from hil_bench.commissioning.discovery import Method, discover
+from hil_bench.commissioning.guard import LimitError
 from hil_bench.commissioning.identity import NodeDescription, describe
 from hil_bench.commissioning.measures import SAMPLE_CHANNELS, Finding, StepResult, Verdict
 from hil_bench.commissioning.members import find_members
@@ -20,7 +21,7 @@ from hil_bench.commissioning.plan import (
 )
 from hil_bench.commissioning.procedure import PATIENCE, Procedure, communication
 from hil_bench.commissioning.responses import chirp, steps
-from hil_bench.commissioning.rig import LimitError, Rig
+from hil_bench.commissioning.rig import Rig
 from hil_bench.commissioning.standstill import leakage, sensors
 from hil_bench.commissioning.sweeps import dead_band, ramp
 from hil_bench.config import BenchConfig
@@ -29,8 +30,8 @@ from hil_bench.recording.inline_recorder import RecordingSink
 
 logger = logging.getLogger(__name__)
 
-INTERRUPTED = "interrupted; the valve was closed"
-"""Problem of the step in which Ctrl-C came."""
+INTERRUPTED = "interrupted"
+"""How the problem of the step begins in which Ctrl-C came."""
 
 
 def recorded_channels(axis: str) -> tuple[Channel, ...]:
@@ -148,7 +149,7 @@ def commission(
         tuple(nodes),
         rig.missed,
         lost=next((problem for problem in problems if problem.startswith(_LOST)), ""),
-        is_interrupted=INTERRUPTED in problems,
+        is_interrupted=any(problem.startswith(INTERRUPTED) for problem in problems),
     )
 
 
@@ -184,13 +185,18 @@ def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
         if step.kind.moves:
             rig.close_valve()
     except KeyboardInterrupt:
-        rig.close_valve()
-        result.problem = INTERRUPTED
+        result.problem = f"{INTERRUPTED}; {_closing(rig, step)}"
     except BusLostError as error:
         result.problem = f"{_LOST}: {error}; the valve closes by itself"
     except (LimitError, DriverError) as error:
-        rig.close_valve()
-        result.problem = f"{error}; the valve was closed"
+        result.problem = f"{error}; {_closing(rig, step)}"
     result.duration = network.now() - begin
     result.judge()
     return result
+
+
+def _closing(rig: Rig, step: Step) -> str:
+    """Close the valve and return how that went."""
+    if rig.close_valve():
+        return "the valve was closed" if step.kind.moves else "the valve is closed"
+    return "the valve does not say that it is closed; without us it closes by itself"

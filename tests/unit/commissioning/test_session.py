@@ -297,6 +297,38 @@ def test_a_node_that_reboots_in_motion_closes_the_valve_at_once(machine, node_id
     assert command.now - frames[last].now <= 2 * 2_000_000
 
 
+@pytest.mark.parametrize(
+    ("kind", "target", "problem"),
+    [
+        ("break_wire", "position", "position is not valid, says its sensor; the valve was closed"),
+        ("break_wire", "pressure_a", "pressure at A is not valid, says its sensor; the valve was "),
+        ("silence", "pressure_b", "node 3: TPDO1 (COB-ID 0x183) came "),
+        ("disable", "valve", "node 1: valve in DISABLED, no emergency message; the valve was cl"),
+    ],
+)
+def test_a_value_that_is_none_in_motion_closes_the_valve(machine, kind, target, problem):
+    tested = machine(plan=LEAKAGE_PLAN)
+    tested.when_it_moves(lambda: getattr(tested.bench.faults, kind)(target))
+    found = tested.commission()
+    assert verdicts(found)[2:] == [Verdict.STOPPED, Verdict.NOT_RUN]
+    assert found.results[2].problem.startswith(problem)
+    assert tested.is_closed()
+
+
+def test_a_valve_that_is_cut_off_in_motion_is_not_said_to_be_closed(machine):
+    """It closes by itself, as its supervision of our commands was set up to do."""
+    tested = machine()
+    tested.when_it_moves(lambda: tested.bench.faults.silence("valve"))
+    assert (
+        tested.commission()
+        .results[-1]
+        .problem.endswith(
+            "; the valve does not say that it is closed; without us it closes by itself"
+        )
+    )
+    assert tested.is_closed()
+
+
 def is_boot_up(logged, node_id):
     return logged.frame.can_id == 0x700 + node_id and logged.frame.data == bytes(1)
 

@@ -223,18 +223,23 @@ def faults(bench: "VirtualBench") -> "Faults":
 
 @pytest.fixture
 def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Iterator[can.BusABC]":
-    """The bus that the devices are on: of the virtual bench, or the physical one."""
+    """The bus that the devices are on: of the virtual bench, or the physical one.
+
+    Raises:
+        BusError: the physical one cannot be opened; later tests are then skipped.
+    """
     interface = option(pytestconfig, "interface")
     if not interface:
         yield request.getfixturevalue("bench").bus
         return
     if cause := pytestconfig.stash.get(_BROKEN, None):
         pytest.skip(f"the bench's bus broke before: {cause}")
-    import can
+    from hil_bench.errors import BusError
+    from hil_bench.transports.opening import open_can_bus
 
     try:
-        bus = can.Bus(interface=interface, channel=option(pytestconfig, "channel"))
-    except Exception as error:
+        bus, _ = open_can_bus(interface, option(pytestconfig, "channel"), None, {})
+    except BusError as error:
         pytestconfig.stash[_BROKEN] = str(error)
         raise
     with bus:

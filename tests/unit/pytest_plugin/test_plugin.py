@@ -151,7 +151,9 @@ def test_a_bus_that_broke_is_told_once(pytester):
     pytester.makepyfile("def test_a(can_bus):\n    pass\ndef test_b(can_bus):\n    pass")
     result = pytester.runpytest_subprocess("-rs", "--hil-interface=none_such")
     result.assert_outcomes(errors=1, skipped=1)
-    result.stdout.fnmatch_lines(["*the bench's bus broke before: *none_such*"])
+    why = "unknown CAN interface 'none_such'; python-can has"
+    result.stdout.fnmatch_lines([f"E * hil_bench.errors.BusError: {why} *"])
+    result.stdout.fnmatch_lines([f"*the bench's bus broke before: {why} *"])
 
 
 def test_a_failed_test_shows_its_faults(pytester):

@@ -39,7 +39,14 @@ VERBS = {
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""
 
-_FAULTS_OF_THE_MACHINE = {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EMFILE, errno.EROFS}
+_FAULTS_OF_THE_MACHINE = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+    errno.EMFILE,
+    errno.EROFS,
+}
 
 _EXAMPLES = """\
 exit codes:
@@ -127,6 +134,8 @@ def _report(error: Exception, *, verbosity: int) -> ExitCode:
     if isinstance(error, OSError) and error.errno in _FAULTS_OF_THE_MACHINE:
         place = error.filename or "standard output"
         text, code = f"{place}: {error.strerror}", ExitCode.USAGE
+        if not error.filename:
+            discard_output()
     elif not isinstance(error, HilBenchError):
         text = f"{type(error).__name__}: {error}"
         if verbosity < 2:

@@ -7,6 +7,7 @@ from typing import IO, Any, Self
 
 from hil_bench.errors import ConfigError
 from hil_bench.realtime.statistics import DurationHistogram
+from hil_bench.recording.block_file import naming
 from hil_bench.runner import RunReport
 from hil_bench.transports.bus_load import load_of
 
@@ -38,7 +39,8 @@ class HistogramFile:
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
-            self._file.close()
+            with naming(Path(self._file.name)):
+                self._file.close()
 
     def write(self, report: RunReport, period_ns: int, bitrate: int) -> None:
         """Write what a run did."""

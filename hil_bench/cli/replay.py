@@ -103,9 +103,12 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         BusError: the bus was lost.
     """
     direction = Direction(args.frames)
-    frames = [logged for logged in read_frames(args.recording) if direction.includes(logged)]
+    recorded = list(read_frames(args.recording))
+    frames = [logged for logged in recorded if direction.includes(logged)]
     if not frames:
-        raise ConfigError(f"{args.recording}: has no frames to play; .csv holds signals only")
+        there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
+        which = "" if direction is Direction.ALL else f"{direction.value} "
+        raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
         settings = config.bus

@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -95,14 +95,32 @@ class OutputFile:
     def _write(self, address: int, data: bytes) -> None:
         self._file.seek(address)
         view = memoryview(data)
-        while view:
-            view = view[self._file.write(view) :]
+        with naming(self.path):
+            while view:
+                view = view[self._file.write(view) :]
 
     def _is_still_there(self) -> bool:
         try:
             return os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
         except OSError:
             return False
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Have an `OSError` of the block name the file: one of a full disk does not by itself.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        OSError: that of the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
 
 
 def why_unwritable(path: Path, error: OSError) -> str:

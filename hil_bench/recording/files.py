@@ -4,6 +4,7 @@ Any table tool reads it; with pandas: ``pandas.read_csv(path, skiprows=[1])``. N
 so that they read back exactly.
 """
 
+import contextlib
 import csv
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Self
 import numpy as np
 
 from hil_bench.errors import ConfigError
+from hil_bench.recording.block_file import naming
 from hil_bench.recording.channels import (
     TIME,
     Channel,
@@ -51,15 +53,17 @@ class RecordingFile:
         """Write the whole recording and put the file in its place."""
         channels = recording_channels(recording)
         writer = csv.writer(self._file)
-        writer.writerow(channel.name for channel in channels)
-        writer.writerow(channel.unit for channel in channels)
-        writer.writerows(recording.tolist())
-        self._file.close()
+        with naming(self.path):
+            writer.writerow(channel.name for channel in channels)
+            writer.writerow(channel.unit for channel in channels)
+            writer.writerows(recording.tolist())
+            self._file.close()
         self._part.replace(self.path)
 
     def close(self) -> None:
         """Close the file; what was not written whole is removed."""
-        self._file.close()
+        with contextlib.suppress(OSError):  # `write` has closed what is to stay
+            self._file.close()
         self._part.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
@@ -101,8 +105,8 @@ def _parse(rows: list[list[str]]) -> Recording:
     names, units, *values = rows
     if len(names) != len(units):
         raise ConfigError(f"it has {len(names)} names and {len(units)} units")
-    if names[0] != TIME.name:
-        raise ConfigError(f"its first column is {names[0]}, not {TIME.name}")
+    if names[:1] != [TIME.name]:
+        raise ConfigError(f"its first column is {', '.join(names[:1]) or 'empty'}, not {TIME.name}")
     for number, row in enumerate(values, start=3):
         if len(row) != len(names):
             raise ConfigError(f"row {number} has {len(row)} values, the first has {len(names)}")

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from errno import ENOSPC
 from pathlib import Path
 from types import ModuleType
 
@@ -58,6 +59,7 @@ def failing(error: BaseException) -> Callable[[argparse.Namespace], int]:
                 "output of the same command and -vv\n"
             ),
         ),
+        (OSError(ENOSPC, "No space left", "a.csv"), 2, "hil-bench: error: a.csv: No space left\n"),
         (KeyboardInterrupt(), 130, ""),
         (BrokenPipeError(), 0, ""),
     ],

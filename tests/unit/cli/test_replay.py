@@ -32,6 +32,18 @@ def test_frames_go_back_on_a_bus(run_mf4, monkeypatch, capsys):
     )
 
 
+def test_frames_of_the_other_direction_are_none(run_mf4, capsys):
+    with VirtualBench(record=run_mf4.with_name("silent.log")) as bench:
+        bench.run(0.01)
+    path = run_mf4.with_name("silent.log")
+    bus = ["-i", "virtual", "-c", "test_replay"]
+    assert main(["replay", str(path), *bus, "--frames", "received"]) == 2
+    # Each of the four nodes has sent its boot-up message.
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {path}: has no received frames to play; all its 4 are others\n"
+    )
+
+
 def test_set_points_drive_the_plant(run_mf4, capsys):
     assert main(["replay", str(run_mf4), "--virtual"]) == 0
     out = capsys.readouterr().out.splitlines()

@@ -91,6 +91,16 @@ def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
 
 
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    (tmp_path / "run.csv.part").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left") as caught, RecordingFile(path) as file:
+        file.write(recording((0.0, 1.0, 2.0)))
+
+    assert caught.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as missing:
         RecordingFile(tmp_path / "no" / "run.csv")
@@ -114,6 +124,7 @@ def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> Non
         ("time,x\ns,m\n1\n", "row 3 has 1 values, the first has 2"),
         ("time,x\ns,m\n1,fast\n", "could not convert string to float: 'fast'"),
         ("x,time\nm,s\n", "its first column is x, not time"),
+        ("\n\n", "its first column is empty, not time"),
     ],
 )
 def test_a_file_that_is_no_recording_says_why(tmp_path: Path, text: str, reason: str) -> None:

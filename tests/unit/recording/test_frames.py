@@ -36,6 +36,16 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("suffix", [".asc", ".log"])
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    path.symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left") as caught, FrameFile(path) as file:
+        file.write_frames([logged(0x201, b"\x07", 1)])
+
+    assert caught.value.filename == str(path)
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"

@@ -34,9 +34,9 @@ BEGINNINGS = {
 """What a file has before the first table of a snippet that shows no whole one."""
 
 
-def code_with(pattern: str) -> set[tuple[str, str]]:
-    """Return document and match of the pieces of code in the text that match a pattern."""
-    return {(place, code) for place, code in documents.inline_code() if re.fullmatch(pattern, code)}
+def code_with(pattern: str) -> list[tuple[str, str]]:
+    """Return document and match of the pieces of code in the text that match, in one order."""
+    return sorted({found for found in documents.inline_code() if re.fullmatch(pattern, found[1])})
 
 
 def test_every_link_leads_to_a_file_and_a_heading():

@@ -21,7 +21,7 @@ from scipy import signal
 
 from hil_bench.config.chain_keys import PositionPreset, PressurePreset
 from hil_bench.config.chains import preset_chain
-from hil_bench.config.records import Profile
+from hil_bench.config.choices import Profile
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from hil_bench.measurement.chain import MeasuringChain
 from hil_bench.measurement.noise import random_stream

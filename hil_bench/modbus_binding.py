@@ -5,8 +5,8 @@ published, then at most one write request is obeyed. It never waits, and does th
 server is in another process or in this one.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.node import Node
@@ -34,13 +34,6 @@ _SAMPLE = "sample"
 _SAMPLES = 1 << 32
 _OBJECT_PREFIX = "0x"
 _VALUE_ABORTS = range(0x06090030, 0x0609003A)
-
-
-class Rows(Protocol):
-    """Where rows go."""
-
-    def write(self, values: Sequence[float]) -> None:
-        """Publish one row."""
 
 
 class ModbusPlan(NamedTuple):

@@ -1,5 +1,12 @@
 """`bench.toml` to frozen records: read, checked and converted to SI once."""
 
+from hil_bench.config.choices import (
+    OverrunPolicy,
+    PressureSource,
+    Profile,
+    Quantity,
+    RealtimePolicy,
+)
 from hil_bench.config.load import CONFIG_VARIABLE, SEED_VARIABLE, load_config
 from hil_bench.config.records import (
     AxisConfig,
@@ -11,13 +18,8 @@ from hil_bench.config.records import (
     ModbusConfig,
     ModbusUnitConfig,
     NodeConfig,
-    OverrunPolicy,
     PressureConfig,
-    PressureSource,
-    Profile,
-    Quantity,
     RealtimeConfig,
-    RealtimePolicy,
     SinkConfig,
     SourceConfig,
     ValveConfig,

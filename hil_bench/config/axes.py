@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 
+from hil_bench.config.choices import Friction, Supply
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.keys import (
     AIR_KEYS,
@@ -21,7 +22,7 @@ from hil_bench.config.keys import (
     SPRING_KEYS,
     SUPPLY_KEYS,
 )
-from hil_bench.config.records import AxisConfig, Friction, Supply
+from hil_bench.config.records import AxisConfig
 from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit

@@ -8,7 +8,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.records import Profile
+from hil_bench.config.choices import Profile
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (
     Reader,

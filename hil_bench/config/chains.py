@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 from hil_bench.config.chain_keys import CHAIN_KEYS, PRESETS
+from hil_bench.config.choices import Profile
 from hil_bench.config.document import give
 from hil_bench.config.keys import CHAIN_TABLE
-from hil_bench.config.records import Profile
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import describe
 from hil_bench.measurement.parameters import ChainParameters

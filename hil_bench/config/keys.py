@@ -6,8 +6,7 @@ Ruderman 2017.
 
 from collections.abc import Mapping
 
-from hil_bench.config.objects import objects
-from hil_bench.config.records import (
+from hil_bench.config.choices import (
     Friction,
     OverrunPolicy,
     PressureSource,
@@ -15,6 +14,7 @@ from hil_bench.config.records import (
     RealtimePolicy,
     Supply,
 )
+from hil_bench.config.objects import objects
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (
     boolean,

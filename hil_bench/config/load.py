@@ -8,12 +8,13 @@ from pathlib import Path
 from hil_bench.config.axes import build_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.chains import check_chains
+from hil_bench.config.choices import RealtimePolicy
 from hil_bench.config.document import Document, check_tables, read_document, read_section
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
-from hil_bench.config.records import BenchConfig, BusConfig, RealtimeConfig, RealtimePolicy
+from hil_bench.config.records import BenchConfig, BusConfig, RealtimeConfig
 from hil_bench.config.settings import (
     Given,
     Key,

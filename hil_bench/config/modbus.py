@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from device_profiles import REGISTERS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
+from hil_bench.config.choices import Profile
 from hil_bench.config.document import Document, give, read_named_sections, read_section
-from hil_bench.config.records import ModbusConfig, ModbusUnitConfig, Profile
+from hil_bench.config.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.config.register_maps import load_register_map
 from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, text

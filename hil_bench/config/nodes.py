@@ -8,6 +8,7 @@ from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.axes import full_opening_mm
 from hil_bench.config.chains import build_chain, read_chain
+from hil_bench.config.choices import Profile
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import CHAIN_TABLE, NODE_KEYS, PROFILE_KEY
 from hil_bench.config.objects import parse_object
@@ -16,7 +17,6 @@ from hil_bench.config.records import (
     GenericConfig,
     NodeConfig,
     PressureConfig,
-    Profile,
     SinkConfig,
     SourceConfig,
     ValveConfig,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 
+from hil_bench.config.choices import Profile
 from hil_bench.config.document import (
     Document,
     check_tables,
@@ -14,7 +15,6 @@ from hil_bench.config.document import (
     read_named_sections,
     read_section,
 )
-from hil_bench.config.records import Profile
 from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
 from hil_bench.config.values import choice, describe, integer, number, text
 from hil_bench.errors import ConfigError

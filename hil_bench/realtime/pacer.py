@@ -1,6 +1,6 @@
 """The absolute time grid on which a loop runs."""
 
-from hil_bench.config.records import OverrunPolicy
+from hil_bench.config.choices import OverrunPolicy
 from hil_bench.errors import TimingError
 from hil_bench.realtime.clock import Clock
 from hil_bench.realtime.statistics import TickStatistics

@@ -17,7 +17,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 
-from hil_bench.config.records import RealtimeConfig, RealtimePolicy
+from hil_bench.config.choices import RealtimePolicy
+from hil_bench.config.records import RealtimeConfig
 from hil_bench.realtime import linux
 from hil_bench.realtime.permissions import (
     GRANT_DEADLINE,

@@ -14,11 +14,15 @@ from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.runge_kutta import advance_runge_kutta
 from hil_bench.plant.stability import largest_euler_step, largest_runge_kutta_step
-from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, balanced_state
+from hil_bench.plant.state import (
+    PlantInput,
+    PlantOutput,
+    PlantState,
+    balanced_state,
+    require_finite_state,
+)
 from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
 from hil_bench.plant.validation import require_finite
-
-_STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
 
 _ADVANCE = {
     (Solver.FORWARD_EULER, False): advance_forward_euler,
@@ -32,7 +36,6 @@ _LARGEST_STEP = {
     Solver.FORWARD_EULER: largest_euler_step,
     Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
-
 
 _P_S = 8  # its place in the state of an extended plant
 
@@ -161,8 +164,7 @@ def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Sol
 
 
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
-    for symbol, value, unit in zip(PlantState._fields, state, _STATE_UNITS, strict=True):
-        require_finite(symbol, value, unit)
+    require_finite_state(state)
     floor = options.cavitation_floor
     for symbol, pressure in (("P_A", state.P_A), ("P_B", state.P_B), ("P_T", parameters.P_T)):
         if floor is not None and pressure < floor:

@@ -16,7 +16,7 @@ from hil_bench.plant.reduced_steps import (
     pack_reduced,
 )
 from hil_bench.plant.stability import euler_limit, find_reduced_modes, runge_kutta_limit
-from hil_bench.plant.state import PlantInput, PlantOutput, PlantState
+from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, require_finite_state
 from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
 from hil_bench.plant.validation import require_finite, require_not_negative
 
@@ -30,8 +30,6 @@ _ADVANCE = {
 }
 
 _LIMIT = {Solver.FORWARD_EULER: euler_limit, Solver.RUNGE_KUTTA: runge_kutta_limit}
-
-_STATE_UNITS = ("m", "m/s", "Pa", "Pa", "m", "m/s")
 
 
 class ReducedOrderPlant:
@@ -228,8 +226,7 @@ def check_delay(delay: float) -> None:
 
 
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
-    for symbol, value, unit in zip(PlantState._fields, state, _STATE_UNITS, strict=True):
-        require_finite(symbol, value, unit)
+    require_finite_state(state)
     P_S = parameters.P_S
     if abs(state.P_A + state.P_B - P_S) > 1e-6 * P_S:
         raise ParameterError(

@@ -62,6 +62,13 @@ class PlantOutput(NamedTuple):
     Q_B: float
 
 
+def require_finite_state(state: PlantState) -> None:
+    """Refuse a state that is not finite; the message names the first symbol that is not."""
+    units = ("m", "m/s", "Pa", "Pa", "m", "m/s")
+    for symbol, value, unit in zip(PlantState._fields, state, units, strict=True):
+        require_finite(symbol, value, unit)
+
+
 def balanced_state(
     parameters: PlantParameters,
     *,

@@ -179,7 +179,8 @@ def test_a_lost_sensor_is_never_fresh_and_comes_back(near_rig):
     assert rig.pressure_a.received_at > then
 
 
-def test_the_position_loop_follows_its_profile(rig):
+def prepare_motion(rig):
+    """A loop on the rig's devices, and a motion to 20 mm for it."""
     loop = PositionLoop(
         rig.network,
         valve=rig.valve,
@@ -188,6 +189,11 @@ def test_the_position_loop_follows_its_profile(rig):
         period=0.004,
     )
     profile = MotionProfile(loop.sample(), [0.02], speed=0.1, acceleration=1.0, dwell=1.0)
+    return loop, profile
+
+
+def test_the_position_loop_follows_its_profile(rig):
+    loop, profile = prepare_motion(rig)
     rig.valve.enable(timeout=WAIT)
     records = list(loop.run(profile, profile.duration))
     rig.valve.hold(timeout=WAIT)
@@ -204,14 +210,7 @@ def test_a_loop_whose_sensor_is_lost_ends(near_rig):
     rig.set_up()
     rig.position.max_age = 0.05
     rig.pressure_a.max_age = 0.05
-    loop = PositionLoop(
-        rig.network,
-        valve=rig.valve,
-        position=rig.position,
-        pressures=(rig.pressure_a, rig.pressure_b),
-        period=0.004,
-    )
-    profile = MotionProfile(loop.sample(), [0.02], speed=0.1, acceleration=1.0, dwell=1.0)
+    loop, profile = prepare_motion(rig)
     rig.valve.enable(timeout=WAIT)
     cycles = loop.run(profile, profile.duration)
     for _ in range(10):

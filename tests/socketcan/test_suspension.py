@@ -33,8 +33,7 @@ def test_a_suspended_bench_leaves_periods_out_and_goes_on(start_bench, channel, 
         watch.take_all()
         watch.wait_for(POSITION)
         task.stop()
-    timed_out = watch.wait_for(VALVE_EMCY)
-    assert struct.unpack_from("<H", timed_out.data)[0] == RPDO_TIMED_OUT
+    watch.wait_for(VALVE_EMCY, lambda data: struct.unpack_from("<H", data)[0] == RPDO_TIMED_OUT)
     watch.wait_for(
         VALVE_STATUS, lambda data: abs(struct.unpack_from("<h", data, 2)[0]) <= FULL_SCALE // 100
     )

@@ -4,12 +4,13 @@ A tick sends what the controller has to say, a SYNC, and an SDO request to one o
 bench takes frames in the order of the bus and answers each before it looks at the next, so the
 answer to that request, the end mark, comes after all that the SYNC brings. No clock is asked but
 to give up.
+
+The request is for an entry of 0x1018 that no device has, another one each time. The abort names
+it, so an answer that comes late is not mistaken for another one, nor for one to the controller.
 """
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 
 import can
 
@@ -17,7 +18,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.transports.transport import Transport
 
-START_TIMEOUT = 20.0
+START_TIMEOUT = 10.0
 """Longest wait for the first answer [s]: the bench may just be starting."""
 
 ANSWER_TIMEOUT = 2.0
@@ -34,9 +35,9 @@ MOST_ASKED = 3
 
 _SYNC = Frame(0x080)
 _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600, 0x580, 0x700
-_ABORT, _UPLOAD, _COMMAND = 0x80, 0x40, 0xE0
-_READ_ERROR_REGISTER = bytes.fromhex("4001100000000000")
-"""Upload of 0x1001, which every device has (CiA 301)."""
+_UPLOAD, _IDENTITY = b"\x40", b"\x18\x10"
+_FIRST_ENTRY, _ENTRIES = 0x80, 0x7F
+"""The sub-indices of 0x1018 that are asked for, by turns; it has five entries."""
 
 
 class _LockStepError(Exception):
@@ -65,7 +66,8 @@ class SyncProducer:
         self._transport = transport
         self._clock = clock
         self._node_ids = list(node_ids)
-        self._unanswered: Counter[int] = Counter()
+        self._entry = _FIRST_ENTRY
+        self._answered: set[int] = set()
         self._brought: list[Frame] = []
         self._busy: int | None = None
         self._is_interrupted = False
@@ -78,13 +80,13 @@ class SyncProducer:
             BusError: fewer than two answer, or time passes without SYNC.
         """
         try:
-            answered = self._find_nodes()
+            self._find_nodes()
         except _LockStepError as error:
             raise BusError(f"{self._transport.description}: {error}") from error
-        self._node_ids = [node_id for node_id in self._node_ids if node_id in answered]
+        nodes = self._node_ids = [node for node in self._node_ids if node in self._answered]
         # A second node stands in where the first is in the middle of the controller's own transfer.
-        if len(answered) < 2:
-            told = f"only node {self._node_ids[0]} answers" if answered else "no node answers"
+        if len(nodes) < 2:
+            told = f"only node {nodes[0]} answers" if nodes else "no node answers"
             raise BusError(
                 f"{self._transport.description}: {told}; lock-step needs two, of a "
                 "'hil-bench run --lockstep' on this bus"
@@ -127,29 +129,21 @@ class SyncProducer:
             self._transport.wait(QUIET)
             self._refuse(self._take())
 
-    def _find_nodes(self) -> set[int]:
-        """Return which nodes answer."""
+    def _find_nodes(self) -> None:
+        """Ask until nodes have answered, and nothing more comes; a bus that goes on is refused."""
         deadline = self._clock() + START_TIMEOUT
-        answered: set[int] = set()
-        while not answered and self._clock() < deadline:
-            self._unanswered.clear()  # nobody had heard of it
-            for node_id in self._node_ids:
-                self._ask(node_id)
-            answered = self._listen()
-        return answered
+        while not self._answered and self._clock() < deadline:
+            self._ask(self._node_ids)
+            end = self._clock() + ANSWER_TIMEOUT
+            while self._transport.wait(QUIET if self._is_whole else ANSWER_TIMEOUT):
+                frames = self._take()
+                if self._clock() > end:
+                    self._refuse(frames)
 
-    def _listen(self) -> set[int]:
-        """Return which nodes answer, once nothing more comes; a bus that goes on is refused."""
-        answered: set[int] = set()
-        deadline = self._clock() + ANSWER_TIMEOUT
-        while self._transport.wait(
-            ANSWER_TIMEOUT if 0 < len(answered) < len(self._node_ids) else QUIET
-        ):
-            frames = self._transport.receive(FRAMES_AT_ONCE)
-            answered |= {frame.can_id - _SDO_ANSWER for frame in frames if self._is_mark(frame)}
-            if self._clock() > deadline:
-                self._refuse(frames)
-        return answered
+    @property
+    def _is_whole(self) -> bool:
+        """Whether all nodes have answered, or none."""
+        return len(self._answered) in {0, len(self._node_ids)}
 
     def _refuse(self, unasked: Sequence[Frame]) -> None:
         """Refuse frames that nothing of ours has brought.
@@ -172,8 +166,8 @@ class SyncProducer:
         # A second request to an SDO server would end the controller's own transfer.
         free = [node_id for node_id in self._node_ids if node_id != self._busy]
         for node_id in free[:MOST_ASKED]:
-            self._ask(node_id)
-            if self._collect_until(partial(self._has_answered, node_id), ANSWER_TIMEOUT):
+            self._ask([node_id])
+            if self._collect_until_answered():
                 return
             # It may be switched off: from now on others are asked first.
             self._node_ids.remove(node_id)
@@ -183,17 +177,16 @@ class SyncProducer:
             f"no answer from node {asked} within {ANSWER_TIMEOUT:g} s; is the bench still there?"
         )
 
-    def _ask(self, node_id: int) -> None:
-        self._transport.send([Frame(_SDO_REQUEST + node_id, _READ_ERROR_REGISTER)])
-        self._unanswered[node_id] += 1
+    def _ask(self, node_ids: Sequence[int]) -> None:
+        self._entry = _FIRST_ENTRY + (self._entry + 1) % _ENTRIES
+        self._answered = set()
+        request = _UPLOAD + _IDENTITY + bytes((self._entry, 0, 0, 0, 0))
+        self._transport.send([Frame(_SDO_REQUEST + node_id, request) for node_id in node_ids])
 
-    def _has_answered(self, node_id: int) -> bool:
-        return not self._unanswered[node_id]
-
-    def _collect_until(self, is_enough: Callable[[], bool], timeout: float) -> bool:
-        """Take what comes until it is enough; return whether it was in time [s]."""
-        deadline = self._clock() + timeout
-        while not is_enough():
+    def _collect_until_answered(self) -> bool:
+        """Take what comes until the node that was asked has answered; return whether it has."""
+        deadline = self._clock() + ANSWER_TIMEOUT
+        while not self._answered:
             remaining = deadline - self._clock()
             if remaining <= 0.0:
                 return False
@@ -202,19 +195,13 @@ class SyncProducer:
         return True
 
     def _take(self) -> list[Frame]:
-        """Return what has arrived but for end marks, late ones of silent nodes among them."""
-        arrived = self._transport.receive(FRAMES_AT_ONCE)
-        return [frame for frame in arrived if not self._is_mark(frame)]
-
-    def _is_mark(self, frame: Frame) -> bool:
-        """Whether a frame answers a request of ours, which is then done with."""
-        node_id = frame.can_id - _SDO_ANSWER
-        if (
-            not self._unanswered[node_id]
-            or len(frame.data) != 8
-            or frame.data[0] & _COMMAND not in {_UPLOAD, _ABORT}
-            or frame.data[1:4] != _READ_ERROR_REGISTER[1:4]
-        ):
-            return False
-        self._unanswered[node_id] -= 1
-        return True
+        """Return what has arrived, but for answers to us, which are noted."""
+        frames = []
+        for frame in self._transport.receive(FRAMES_AT_ONCE):
+            data = frame.data
+            is_answer = frame.can_id & ~0x7F == _SDO_ANSWER and len(data) == 8
+            if not is_answer or data[1:3] != _IDENTITY or data[3] < _FIRST_ENTRY:
+                frames.append(frame)
+            elif data[3] == self._entry:
+                self._answered.add(frame.can_id & 0x7F)
+        return frames

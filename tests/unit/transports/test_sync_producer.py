@@ -6,7 +6,7 @@ import can
 import pytest
 from support.direct_lockstep import DirectLockStep
 
-from drivers import BusLostError, DriverTimeoutError, Network
+from drivers import BusLostError, DriverTimeoutError, Network, SdoAbortError
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
@@ -15,7 +15,7 @@ from hil_bench.transports.sync_producer import QUIET, SyncProducer
 
 SYNC = Frame(0x080)
 NODE_IDS = (1, 2, 3, 4)
-MARK = bytes.fromhex("4001100000000000")  # upload of 0x1001
+MARK = bytes.fromhex("401810")  # upload of 0x1018; the controllers of these tests do none
 SYNCHRONOUS = bytes.fromhex("2f00180201000000")  # 0x1800.02 = 1: with every SYNC
 START_ALL = Frame(0x000, b"\x01\x00")
 
@@ -37,7 +37,7 @@ def network_of(producer, config):
 
 
 def marks(frames):
-    return [frame for frame in frames if frame.data == MARK]
+    return [frame for frame in frames if frame.data[:3] == MARK]
 
 
 def session(transport):
@@ -86,7 +86,18 @@ def test_a_node_in_the_middle_of_a_transfer_is_not_asked(config):
 
 def test_what_the_controller_asks_itself_it_is_told(config):
     network = network_of(join(DirectLockStep(config)), config)
-    assert [network.add_node(node).upload(0x1001) for node in NODE_IDS] == [b"\x00"] * 4
+    assert [network.add_node(node).upload(0x1018) for node in NODE_IDS] == [b"\x04"] * 4
+    with pytest.raises(SdoAbortError):
+        network.add_node(1).upload(0x1018, 5)
+
+
+def test_an_answer_that_comes_late_is_nobodys(config):
+    transport = DirectLockStep(config)
+    producer = join(transport)
+    late = transport.lockstep.receive(marks(transport.sent)[0])
+    for frame in late:
+        transport.put(frame)
+    assert producer.tick([], 0) == []
 
 
 def test_a_node_that_falls_silent_is_missed_in_bench_time_and_others_are_asked(config):

@@ -5,8 +5,8 @@ bench takes frames in the order of the bus and answers each before it looks at t
 answer to that request, the end mark, comes after all that the SYNC brings. No clock is asked but
 to give up.
 
-The request is for an entry of 0x1018 that no device has, another one each time. The abort names
-it, so an answer that comes late is not mistaken for another one, nor for one to the controller.
+The request is for the number of entries of 0x1018, which every device has (CiA 301) and nobody
+else asks for, so no answer is mistaken for one to the controller.
 """
 
 import time
@@ -24,7 +24,7 @@ START_TIMEOUT = 10.0
 ANSWER_TIMEOUT = 2.0
 """Longest wait for an end mark [s], however busy the bench's machine is."""
 
-QUIET = 0.2
+QUIET = 0.3
 """Time without a frame that shows that nothing happens by itself [s]."""
 
 FRAMES_AT_ONCE = 64
@@ -35,9 +35,7 @@ MOST_ASKED = 3
 
 _SYNC = Frame(0x080)
 _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x600, 0x580, 0x700
-_UPLOAD, _IDENTITY = b"\x40", b"\x18\x10"
-_FIRST_ENTRY, _ENTRIES = 0x80, 0x7F
-"""The sub-indices of 0x1018 that are asked for, by turns; it has five entries."""
+_REQUEST = bytes.fromhex("4018100000000000")
 
 
 class _LockStepError(Exception):
@@ -66,7 +64,7 @@ class SyncProducer:
         self._transport = transport
         self._clock = clock
         self._node_ids = list(node_ids)
-        self._entry = _FIRST_ENTRY
+        self._asked: set[int] = set()
         self._answered: set[int] = set()
         self._brought: list[Frame] = []
         self._busy: int | None = None
@@ -135,15 +133,10 @@ class SyncProducer:
         while not self._answered and self._clock() < deadline:
             self._ask(self._node_ids)
             end = self._clock() + ANSWER_TIMEOUT
-            while self._transport.wait(QUIET if self._is_whole else ANSWER_TIMEOUT):
+            while self._transport.wait(ANSWER_TIMEOUT if self._asked else QUIET):
                 frames = self._take()
                 if self._clock() > end:
                     self._refuse(frames)
-
-    @property
-    def _is_whole(self) -> bool:
-        """Whether all nodes have answered, or none."""
-        return len(self._answered) in {0, len(self._node_ids)}
 
     def _refuse(self, unasked: Sequence[Frame]) -> None:
         """Refuse frames that nothing of ours has brought.
@@ -178,15 +171,13 @@ class SyncProducer:
         )
 
     def _ask(self, node_ids: Sequence[int]) -> None:
-        self._entry = _FIRST_ENTRY + (self._entry + 1) % _ENTRIES
-        self._answered = set()
-        request = _UPLOAD + _IDENTITY + bytes((self._entry, 0, 0, 0, 0))
-        self._transport.send([Frame(_SDO_REQUEST + node_id, request) for node_id in node_ids])
+        self._asked, self._answered = set(node_ids), set()
+        self._transport.send([Frame(_SDO_REQUEST + node_id, _REQUEST) for node_id in node_ids])
 
     def _collect_until_answered(self) -> bool:
         """Take what comes until the node that was asked has answered; return whether it has."""
         deadline = self._clock() + ANSWER_TIMEOUT
-        while not self._answered:
+        while self._asked:
             remaining = deadline - self._clock()
             if remaining <= 0.0:
                 return False
@@ -198,10 +189,10 @@ class SyncProducer:
         """Return what has arrived, but for answers to us, which are noted."""
         frames = []
         for frame in self._transport.receive(FRAMES_AT_ONCE):
-            data = frame.data
-            is_answer = frame.can_id & ~0x7F == _SDO_ANSWER and len(data) == 8
-            if not is_answer or data[1:3] != _IDENTITY or data[3] < _FIRST_ENTRY:
+            is_answer = frame.can_id & ~0x7F == _SDO_ANSWER and len(frame.data) == 8
+            if not is_answer or frame.data[1:4] != _REQUEST[1:4]:
                 frames.append(frame)
-            elif data[3] == self._entry:
-                self._answered.add(frame.can_id & 0x7F)
+            elif (node_id := frame.can_id & 0x7F) in self._asked:
+                self._asked.remove(node_id)
+                self._answered.add(node_id)
         return frames

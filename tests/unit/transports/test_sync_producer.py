@@ -15,7 +15,7 @@ from hil_bench.transports.sync_producer import QUIET, SyncProducer
 
 SYNC = Frame(0x080)
 NODE_IDS = (1, 2, 3, 4)
-MARK = bytes.fromhex("401810")  # upload of 0x1018; the controllers of these tests do none
+MARK = bytes.fromhex("4018100000000000")  # upload of 0x1018.00
 SYNCHRONOUS = bytes.fromhex("2f00180201000000")  # 0x1800.02 = 1: with every SYNC
 START_ALL = Frame(0x000, b"\x01\x00")
 
@@ -37,7 +37,7 @@ def network_of(producer, config):
 
 
 def marks(frames):
-    return [frame for frame in frames if frame.data[:3] == MARK]
+    return [frame for frame in frames if frame.data == MARK]
 
 
 def session(transport):
@@ -86,7 +86,7 @@ def test_a_node_in_the_middle_of_a_transfer_is_not_asked(config):
 
 def test_what_the_controller_asks_itself_it_is_told(config):
     network = network_of(join(DirectLockStep(config)), config)
-    assert [network.add_node(node).upload(0x1018) for node in NODE_IDS] == [b"\x04"] * 4
+    assert [network.add_node(node).upload(0x1018, 4)[0] for node in NODE_IDS] == [*NODE_IDS]
     with pytest.raises(SdoAbortError):
         network.add_node(1).upload(0x1018, 5)
 

@@ -69,11 +69,11 @@ class Device:
         return str(self.node)
 
     def poll(self) -> bool:
-        """Returns False: CANopen devices send by themselves, as `setup` told them to."""
+        """Return False: CANopen devices send by themselves, as `setup` told them to."""
         return False
 
     def _first_mapped(self, candidates: Sequence[ObjectKey]) -> ObjectKey:
-        """Returns the first of these objects that a TPDO carries; TPDOs that exist come first."""
+        """Return the first of these objects that a TPDO carries; TPDOs that exist come first."""
         mappings = eds_mappings(self.node, PdoKind.TPDO)
         for some in ([m for m in mappings if not m.cob_id & INVALID], mappings):
             for key in candidates:
@@ -84,7 +84,7 @@ class Device:
     def _carriers(
         self, kind: PdoKind, required: Sequence[ObjectKey], optional: Sequence[ObjectKey] = ()
     ) -> dict[ObjectKey, PdoMapping]:
-        """Returns which PDO to use for each object; optional ones may be left out."""
+        """Return which PDO to use for each object; optional ones may be left out."""
         carriers = choose_carriers(eds_mappings(self.node, kind), [*required, *optional])
         for key in required:
             if key not in carriers:
@@ -98,7 +98,7 @@ class Device:
         )
 
     def _add_inputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Input]:
-        """Returns how to receive these objects."""
+        """Return how to receive these objects."""
         pdos = {mapping: ReceivedPdo(mapping) for mapping in carriers.values()}
         self._received.extend(pdos.values())
         return {
@@ -109,7 +109,7 @@ class Device:
     def _set_up(
         self, *, transmission_type: int, event_timer: float, heartbeat_period: float
     ) -> None:
-        """Checks the device and sets how it sends; see `setup` of the drivers.
+        """Check the device and set how it sends; see `setup` of the drivers.
 
         Raises:
             ValueError: the transmission type is none.
@@ -134,7 +134,7 @@ class Device:
             self.node.write(0x1017, 0, period_ms)
 
     def _check_identity(self) -> None:
-        """Compares profile, vendor and product of EDS and device.
+        """Compare profile, vendor and product of EDS and device.
 
         Raises:
             DeviceMismatchError: they differ.
@@ -155,7 +155,7 @@ class Device:
                 )
 
     def _value(self, source: Input) -> int | float:
-        """Returns the present value of an input."""
+        """Return the present value of an input."""
         pdo, signal = source
         age = self.network.now() - pdo.received_at
         if age > self.max_age:
@@ -183,7 +183,7 @@ class Sensor(Device):
         event_timer: float = 0.0,
         heartbeat_period: float = 0.1,
     ) -> None:
-        """Checks the device, reads its scaling, and sets how it sends.
+        """Check the device, read its scaling, and set how it sends.
 
         Args:
             transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
@@ -198,12 +198,12 @@ class Sensor(Device):
         self._read_scaling()
 
     def _read_scaling(self) -> None:
-        """Reads from the device what one digit of its values stands for."""
+        """Read from the device what one digit of its values stands for."""
         raise NotImplementedError
 
 
 def milliseconds(what: str, time: float) -> int:
-    """Returns a time [s] as the whole milliseconds that CANopen's timers hold.
+    """Return a time [s] as the whole milliseconds that CANopen's timers hold.
 
     Raises:
         ValueError: it is negative, longer than the timers hold, or would round to none.

@@ -30,16 +30,16 @@ class Medium(Protocol):
     """The bus as a control loop needs it."""
 
     def now(self) -> float:
-        """Returns the controller's time [s]."""
+        """Return the controller's time [s]."""
 
     def sync(self) -> None:
-        """Asks all devices that wait for it to send, where the bus has such a call."""
+        """Ask all devices that wait for it to send, where the bus has such a call."""
 
     def pump_until(self, deadline: float) -> None:
-        """Waits until `deadline` [s], and takes what comes meanwhile."""
+        """Wait until `deadline` [s], and take what comes meanwhile."""
 
     def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Waits until `condition` holds, and returns whether it did within `timeout` seconds."""
+        """Wait until `condition` holds, and return whether it did within `timeout` seconds."""
 
 
 class PolledDevice(Protocol):
@@ -57,10 +57,10 @@ class PolledDevice(Protocol):
         """Time since then [s]."""
 
     def setup(self) -> None:
-        """Checks that the device is what it should be, and has it give its values."""
+        """Check that the device is what it should be, and have it give its values."""
 
     def poll(self) -> bool:
-        """Asks for the present values and returns True; False where they come by themselves."""
+        """Ask for the present values and return True; False where they come by themselves."""
 
 
 class PressureSource(PolledDevice, Protocol):
@@ -114,22 +114,22 @@ class CommandedValve(PolledDevice, Protocol):
         """Spool position as fraction of full opening [-], positive for P to A."""
 
     def check_active(self) -> None:
-        """Raises a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
+        """Raise a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
 
     def enable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to ACTIVE, where the spool follows the set-point."""
+        """Bring the valve to ACTIVE, where the spool follows the set-point."""
 
     def hold(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to HOLD, where the spool is at the device's hold set-point."""
+        """Bring the valve to HOLD, where the spool is at the device's hold set-point."""
 
     def disable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to DISABLED."""
+        """Bring the valve to DISABLED."""
 
     def reset_fault(self, *, timeout: float = 1.0) -> None:
-        """Leads the valve out of a fault state, with set-point 0."""
+        """Lead the valve out of a fault state, with set-point 0."""
 
     def read_state(self) -> ValveState:
-        """Returns the state now, asked of the device."""
+        """Return the state now, asked of the device."""
 
     def close(self) -> None:
-        """Leaves the valve disabled and no longer watching us."""
+        """Leave the valve disabled and no longer watching us."""

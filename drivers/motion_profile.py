@@ -31,7 +31,7 @@ class Move(NamedTuple):
     time: float
 
     def at(self, time: float) -> SetPoint:
-        """Returns the set-point at `time` [s] from the move's start; before it, at its origin."""
+        """Return the set-point at `time` [s] from the move's start; before it, at its origin."""
         if time >= self.time:
             return SetPoint(self.target, 0.0, 0.0)
         if time <= 0:
@@ -95,7 +95,7 @@ class MotionProfile:
         self._loop = (ends[0], ends[-1]) if repeat and ends[-1] > ends[0] else None
 
     def at(self, time: float) -> SetPoint:
-        """Returns the set-point at `time` [s]: before 0 the start, past the end the last point."""
+        """Return the set-point at `time` [s]: before 0 the start, past the end the last point."""
         if self._loop is not None and time >= self._loop[1]:
             first, last = self._loop
             time = first + math.fmod(time - first, last - first)
@@ -104,7 +104,7 @@ class MotionProfile:
 
 
 def shortest_time(distance: float, speed: float, acceleration: float) -> float:
-    """Returns the least time [s] for a distance [m] within speed [m/s] and acceleration [m/s²]."""
+    """Return the least time [s] for a distance [m] within speed [m/s] and acceleration [m/s²]."""
     distance = abs(distance)
     return max(
         PEAK_SPEED * distance / speed, math.sqrt(PEAK_ACCELERATION * distance / acceleration)

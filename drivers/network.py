@@ -96,13 +96,13 @@ class Network:
         self.close()
 
     def now(self) -> float:
-        """Returns the time on the network's clock [s]."""
+        """Return the time on the network's clock [s]."""
         return self._clock()
 
     def add_node(
         self, node_id: int, eds: Path | str | None = None, *, sdo_timeout: float = 0.5
     ) -> Node:
-        """Returns the node with this node-ID; drivers of one device share one node.
+        """Return the node with this node-ID; drivers of one device share one node.
 
         Args:
             node_id: 1 to 127.
@@ -126,21 +126,21 @@ class Network:
         return node
 
     def deliver(self, message: can.Message) -> None:
-        """Takes a frame as if it had just come on the bus: one that somebody else overheard."""
+        """Take a frame as if it had just come on the bus: one that somebody else overheard."""
         self._dispatch(message)
 
     def subscribe(self, cob_id: int, handler: Handler) -> None:
-        """Has a handler told each frame with this COB-ID; more than one may listen."""
+        """Have a handler told each frame with this COB-ID; more than one may listen."""
         handlers = self._handlers.get(cob_id, ())
         if handler not in handlers:
             self._handlers[cob_id] = (*handlers, handler)
 
     def send(self, cob_id: int, data: bytes) -> None:
-        """Sends one frame."""
+        """Send one frame."""
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def request(self, cob_id: int, length: int) -> None:
-        """Sends one remote frame, which asks for a frame of that length."""
+        """Send one remote frame, which asks for a frame of that length."""
         self._send(
             can.Message(
                 arbitration_id=cob_id, is_remote_frame=True, dlc=length, is_extended_id=False
@@ -148,21 +148,21 @@ class Network:
         )
 
     def sync(self) -> None:
-        """Sends one SYNC."""
+        """Send one SYNC."""
         self._send(self._sync)
 
     def pump(self, timeout: float = 0.0) -> None:
-        """Receives for `timeout` seconds; with 0, takes what is there."""
+        """Receive for `timeout` seconds; with 0, take what is there."""
         self.pump_until(self._clock() + timeout)
 
     def pump_until(self, deadline: float) -> None:
-        """Receives until `deadline` on the network's clock [s], then takes what is there."""
+        """Receive until `deadline` on the network's clock [s], then take what is there."""
         while (remaining := deadline - self._clock()) > RESOLUTION:
             self._receive(remaining)
         self._drain()
 
     def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Receives until `condition` holds, and returns whether it did within `timeout` seconds."""
+        """Receive until `condition` holds, and return whether it did within `timeout` seconds."""
         deadline = self._clock() + timeout
         while not condition():
             remaining = deadline - self._clock()
@@ -174,7 +174,7 @@ class Network:
         return True
 
     def wait_until(self, condition: Callable[[], bool], timeout: float, what: str) -> None:
-        """Receives until `condition` holds.
+        """Receive until `condition` holds.
 
         Args:
             condition: asked after each frame.
@@ -188,7 +188,7 @@ class Network:
             raise DriverTimeoutError(f"{what}: not within {timeout:g} s")
 
     def start_heartbeat(self, node_id: int, period: float) -> None:
-        """Sends our boot-up message, and from then on a heartbeat each `period` seconds.
+        """Send our boot-up message, and from then on a heartbeat each `period` seconds.
 
         Heartbeats are sent while the caller waits, so whoever computes for longer than the period
         sends them late.
@@ -208,31 +208,31 @@ class Network:
         self._heartbeat_due = self._clock()
 
     def stop_heartbeat(self) -> None:
-        """Ends our heartbeat."""
+        """End our heartbeat."""
         self.heartbeat_node_id = None
 
     def start_node(self, node_id: int = 0) -> None:
-        """Commands a node, or with 0 all of them, to NMT state OPERATIONAL."""
+        """Command a node, or with 0 all of them, to NMT state OPERATIONAL."""
         self._command(_NMT_START, node_id)
 
     def stop_node(self, node_id: int = 0) -> None:
-        """Commands a node, or with 0 all of them, to NMT state STOPPED."""
+        """Command a node, or with 0 all of them, to NMT state STOPPED."""
         self._command(_NMT_STOP, node_id)
 
     def enter_pre_operational(self, node_id: int = 0) -> None:
-        """Commands a node, or with 0 all of them, to NMT state PRE-OPERATIONAL."""
+        """Command a node, or with 0 all of them, to NMT state PRE-OPERATIONAL."""
         self._command(_NMT_PRE_OPERATIONAL, node_id)
 
     def reset_node(self, node_id: int, *, timeout: float = 2.0) -> None:
-        """Resets a node and waits for its boot-up message."""
+        """Reset a node and wait for its boot-up message."""
         self._reset(_NMT_RESET_NODE, node_id, timeout)
 
     def reset_communication(self, node_id: int, *, timeout: float = 2.0) -> None:
-        """Resets a node's communication and waits for its boot-up message."""
+        """Reset a node's communication and wait for its boot-up message."""
         self._reset(_NMT_RESET_COMMUNICATION, node_id, timeout)
 
     def wait_for_state(self, node_ids: Iterable[int], state: NmtState, timeout: float) -> None:
-        """Waits until each of these nodes has sent a heartbeat in NMT state `state`."""
+        """Wait until each of these nodes has sent a heartbeat in NMT state `state`."""
         for node in [self.nodes[node_id] for node_id in node_ids]:
             self.wait_until(
                 lambda node=node: node.nmt_state is state,  # type: ignore[misc]
@@ -241,7 +241,7 @@ class Network:
             )
 
     def close(self) -> None:
-        """Ends our heartbeat and listens no longer; the bus stays open."""
+        """End our heartbeat and listen no longer; the bus stays open."""
         self.stop_heartbeat()
         self._handlers.clear()
 
@@ -271,13 +271,13 @@ class Network:
         return BusLostError(f"cannot {verb} on {self.bus.channel_info}: {reason}")
 
     def _drain(self) -> None:
-        """Takes what is there, but no more than `BACKLOG` frames."""
+        """Take what is there, but no more than `BACKLOG` frames."""
         for _ in range(BACKLOG):
             if not self._receive(0.0):
                 return
 
     def _receive(self, timeout: float) -> bool:
-        """Waits at most `timeout` seconds for one frame and hands it on; False if none came."""
+        """Wait at most `timeout` seconds for one frame and hand it on; False if none came."""
         if self.heartbeat_node_id is not None:
             timeout = self._serve_heartbeat(self.heartbeat_node_id, timeout)
         try:
@@ -312,7 +312,7 @@ class Network:
                 counters.malformed += 1
 
     def _serve_heartbeat(self, node_id: int, timeout: float) -> float:
-        """Sends the heartbeat if it is due, and returns how long [s] we may wait until the next."""
+        """Send the heartbeat if it is due, and return how long [s] we may wait until the next."""
         now = self._clock()
         if now >= self._heartbeat_due:
             self.send(0x700 + node_id, bytes([NmtState.OPERATIONAL]))

@@ -60,20 +60,20 @@ class PumpedSdoClient(SdoClient):
         self._multiplexer = bytes(3)
 
     def receive(self, data: bytes, now: float) -> bool:  # noqa: ARG002 - every handler is told the time
-        """Takes an answer of the server; False refuses it as malformed."""
+        """Take an answer of the server; False refuses it as malformed."""
         if len(data) != 8 or self.responses.qsize() >= ANSWERS_KEPT:
             return False
         self.responses.put(data)
         return True
 
     def send_request(self, request: bytes) -> None:
-        """Sends a request, at once and once."""
+        """Send a request, at once and once."""
         if request[0] >> 5 in {1, 2}:  # initiate download, initiate upload
             self._multiplexer = bytes(request[1:4])
         self.network.send_message(self.rx_cobid, request)
 
     def read_response(self) -> bytes:
-        """Returns the next answer.
+        """Return the next answer.
 
         Raises:
             SdoAbortedError: the server aborted the transfer.
@@ -87,7 +87,7 @@ class PumpedSdoClient(SdoClient):
         return response
 
     def abort(self, abort_code: int = 0x08000000) -> None:
-        """Tells the server that the present transfer is over."""
+        """Tell the server that the present transfer is over."""
         self.send_request(struct.pack("<B3sL", _SDO_ABORT, self._multiplexer, abort_code))
 
 
@@ -141,13 +141,13 @@ class Node(canopen.RemoteNode):
         return f"node {self.node_id}"
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdoClient:
-        """Returns a new SDO client; canopen calls this for the default SDO server."""
+        """Return a new SDO client; canopen calls this for the default SDO server."""
         client = PumpedSdoClient(rx_cobid, tx_cobid, self.object_dictionary, self._wait_for)
         self.sdo_channels.append(client)
         return client
 
     def handlers(self) -> dict[int, Callable[[bytes, float], bool]]:
-        """Returns who takes the messages of this node: COB-ID to handler(data, now)."""
+        """Return who takes the messages of this node: COB-ID to handler(data, now)."""
         emergency_id = self.default(0x1014, otherwise=0x80 + self.node_id)
         return {
             0x700 + self.node_id: self.receive_heartbeat,
@@ -156,7 +156,7 @@ class Node(canopen.RemoteNode):
         }
 
     def receive_heartbeat(self, data: bytes, now: float) -> bool:
-        """Takes a heartbeat or boot-up message; False refuses it as malformed."""
+        """Take a heartbeat or boot-up message; False refuses it as malformed."""
         if len(data) != 1 or data[0] not in frozenset(NmtState):
             return False
         state = NmtState(data[0])
@@ -170,7 +170,7 @@ class Node(canopen.RemoteNode):
         return True
 
     def receive_emergency(self, data: bytes, now: float) -> bool:
-        """Takes an emergency message; False refuses it as malformed."""
+        """Take an emergency message; False refuses it as malformed."""
         if len(data) != EMCY_STRUCT.size:
             return False
         code, register, manufacturer = EMCY_STRUCT.unpack(data)
@@ -180,7 +180,7 @@ class Node(canopen.RemoteNode):
         return True
 
     def read_device_type(self) -> int:
-        """Returns 0x1000, waiting until the device answers: it may be booting up just now.
+        """Return 0x1000, waiting until the device answers: it may be booting up just now.
 
         Raises:
             DriverTimeoutError: it did not within 2 s.
@@ -198,7 +198,7 @@ class Node(canopen.RemoteNode):
         )
 
     def variable(self, index: int, subindex: int = 0) -> ODVariable:
-        """Returns the EDS entry of an object.
+        """Return the EDS entry of an object.
 
         Raises:
             DeviceMismatchError: the EDS lacks it.
@@ -212,12 +212,12 @@ class Node(canopen.RemoteNode):
         return variable
 
     def has(self, index: int, subindex: int = 0) -> bool:
-        """Returns whether the EDS has an object."""
+        """Return whether the EDS has an object."""
         variable = self.object_dictionary.get_variable(index, subindex)
         return variable is not None and variable.subindex == subindex
 
     def default(self, index: int, subindex: int = 0, *, otherwise: int) -> int:
-        """Returns the integer that the EDS (or DCF) gives for an object, or `otherwise`."""
+        """Return the integer that the EDS (or DCF) gives for an object, or `otherwise`."""
         if not self.has(index, subindex):
             return otherwise
         variable = self.variable(index, subindex)
@@ -225,7 +225,7 @@ class Node(canopen.RemoteNode):
         return value if isinstance(value, int) else otherwise
 
     def read(self, index: int, subindex: int = 0) -> int | float:
-        """Returns the number that the device holds in an object, read by SDO.
+        """Return the number that the device holds in an object, read by SDO.
 
         Raises:
             DeviceMismatchError: the EDS lacks the object, or its type does not fit the answer.
@@ -244,7 +244,7 @@ class Node(canopen.RemoteNode):
         return value
 
     def read_integer(self, index: int, subindex: int = 0) -> int:
-        """Returns the integer that the device holds in an object; raises as `read` does.
+        """Return the integer that the device holds in an object; raise as `read` does.
 
         Raises:
             DeviceMismatchError: besides what `read` says, the EDS gives it no integer type.
@@ -258,7 +258,7 @@ class Node(canopen.RemoteNode):
         return value
 
     def write(self, index: int, subindex: int, value: float) -> None:
-        """Writes a number to an object by SDO.
+        """Write a number to an object by SDO.
 
         Raises:
             ValueError: the value does not fit the object's type.
@@ -273,19 +273,19 @@ class Node(canopen.RemoteNode):
         self.download(index, subindex, raw)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Returns what the device holds in an object, whether or not the EDS knows it."""
+        """Return what the device holds in an object, whether or not the EDS knows it."""
         with self._sdo_errors("read", index, subindex):
             raw: bytes = self.sdo.upload(index, subindex)
         return raw
 
     def download(self, index: int, subindex: int, raw: bytes) -> None:
-        """Writes to an object of the device, whether or not the EDS knows it."""
+        """Write to an object of the device, whether or not the EDS knows it."""
         with self._sdo_errors("write", index, subindex):
             self.sdo.download(index, subindex, raw)
 
     @contextmanager
     def _sdo_errors(self, verb: str, index: int, subindex: int) -> Iterator[None]:
-        """Turns the errors of canopen's SDO client into our own.
+        """Turn the errors of canopen's SDO client into our own.
 
         Raises:
             SdoAbortError: the device refused.
@@ -311,17 +311,17 @@ class Node(canopen.RemoteNode):
 
 
 def object_name(index: int, subindex: int = 0) -> str:
-    """Returns an object as the standards write it: 0x6041, 0x1018.01."""
+    """Return an object as the standards write it: 0x6041, 0x1018.01."""
     return f"0x{index:04X}.{subindex:02X}" if subindex else f"0x{index:04X}"
 
 
 def _nothing_known() -> ObjectDictionary:
-    """Returns the object dictionary of a device without EDS."""
+    """Return the object dictionary of a device without EDS."""
     return ObjectDictionary()  # type: ignore[no-untyped-call]  # canopen has no types
 
 
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
-    """Returns the object dictionary that an EDS or DCF describes, COB-IDs for this node-ID.
+    """Return the object dictionary that an EDS or DCF describes, COB-IDs for this node-ID.
 
     Raises:
         EdsError: the file is missing or malformed.

@@ -40,7 +40,7 @@ class MappedObject(NamedTuple):
 
     @classmethod
     def from_entry(cls, entry: int) -> Self:
-        """Returns what a mapping entry 0x60410010 means."""
+        """Return what a mapping entry 0x60410010 means."""
         return cls((entry >> 16, entry >> 8 & 0xFF), entry & 0xFF)
 
     def __str__(self) -> str:
@@ -118,12 +118,12 @@ class Signal:
         self._codec = ODVariable.STRUCT_TYPES[variable.data_type]
 
     def decode(self, data: bytes) -> int | float:
-        """Returns the object's value."""
+        """Return the object's value."""
         value: int | float = self._codec.unpack(data[self.start : self.end])[0]
         return value
 
     def encode(self, data: bytearray, value: float) -> None:
-        """Puts the object's value into a PDO."""
+        """Put the object's value into a PDO."""
         data[self.start : self.end] = self._codec.pack(value)
 
 
@@ -145,7 +145,7 @@ class ReceivedPdo:
         self._length = mapping.length
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Takes a frame; False refuses one of another length than the mapping's."""
+        """Take a frame; False refuses one of another length than the mapping's."""
         if len(data) != self._length:
             return False
         self.data = data
@@ -171,7 +171,7 @@ class SentPdo:
 
 
 def eds_mappings(node: Node, kind: PdoKind) -> list[PdoMapping]:
-    """Returns the PDOs that a node's EDS describes."""
+    """Return the PDOs that a node's EDS describes."""
     communication, mapping = kind.value
     return [
         PdoMapping(
@@ -192,7 +192,7 @@ def eds_mappings(node: Node, kind: PdoKind) -> list[PdoMapping]:
 def choose_carriers(
     mappings: Sequence[PdoMapping], keys: Sequence[ObjectKey]
 ) -> dict[ObjectKey, PdoMapping]:
-    """Returns for each object the PDO to use for it; objects that none carries are left out.
+    """Return for each object the PDO to use for it; objects that none carries are left out.
 
     One PDO with all of them comes before several, one that exists before one to be enabled.
     """
@@ -208,7 +208,7 @@ def choose_carriers(
 
 
 def verify_mapping(node: Node, mapping: PdoMapping) -> None:
-    """Compares a PDO mapping of the EDS with what the device holds.
+    """Compare a PDO mapping of the EDS with what the device holds.
 
     Raises:
         DeviceMismatchError: they differ.
@@ -232,7 +232,7 @@ def verify_mapping(node: Node, mapping: PdoMapping) -> None:
 def configure_pdo(
     node: Node, mapping: PdoMapping, *, transmission_type: int | None, event_timer: float
 ) -> int:
-    """Returns the CAN identifier of a PDO after setting how it is sent; writes only what differs.
+    """Return the CAN identifier of a PDO after setting how it is sent; write only what differs.
 
     Follows CiA 301's order: the PDO is disabled, changed and enabled again.
 
@@ -265,7 +265,7 @@ def configure_pdo(
 def _changes(
     node: Node, index: int, transmission_type: int | None, event_timer_ms: int
 ) -> dict[int, int]:
-    """Returns the sub-indices to write and their values."""
+    """Return the sub-indices to write and their values."""
     wanted = {} if transmission_type is None else {2: transmission_type}
     if event_timer_ms or node.has(index, 5):
         wanted[5] = event_timer_ms

@@ -64,7 +64,7 @@ class PositionController:
         self.parameters = parameters or ControllerParameters()
 
     def command(self, setpoint: SetPoint, position: float) -> float:
-        """Returns the spool set-point as fraction of full opening, -1 to 1.
+        """Return the spool set-point as fraction of full opening, -1 to 1.
 
         Args:
             setpoint: where the piston is to be.
@@ -148,7 +148,7 @@ class PositionLoop:
         self.missed_samples = 0
 
     def sample(self) -> float:
-        """Returns the position [m] after every device has given its values.
+        """Return the position [m] after every device has given its values.
 
         Raises:
             DriverTimeoutError: one did not, in time.
@@ -168,7 +168,7 @@ class PositionLoop:
         return self._position.position
 
     def run(self, profile: MotionProfile, duration: float) -> Iterator[CycleRecord]:
-        """Follows a profile for `duration` seconds.
+        """Follow a profile for `duration` seconds.
 
         Yields:
             What each cycle saw and did.
@@ -206,7 +206,7 @@ class PositionLoop:
         )
 
     def _has_answered(self, device: PolledDevice) -> bool:
-        """Polls a device; one that does not answer is awaited, and its values grow old."""
+        """Poll a device; one that does not answer is awaited, and its values grow old."""
         try:
             return device.poll()
         except (DriverTimeoutError, BusLostError):

@@ -88,7 +88,7 @@ class PressureSensor(Sensor):
         return math.isfinite(value) and value != self._process_value.signal.lowest
 
     def _read_unit(self) -> float:
-        """Returns the unit that the device reports [Pa], from its code in CiA 303-2.
+        """Return the unit that the device reports [Pa], from its code in CiA 303-2.
 
         Raises:
             DeviceMismatchError: it is no unit of pressure.
@@ -106,7 +106,7 @@ class PressureSensor(Sensor):
         return PASCAL_PER_UNIT[numerator] * 10.0**exponent
 
     def _read_resolution(self) -> float:
-        """Returns what one digit of the process value stands for, in the device's unit."""
+        """Return what one digit of the process value stands for, in the device's unit."""
         if self._process_value.signal.is_real:
             return 1.0
         return 10.0 ** -self.node.read_integer(_DIGITS, self._channel)

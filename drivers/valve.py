@@ -84,7 +84,7 @@ class ProportionalValve(ValveControl, Device):
         command_timeout: float = 0.1,
         heartbeat_timeout: float = 0.0,
     ) -> None:
-        """Checks the device, reads its scaling, and sets how it sends and what it watches.
+        """Check the device, read its scaling, and set how it sends and what it watches.
 
         Args:
             transmission_type: 1 to 240 sends status and actual value with each n-th SYNC, 254 or
@@ -117,14 +117,14 @@ class ProportionalValve(ValveControl, Device):
         return self._value(self._actual) / self._reference
 
     def send(self) -> None:
-        """Sends control word and set-point as they are, again."""
+        """Send control word and set-point as they are, again."""
         pdo, signal = self._setpoint
         signal.encode(pdo.data, round(self._fraction * self._reference))
         for sent in self._sent:
             self.network.send(sent.cob_id, bytes(sent.data))
 
     def _outputs(self, carriers: Mapping[ObjectKey, PdoMapping]) -> dict[ObjectKey, Output]:
-        """Returns how to send these objects."""
+        """Return how to send these objects."""
         pdos = {mapping: SentPdo(mapping) for mapping in carriers.values()}
         return {
             key: Output(pdos[mapping], Signal(mapping, key, self.node.variable(*key)))
@@ -132,7 +132,7 @@ class ProportionalValve(ValveControl, Device):
         }
 
     def _read_reference(self) -> None:
-        """Reads what stands for full opening, where the device says so.
+        """Read what stands for full opening, where the device says so.
 
         Raises:
             DeviceMismatchError: it is not positive.
@@ -146,7 +146,7 @@ class ProportionalValve(ValveControl, Device):
             )
 
     def _keep_other_values(self, pdo: SentPdo) -> None:
-        """Fills what else an RPDO carries with what the device holds, to leave it as it is."""
+        """Fill what else an RPDO carries with what the device holds, to leave it as it is."""
         for mapped in pdo.mapping.objects:
             if mapped.key not in {_CONTROL_WORD, _SET_POINT}:
                 value = self.node.read(*mapped.key)
@@ -154,7 +154,7 @@ class ProportionalValve(ValveControl, Device):
                 Signal(pdo.mapping, mapped.key, variable).encode(pdo.data, value)
 
     def _heartbeat_watch(self, timeout: float) -> int:
-        """Returns the entry for 0x1016: whose heartbeat to watch, and for how long [ms].
+        """Return the entry for 0x1016: whose heartbeat to watch, and for how long [ms].
 
         Raises:
             ValueError: we send no heartbeat, or the time-out is out of range.
@@ -167,7 +167,7 @@ class ProportionalValve(ValveControl, Device):
         return self.network.heartbeat_node_id << 16 | timeout_ms
 
     def _supervise(self, command_timeout: float, watch: int) -> None:
-        """Sets what the device watches: our commands [s], our heartbeat (entry for 0x1016)."""
+        """Set what the device watches: our commands [s], our heartbeat (entry for 0x1016)."""
         for pdo in self._sent:
             pdo.cob_id = configure_pdo(
                 self.node, pdo.mapping, transmission_type=None, event_timer=command_timeout

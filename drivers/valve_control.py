@@ -44,11 +44,11 @@ class ValveControl(ABC):
         return self._state_of(self._status_word())
 
     def read_state(self) -> ValveState:
-        """Returns the state now, asked of the device."""
+        """Return the state now, asked of the device."""
         return self._state_of(self._read_status_word())
 
     def check_active(self) -> None:
-        """Raises a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
+        """Raise a `DeviceFaultError` if by the last status word the valve is not ACTIVE."""
         state = self.state
         if state is not ValveState.ACTIVE:
             raise self._fault(state)
@@ -67,27 +67,27 @@ class ValveControl(ABC):
 
     @abstractmethod
     def send(self) -> None:
-        """Sends the set-point as it is, again."""
+        """Send the set-point as it is, again."""
 
     def enable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to ACTIVE, where the spool follows the set-point.
+        """Bring the valve to ACTIVE, where the spool follows the set-point.
 
         Out of a fault state leads `reset_fault`; a device in one gives a `DeviceFaultError`.
         """
         self._reach(ValveState.ACTIVE, timeout)
 
     def hold(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to HOLD, where the spool is at the device's hold set-point."""
+        """Bring the valve to HOLD, where the spool is at the device's hold set-point."""
         self._fraction = 0.0
         self._reach(ValveState.HOLD, timeout)
 
     def disable(self, *, timeout: float = 1.0) -> None:
-        """Brings the valve to DISABLED."""
+        """Bring the valve to DISABLED."""
         self._fraction = 0.0
         self._reach(ValveState.DISABLED, timeout)
 
     def reset_fault(self, *, timeout: float = 1.0) -> None:
-        """Leads a valve out of a fault state, to INIT, DISABLED or HOLD, with set-point 0."""
+        """Lead a valve out of a fault state, to INIT, DISABLED or HOLD, with set-point 0."""
         self._fraction = 0.0
         deadline = self._medium.now() + timeout
         while (state := self.read_state()) is ValveState.NOT_READY or state.is_fault:
@@ -99,7 +99,7 @@ class ValveControl(ABC):
         self._command(state.command)
 
     def close(self) -> None:
-        """Leaves the valve disabled and no longer ours, as far as it can still be reached.
+        """Leave the valve disabled and no longer ours, as far as it can still be reached.
 
         Never raises a `DriverError`: what could not be done is logged as a warning.
         """
@@ -112,7 +112,7 @@ class ValveControl(ABC):
                 logger.warning("%s: could not be %s: %s", self, what, error)
 
     def _reach(self, target: ValveState, timeout: float) -> None:
-        """Commands a state until the device is there.
+        """Command a state until the device is there.
 
         Raises:
             DriverTimeoutError: it did not get there in time.
@@ -132,7 +132,7 @@ class ValveControl(ABC):
                 )
 
     def _command(self, control_word: int) -> None:
-        """Sends set-point and control word, and lets the device act on them."""
+        """Send set-point and control word, and let the device act on them."""
         self._send_command(control_word)
         self._medium.pump_until(self._medium.now() + POLL_PERIOD)
 
@@ -145,7 +145,7 @@ class ValveControl(ABC):
             ) from None
 
     def _circumstances(self) -> str:
-        """Returns what else may be why the device does not get to a state."""
+        """Return what else may be why the device does not get to a state."""
         return ""
 
     @property
@@ -155,24 +155,24 @@ class ValveControl(ABC):
 
     @abstractmethod
     def _status_word(self) -> int:
-        """Returns the last status word."""
+        """Return the last status word."""
 
     @abstractmethod
     def _read_status_word(self) -> int:
-        """Returns the status word now, asked of the device."""
+        """Return the status word now, asked of the device."""
 
     @abstractmethod
     def _send_command(self, control_word: int) -> None:
-        """Sends set-point and control word."""
+        """Send set-point and control word."""
 
     @abstractmethod
     def _has_error(self) -> bool:
-        """Returns whether the device tells an error, so that NOT_READY is a fault state."""
+        """Return whether the device tells an error, so that NOT_READY is a fault state."""
 
     @abstractmethod
     def _fault(self, state: ValveState) -> DeviceFaultError:
-        """Returns what to raise for a device in this state."""
+        """Return what to raise for a device in this state."""
 
     @abstractmethod
     def _release(self) -> None:
-        """Has the device need us no longer."""
+        """Have the device need us no longer."""

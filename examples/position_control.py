@@ -52,7 +52,7 @@ class BusOpenError(Exception):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the program and returns its exit code."""
+    """Run the program and return its exit code."""
     parser = build_parser()
     options = parser.parse_args(arguments)
     # python-can logs what we say in one line of our own.
@@ -73,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Returns the parser of the command line."""
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="position_control",
         description=(__doc__ or "").partition("\n")[0],
@@ -102,7 +102,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def positive(text: str) -> float:
-    """Returns a positive number.
+    """Return a positive number.
 
     Raises:
         argparse.ArgumentTypeError: it is none.
@@ -114,7 +114,7 @@ def positive(text: str) -> float:
 
 
 def finite(text: str) -> float:
-    """Returns a finite number.
+    """Return a finite number.
 
     Raises:
         argparse.ArgumentTypeError: it is none.
@@ -129,7 +129,7 @@ def finite(text: str) -> float:
 
 
 def interrupt(signal_number: int, frame: FrameType | None) -> None:
-    """Has SIGTERM end the program as Ctrl-C does, so that the valve is left safe.
+    """Have SIGTERM end the program as Ctrl-C does, so that the valve is left safe.
 
     Raises:
         KeyboardInterrupt: always.
@@ -139,13 +139,13 @@ def interrupt(signal_number: int, frame: FrameType | None) -> None:
 
 
 def report(parser: argparse.ArgumentParser, error: Exception, code: int) -> int:
-    """Says in one line what went wrong, and returns the exit code."""
+    """Say in one line what went wrong, and return the exit code."""
     print(f"{parser.prog}: error: {error}", file=sys.stderr)
     return code
 
 
 def open_bus(options: argparse.Namespace) -> can.BusABC:
-    """Returns the bus that the command line or python-can's own configuration names.
+    """Return the bus that the command line or python-can's own configuration names.
 
     Raises:
         ValueError: they name none, or none that there is.
@@ -163,7 +163,7 @@ def open_bus(options: argparse.Namespace) -> can.BusABC:
 
 
 def control(network: Network, options: argparse.Namespace) -> None:
-    """Sets the devices up, and follows the profile until the time is over."""
+    """Set the devices up, and follow the profile until the time is over."""
     with ProportionalValve(network, options.valve_node, options.valve_eds) as valve:
         pressures = (
             PressureSensor(network, options.pressure_a_node, options.pressure_a_eds),
@@ -191,7 +191,7 @@ def control(network: Network, options: argparse.Namespace) -> None:
 
 
 def make_profile(start: float, options: argparse.Namespace) -> MotionProfile:
-    """Returns the motion that the command line asks for, from where the piston is [m]."""
+    """Return the motion that the command line asks for, from where the piston is [m]."""
     return MotionProfile(
         start,
         [waypoint / 1000 for waypoint in options.waypoints_mm],
@@ -202,7 +202,7 @@ def make_profile(start: float, options: argparse.Namespace) -> MotionProfile:
 
 
 def follow(loop: PositionLoop, profile: MotionProfile, duration: float) -> None:
-    """Runs the loop, with a line each second, and a summary at the end whatever ends it."""
+    """Run the loop, with a line each second, and a summary at the end whatever ends it."""
     tracking = TrackingError()
     next_line = 0.0
     try:
@@ -228,7 +228,7 @@ class TrackingError:
     largest: float = 0.0
 
     def add(self, error: float) -> None:
-        """Counts the error of one cycle [m] in."""
+        """Count the error of one cycle [m] in."""
         self.cycles += 1
         self.squares += error * error
         self.largest = max(self.largest, abs(error))
@@ -240,7 +240,7 @@ class TrackingError:
 
 
 def print_record(record: CycleRecord) -> None:
-    """Prints what one cycle saw and did."""
+    """Print what one cycle saw and did."""
     print(
         f"{record.time:6.1f} s  set-point {record.position_setpoint * 1e3:8.3f} mm  "
         f"position {record.position * 1e3:8.3f} mm  "

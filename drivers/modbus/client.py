@@ -75,28 +75,28 @@ class ModbusClient:
         self.close()
 
     def now(self) -> float:
-        """Returns the time on the client's clock [s]."""
+        """Return the time on the client's clock [s]."""
         return self._clock()
 
     def sync(self) -> None:
-        """Does nothing: Modbus devices answer when they are asked."""
+        """Do nothing: Modbus devices answer when they are asked."""
 
     def pump_until(self, deadline: float) -> None:
-        """Waits until `deadline` [s]."""
+        """Wait until `deadline` [s]."""
         if (remaining := deadline - self.now()) > 0:
             self.link.wait(remaining)
 
     def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:  # noqa: ARG002
-        """Returns whether `condition` holds: nothing comes by itself, so waiting would not help."""
+        """Return whether `condition` holds: nothing comes by itself, so waiting would not help."""
         return condition()
 
     def close(self) -> None:
-        """Closes the link; the next request opens it again."""
+        """Close the link; the next request opens it again."""
         self.link.close()
         self._is_open = False
 
     def read_registers(self, unit_id: int, table: str, address: int, count: int) -> list[int]:
-        """Returns registers of one request, so of one moment of the device.
+        """Return registers of one request, so of one moment of the device.
 
         Args:
             unit_id: the device.
@@ -116,7 +116,7 @@ class ModbusClient:
         return list(struct.unpack(f">{count}H", response[2:]))
 
     def read_bit(self, unit_id: int, table: str, address: int) -> bool:
-        """Returns one bit of the ``coils`` or ``discrete_inputs``.
+        """Return one bit of the ``coils`` or ``discrete_inputs``.
 
         Raises:
             RemoteProtocolError: the response has another length.
@@ -128,7 +128,7 @@ class ModbusClient:
         return bool(response[2] & 1)
 
     def write_registers(self, unit_id: int, address: int, words: Sequence[int]) -> None:
-        """Writes holding registers by one request.
+        """Write holding registers by one request.
 
         Args:
             unit_id: the device.
@@ -140,11 +140,11 @@ class ModbusClient:
         self.request(unit_id, head + struct.pack(f">{count}H", *words))
 
     def write_coil(self, unit_id: int, address: int, *, on: bool) -> None:
-        """Writes one coil."""
+        """Write one coil."""
         self.request(unit_id, struct.pack(">BHH", _WRITE_COIL, address, 0xFF00 if on else 0))
 
     def read_identification(self, unit_id: int) -> dict[int, str]:
-        """Returns the basic device identification: 0 vendor, 1 product code, 2 revision.
+        """Return the basic device identification: 0 vendor, 1 product code, 2 revision.
 
         Raises:
             RemoteProtocolError: the response is malformed.
@@ -164,7 +164,7 @@ class ModbusClient:
         return objects
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """Sends a request and returns its response, function code first.
+        """Send a request and return its response, function code first.
 
         `BusLostError` where the link is lost, or is not tried again yet.
 
@@ -195,7 +195,7 @@ class ModbusClient:
         return response
 
     def _exchange(self, unit_id: int, pdu: bytes) -> bytes:
-        """Returns the response.
+        """Return the response.
 
         Raises:
             DriverTimeoutError: there was none in time.
@@ -215,7 +215,7 @@ class ModbusClient:
         )
 
     def _ensure_open(self) -> None:
-        """Opens the link where it is not.
+        """Open the link where it is not.
 
         Raises:
             BusLostError: it cannot be opened, or it is too early to try.

@@ -77,12 +77,12 @@ class ModbusDevice:
         return self.client.now() - self._received_at
 
     def setup(self) -> None:
-        """Checks that the device is the one of the register map, and reads its values."""
+        """Check that the device is the one of the register map, and read its values."""
         self._check_identity()
         self.poll()
 
     def poll(self) -> bool:
-        """Reads the present values, and returns True.
+        """Read the present values, and return True.
 
         A sample that was read before is no new value: it keeps the time at which it came first, so
         that a device that has stopped measuring is found out.
@@ -102,7 +102,7 @@ class ModbusDevice:
         return True
 
     def _poll_registers(self, registers: Sequence[Register | None]) -> None:
-        """Has `poll` read these, and the number of the sample, by as few requests as it can."""
+        """Have `poll` read these, and the number of the sample, by as few requests as it can."""
         wanted = {register for register in (*registers, self._sample_register) if register}
         self._polled = sorted(wanted, key=lambda register: register.address)
         self._blocks = []
@@ -114,7 +114,7 @@ class ModbusDevice:
                 self._blocks.append((register.address, register.count))
 
     def _value(self, register: Register) -> float:
-        """Returns a value as it is counted.
+        """Return a value as it is counted.
 
         Raises:
             StaleValueError: it is too old, or was never read.
@@ -130,7 +130,7 @@ class ModbusDevice:
         return self._values[register]
 
     def _check_identity(self) -> None:
-        """Compares the device identification with the register map.
+        """Compare the device identification with the register map.
 
         Raises:
             DeviceMismatchError: they differ.

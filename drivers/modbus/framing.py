@@ -18,10 +18,10 @@ class Framing(Protocol):
     """How a request goes out, and how its response is found in what comes back."""
 
     def wrap(self, unit_id: int, pdu: bytes) -> bytes:
-        """Returns the frame of a new request."""
+        """Return the frame of a new request."""
 
     def take(self, buffer: bytearray) -> bytes | None:
-        """Removes the response to the last request and returns its PDU; None while it lacks."""
+        """Remove the response to the last request and return its PDU; None while it lacks."""
 
 
 class TcpFraming:
@@ -32,13 +32,13 @@ class TcpFraming:
         self._unit_id = 0
 
     def wrap(self, unit_id: int, pdu: bytes) -> bytes:
-        """Returns the frame of a new request."""
+        """Return the frame of a new request."""
         self._transaction = self._transaction + 1 & 0xFFFF
         self._unit_id = unit_id
         return _HEADER.pack(self._transaction, 0, len(pdu) + 1, unit_id) + pdu
 
     def take(self, buffer: bytearray) -> bytes | None:
-        """Removes the response to the last request and returns its PDU; None while it lacks.
+        """Remove the response to the last request and return its PDU; None while it lacks.
 
         Raises:
             RemoteProtocolError: what came is no Modbus frame.
@@ -65,13 +65,13 @@ class RtuFraming:
         self._function = 0
 
     def wrap(self, unit_id: int, pdu: bytes) -> bytes:
-        """Returns the frame of a new request."""
+        """Return the frame of a new request."""
         self._unit_id, self._function = unit_id, pdu[0]
         body = bytes([unit_id]) + pdu
         return body + check_sum(body)
 
     def take(self, buffer: bytearray) -> bytes | None:
-        """Removes the response to the last request and returns its PDU; None while it lacks.
+        """Remove the response to the last request and return its PDU; None while it lacks.
 
         Bytes before it are noise, or a response to a request that somebody has given up.
         """
@@ -90,7 +90,7 @@ class RtuFraming:
 
 
 def check_sum(data: bytes | bytearray) -> bytes:
-    """Returns the CRC of a frame, low byte first as it is sent."""
+    """Return the CRC of a frame, low byte first as it is sent."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -100,7 +100,7 @@ def check_sum(data: bytes | bytearray) -> bytes:
 
 
 def _response_length(frame: bytearray) -> int:
-    """Returns the length of a response frame [byte]; 0 while it is not known."""
+    """Return the length of a response frame [byte]; 0 while it is not known."""
     function = frame[1]
     if function & _EXCEPTION_BIT:
         return 5

@@ -39,19 +39,19 @@ class Link(Protocol):
     """How frames stand on it."""
 
     def open(self, timeout: float) -> None:
-        """Opens it, within `timeout` seconds; `OSError` where that fails."""
+        """Open it, within `timeout` seconds; `OSError` where that fails."""
 
     def close(self) -> None:
-        """Closes it; it may be opened again."""
+        """Close it; it may be opened again."""
 
     def send(self, data: bytes) -> None:
-        """Sends, and forgets what was received and not taken; `OSError` where it is lost."""
+        """Send, and forget what was received and not taken; `OSError` where it is lost."""
 
     def receive(self, timeout: float) -> bytes:
-        """Returns what comes, within `timeout` seconds, or nothing; `OSError` where it is lost."""
+        """Return what comes, within `timeout` seconds, or nothing; `OSError` where it is lost."""
 
     def wait(self, duration: float) -> None:
-        """Lets time pass [s]."""
+        """Let time pass [s]."""
 
 
 class TcpLink:
@@ -69,22 +69,22 @@ class TcpLink:
         self._socket: socket.socket | None = None
 
     def open(self, timeout: float) -> None:
-        """Connects, within `timeout` seconds; `OSError` where that fails."""
+        """Connect, within `timeout` seconds; `OSError` where that fails."""
         self._socket = socket.create_connection(self._address, timeout)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def close(self) -> None:
-        """Ends the connection."""
+        """End the connection."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def send(self, data: bytes) -> None:
-        """Sends; `OSError` where the connection is lost."""
+        """Send; `OSError` where the connection is lost."""
         self._connected().sendall(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Returns what comes, within `timeout` seconds, or nothing.
+        """Return what comes, within `timeout` seconds, or nothing.
 
         Raises:
             ConnectionResetError: the device has ended the connection.
@@ -100,11 +100,11 @@ class TcpLink:
         return data
 
     def wait(self, duration: float) -> None:
-        """Lets time pass [s]."""
+        """Let time pass [s]."""
         time.sleep(max(duration, 0.0))
 
     def _connected(self) -> socket.socket:
-        """Returns the socket.
+        """Return the socket.
 
         Raises:
             ConnectionError: there is none.
@@ -145,7 +145,7 @@ class TlsLink(TcpLink):
         self._context.load_cert_chain(certificate, key)
 
     def open(self, timeout: float) -> None:
-        """Connects, within `timeout` seconds.
+        """Connect, within `timeout` seconds.
 
         Raises:
             OSError: that fails, or a certificate is refused.
@@ -182,37 +182,37 @@ class SerialLink:
         self._serial: Serial | None = None
 
     def open(self, timeout: float) -> None:  # noqa: ARG002 - a port opens at once or not at all
-        """Opens the port; `OSError` where that fails."""
+        """Open the port; `OSError` where that fails."""
         import serial  # noqa: PLC0415 - only who has a serial line needs it
 
         with _as_os_error():
             self._serial = serial.Serial(self.description, timeout=0, **self._settings)
 
     def close(self) -> None:
-        """Closes the port."""
+        """Close the port."""
         if self._serial is not None:
             self._serial.close()
             self._serial = None
 
     def send(self, data: bytes) -> None:
-        """Sends, and forgets what was received and not taken."""
+        """Send, and forget what was received and not taken."""
         port = self._opened()
         with _as_os_error():
             port.reset_input_buffer()
             port.write(data)
 
     def receive(self, timeout: float) -> bytes:
-        """Returns what comes, within `timeout` seconds, or nothing."""
+        """Return what comes, within `timeout` seconds, or nothing."""
         port = self._opened()
         ready, _, _ = select.select([port], [], [], max(timeout, 0.0))
         return bytes(port.read(_CHUNK)) if ready else b""
 
     def wait(self, duration: float) -> None:
-        """Lets time pass [s]."""
+        """Let time pass [s]."""
         time.sleep(max(duration, 0.0))
 
     def _opened(self) -> "Serial":
-        """Returns the port.
+        """Return the port.
 
         Raises:
             ConnectionError: it is not open.
@@ -224,7 +224,7 @@ class SerialLink:
 
 @contextlib.contextmanager
 def _as_os_error() -> Iterator[None]:
-    """Makes what pyserial lets through of the terminal's errors, and of wrong settings, an OSError.
+    """Make what pyserial lets through of the terminal's errors, and of wrong settings, an OSError.
 
     Yields:
         Nothing.

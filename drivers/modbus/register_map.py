@@ -54,13 +54,13 @@ class Register:
         return {"int16": -(2.0**15), "int32": -(2.0**31)}.get(self.type)
 
     def decode(self, words: Sequence[int]) -> float:
-        """Returns the value as it is counted; `factor` makes it SI."""
+        """Return the value as it is counted; `factor` makes it SI."""
         ordered = words[::-1] if self.is_little else words
         raw = struct.pack(f">{self.count}H", *ordered)
         return float(struct.unpack(f">{_LETTERS[self.type]}", raw)[0])
 
     def encode(self, value: float) -> list[int]:
-        """Returns the registers of an SI value; `struct.error` where it does not fit."""
+        """Return the registers of an SI value; `struct.error` where it does not fit."""
         counts = value / self.factor
         raw = struct.pack(
             f">{_LETTERS[self.type]}", counts if self.type == "float32" else round(counts)
@@ -107,7 +107,7 @@ class RegisterMap:
             raise RegisterMapError(f"{self.path}: no register map: {what}") from None
 
     def find(self, table: str, source: str) -> Register | None:
-        """Returns the register of a quantity or an object, in its finest type; None for none."""
+        """Return the register of a quantity or an object, in its finest type; None for none."""
         for kind in _FINEST_FIRST:
             register = self._registers.get((table, source, kind))
             if register is not None:
@@ -115,7 +115,7 @@ class RegisterMap:
         return None
 
     def require(self, table: str, source: str) -> Register:
-        """Returns the register of a quantity or an object, in its finest type.
+        """Return the register of a quantity or an object, in its finest type.
 
         Raises:
             DeviceMismatchError: the map has none.

@@ -54,7 +54,7 @@ class ProportionalValve(ValveControl, ModbusDevice):
         self._poll_registers([self._actual, self._status, self._error])
 
     def setup(self, *, command_timeout: float = 0.1) -> None:
-        """Checks the device and takes control of it.
+        """Check the device and take control of it.
 
         Args:
             command_timeout: the device's reaction comes when no command did for this time [s]; 0
@@ -77,7 +77,7 @@ class ProportionalValve(ValveControl, ModbusDevice):
         return self._value(self._actual) * self._actual.factor
 
     def send(self) -> None:
-        """Sends the set-point as it is, again."""
+        """Send the set-point as it is, again."""
         self._write(self._setpoint, self._fraction)
 
     @property
@@ -113,11 +113,11 @@ class ProportionalValve(ValveControl, ModbusDevice):
         self.client.write_coil(self.unit_id, self._control.address, on=False)
 
     def _read_error(self) -> int:
-        """Returns the emergency error code of the present fault; 0 for none or where unknown."""
+        """Return the emergency error code of the present fault; 0 for none or where unknown."""
         return 0 if self._error is None else self._read(self._error)
 
     def _read(self, register: Register) -> int:
-        """Returns the integer that an input register holds now."""
+        """Return the integer that an input register holds now."""
         words = self.client.read_registers(self.unit_id, _INPUTS, register.address, register.count)
         return int(register.decode(words))
 

@@ -18,7 +18,7 @@ def controller(tmp_path_factory):
 
 @pytest.fixture
 def start(firmware, controller, hil_config, hil_realtime):
-    """Starts the controller on the bench: ``start("--targets-mm", 50)``."""
+    """Start the controller on the bench: ``start("--targets-mm", 50)``."""
     period = ["--period-us", hil_config.sync_period_ns // 1000]
     timing = period if hil_realtime else [*period, "--lockstep"]
     return lambda *arguments: firmware(controller, "--bus", "{bus}", *timing, *arguments)

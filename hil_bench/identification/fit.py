@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +9,8 @@ import numpy.typing as npt
 from hil_bench.errors import ConfigError
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
+from hil_bench.identification.stages import FINE, ROUGH, Stage
+from hil_bench.identification.uncertainty import find_covariance
 from hil_bench.identification.unknowns import Unknowns
 from hil_bench.plant import PlantOptions
 
@@ -19,41 +20,9 @@ Report = Callable[[str], None]
 
 _FEWEST_PIECES = 8
 _ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
-_ENOUGH = 1e-3  # relative gain of a round below which a fit has converged
 _REFINED = 3  # of the candidates
-_SETTLINGS = 8  # of the starts, until they stay where they are
 _STRANGE = 1.3  # times the median residual: a piece that the model does not explain
 _MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
-
-LENGTH = 0.2
-"""Length of the pieces of the finest stage [s]."""
-
-
-class Stage(NamedTuple):
-    """How finely the model is held against the record.
-
-    Attributes:
-        name: for the progress bar.
-        length: of the pieces [s].
-        share: of the pieces that are used.
-        blur: by which the noise is multiplied.
-        rounds: at most.
-        coarse: by which the solver's step is longer.
-        precision: by which the steps for slopes are multiplied.
-    """
-
-    name: str
-    length: float
-    share: float
-    blur: float
-    rounds: int
-    coarse: int
-    precision: float
-
-
-ROUGH = Stage("rough", length=0.04, share=0.25, blur=5.0, rounds=2, coarse=2, precision=1.0)
-MIDDLE = Stage("middle", length=0.15, share=0.4, blur=2.0, rounds=3, coarse=2, precision=0.3)
-FINE = Stage("fine", length=LENGTH, share=1.0, blur=1.0, rounds=15, coarse=1, precision=0.05)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +31,7 @@ class Fit:
 
     Attributes:
         variables: the free variables.
-        covariance: of them; of what the noise of the record alone leaves open.
+        covariance: of them, as `find_covariance` says.
         cost: as `scipy.optimize.least_squares` counts it.
         residual: rms of the residuals, as a multiple of the noise.
     """
@@ -88,6 +57,7 @@ class Fitter:
     options: PlantOptions
     step: float
     report: Report = field(default=lambda _: None)
+    _settled: dict[int, Values] = field(default_factory=dict)  # starts of the finest pieces
 
     def pieces(self, stage: Stage, stroke_end: float) -> Pieces:
         """Return the pieces of a stage.
@@ -107,13 +77,16 @@ class Fitter:
 
     def shooting(self, stage: Stage, pieces: Pieces) -> Shooting:
         """Return pieces beside the model, as finely as a stage wants."""
-        return Shooting(
+        shooting = Shooting(
             self.record,
             self.options,
             pieces,
             max(1, round(self.record.interval / self.step / stage.coarse)),
             self.record.noise * stage.blur,
         )
+        if stage.name == FINE.name:
+            shooting.resume(self._settled)
+        return shooting
 
     def search(self, unknowns: Unknowns, starts: int, seed: int) -> Values:
         """Return the best of some random candidates, refined at the shortest pieces.
@@ -130,8 +103,8 @@ class Fitter:
         for candidate in candidates:
             guess = unknowns.guess(candidate)
             shooting.restart()
-            shooting.settle(guess)
-            costs.append(float(_soft(shooting.residuals([guess])).sum()))
+            shooting.settle(guess, ROUGH.enough, ROUGH.settlings)
+            costs.append(float(_soft(shooting.residuals([guess], [shooting.states])).sum()))
             self.report("search")
         best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
         fits = [self.fit(unknowns, candidate, ROUGH, pieces) for candidate in best]
@@ -140,8 +113,8 @@ class Fitter:
     def explained(self, unknowns: Unknowns, variables: Values, pieces: Pieces) -> Pieces:
         """Return the pieces less those few in which something happens that the model lacks."""
         guess, shooting = unknowns.guess(variables), self.shooting(FINE, pieces)
-        for _ in range(_SETTLINGS):
-            shooting.settle(guess)
+        shooting.settle(guess)
+        self._settled.update(shooting.starts)
         misfits = shooting.misfits(guess)
         is_fair = misfits <= _STRANGE * np.median(misfits)
         return pieces.chosen(is_fair) if is_fair.mean() >= _MOSTLY else pieces
@@ -150,10 +123,10 @@ class Fitter:
         """Return the fit that starts at `variables`."""
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
 
-        problem = _Problem(unknowns, self.shooting(stage, pieces), stage.precision)
+        problem = _Problem(unknowns, self.shooting(stage, pieces), stage)
         cost = np.inf
         for _ in range(stage.rounds):
-            problem.shooting.settle(unknowns.guess(variables))
+            problem.begin(variables)
             solution = least_squares(
                 problem.residuals,
                 variables,
@@ -162,45 +135,77 @@ class Fitter:
                 loss="soft_l1",
                 x_scale="jac",
                 max_nfev=_ITERATIONS,
-                ftol=_ENOUGH / 10.0,
+                ftol=stage.enough / 10.0,
             )
             self.report(stage.name)
             variables = solution.x
-            is_done, cost = solution.cost > (1.0 - _ENOUGH) * cost, solution.cost
+            problem.end(variables)
+            is_done, cost = solution.cost > (1.0 - stage.enough) * cost, solution.cost
             if is_done:
                 break
+        problem.begin(variables)
+        if stage.name == FINE.name:
+            self._settled.update(problem.shooting.starts)
         return problem.result(variables, cost)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Problem:
-    """The residuals of one stage, as `scipy.optimize.least_squares` takes them."""
+    """The residuals of one stage, as `scipy.optimize.least_squares` takes them.
+
+    The starts of the pieces follow the variables to first order, from where they were settled.
+    """
 
     unknowns: Unknowns
     shooting: Shooting
-    precision: float
+    stage: Stage
+    _center: Values = field(init=False)
+    _follow: Values = field(init=False)
+
+    def begin(self, variables: Values) -> None:
+        """Settle the starts at these variables, and find how they follow."""
+        self._center, guess = variables, self.unknowns.guess(variables)
+        self.shooting.settle(guess, self.stage.enough, self.stage.settlings)
+        self._follow = np.zeros((len(variables), *self.shooting.states.shape))
+        if not self.stage.follows:
+            return
+        steps = self._steps(variables)
+        near = [self.unknowns.guess(variables + step) for step in np.diag(steps)]
+        self._follow = self.shooting.follow(guess, near) / steps[:, np.newaxis, np.newaxis]
+
+    def end(self, variables: Values) -> None:
+        """Leave the starts where they follow to."""
+        self.shooting.states = self._states(variables)
 
     def residuals(self, variables: Values) -> Values:
         return np.asarray(self._of([variables])[0])
 
     def slopes(self, variables: Values) -> Values:
-        steps = self.unknowns.steps * self.precision
-        steps = np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
+        steps = self._steps(variables)
         found = self._of([variables, *(variables + step for step in np.diag(steps))])
         return np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
 
     def result(self, variables: Values, cost: float) -> Fit:
-        """Return the fit, whose uncertainty grows with the residuals where these beat the noise."""
+        """Return the fit, and how uncertain it is."""
         residuals, slopes = self.residuals(variables), self.slopes(variables)
         freedom = len(residuals) - 8 * len(self.shooting.states) - 2 * len(variables)
         rms = float(np.sqrt(np.square(residuals).sum() / freedom))
-        covariance = np.linalg.pinv(slopes.T @ slopes, hermitian=True) * max(1.0, rms) ** 2
-        return Fit(variables, np.asarray(covariance, dtype=np.float64), float(cost), rms)
+        covariance = find_covariance(slopes, residuals, len(self.shooting.states), freedom)
+        return Fit(variables, covariance, float(cost), rms)
 
     def _of(self, trials: Sequence[Values]) -> Values:
-        signals = self.shooting.residuals([self.unknowns.guess(trial) for trial in trials])
+        guesses = [self.unknowns.guess(trial) for trial in trials]
+        signals = self.shooting.residuals(guesses, [self._states(trial) for trial in trials])
         expected = (np.array(trials) - self.unknowns.start) / self.unknowns.spreads
         return np.hstack([signals, expected])
+
+    def _states(self, variables: Values) -> Values:
+        shift = np.tensordot(variables - self._center, self._follow, axes=1)
+        return np.asarray(self.shooting.states + shift)
+
+    def _steps(self, variables: Values) -> Values:
+        steps = self.unknowns.steps * self.stage.precision
+        return np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
 
 
 def draw_candidates(

@@ -8,16 +8,16 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
-from hil_bench.identification.fit import FINE, LENGTH, MIDDLE, Fit, Fitter, Report
+from hil_bench.identification.fit import Fit, Fitter, Report
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
 from hil_bench.identification.spool import fit_spool
+from hil_bench.identification.stages import CLOSE, FINE, LENGTH, MIDDLE
 from hil_bench.identification.unknowns import KINDS, OFFSETS, Guess, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 
-_SETTLINGS = 8
 _REPEATS = 3  # of the fit, while it changes which pieces the model explains
 
 
@@ -169,9 +169,10 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     """Fit, leave out what the record does not tell, and fit again, until all is told."""
     stop = unknowns.known.h
     variables = fitter.search(unknowns, starts, seed)
-    variables = fitter.fit(unknowns, variables, MIDDLE, fitter.pieces(MIDDLE, stop)).variables
+    for stage in (MIDDLE, CLOSE):
+        pieces = fitter.pieces(stage, stop)
+        variables = fitter.fit(unknowns, variables, stage, pieces).variables
     every = fitter.pieces(FINE, stop)
-    variables = fitter.fit(unknowns, variables, FINE._replace(rounds=4), every).variables
     vague: dict[str, float] = {}
     pieces = fitter.explained(unknowns, variables, every)
     repeats = 0
@@ -243,9 +244,8 @@ def _estimates(
 
 def _try(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
     shooting = fitter.shooting(FINE, pieces)
-    for _ in range(_SETTLINGS):
-        shooting.settle(guess)
-    deviations = shooting.deviations(guess)
+    shooting.settle(guess)
+    deviations = shooting.deviations(guess, shooting.states)
     rows = _rows(pieces)
     return Trial(
         rows=rows,
@@ -261,9 +261,9 @@ def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
     start = settled.pieces.rows[first : first + 1]
     pieces = Pieces(start, part.stop - 1 - int(start[0]))
     shooting = fitter.shooting(FINE, pieces)
-    shooting.states = settled.states[first : first + 1]
+    deviations = shooting.deviations(guess, settled.states[first : first + 1])
     (rows,) = _rows(pieces)
-    return Run(rows, fitter.record.measured[rows] + shooting.deviations(guess)[0])
+    return Run(rows, fitter.record.measured[rows] + deviations[0])
 
 
 def _parts(record: AxisRecord, pieces: Pieces) -> list[range]:

@@ -8,7 +8,7 @@ out of the residuals (variable projection: Kaufman 1975, BIT 15, 49-57).
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -19,13 +19,19 @@ import numpy.typing as npt
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.spool import recorded_spool
 from hil_bench.identification.unknowns import Guess
-from hil_bench.plant import PlantOptions, PlantState
-from hil_bench.plant.batch import LANES, run_plants
+from hil_bench.plant import PlantOptions
+from hil_bench.plant.batch import LANES, run_starts, spread_setpoints
 
 Values = npt.NDArray[np.float64]
 
-_STEPS = np.array([1e-6, 1e-4, 1e3, 1e3])  # of the start's states for the slopes [m, m/s, Pa, Pa]
-_PARTS = (0.0, 0.03, 0.1, 0.3, 1.0)  # of a step of the starts that are tried
+_STEPS = np.array([1e-8, 1e-6, 10.0, 10.0])
+"""Of the start's states for the slopes [m, m/s, Pa, Pa].
+
+Small beside the noise: where a slow piston is about to slip, the motion turns on so little.
+"""
+
+_DAMPINGS = np.array([0.0, 1e-2, 1.0, 1e2, 1e4])  # that are tried, times that of the last step
+_LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e6
 _LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
 _KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
@@ -93,23 +99,40 @@ class Shooting:
     _smooth: Values = field(init=False)
     _spreads: Values = field(init=False)
     _measured: Values = field(init=False)
-    _setpoints: Values = field(init=False)
+    _setpoints: list[Values] = field(init=False)
     _basis: Values = field(init=False)
+    _triangle: Values = field(init=False)
+    _damping: Values = field(init=False)
 
     def __post_init__(self) -> None:
         states, spreads = smooth_states(self.record)
         self._smooth = states[self.pieces.rows]
         self._spreads = _LOOSENESS * spreads
-        self.states = self._smooth.copy()
+        self.restart()
         rows = self.pieces.rows[:, np.newaxis] + 1 + np.arange(self.pieces.length)
         self._measured = self.record.measured[rows]
-        self._setpoints = np.repeat(self.record.setpoints[rows], self.substeps, axis=1)
+        self._setpoints = [
+            spread_setpoints(np.repeat(block, self.substeps, axis=1))
+            for block in np.split(self.record.setpoints[rows], range(LANES, len(rows), LANES))
+        ]
         size = 3 * self.pieces.length + 4
-        self._basis = np.zeros((len(self.pieces.rows), size, 4))
+        self._basis = np.zeros((len(rows), size, 4))
+        self._triangle = np.tile(np.eye(4), (len(rows), 1, 1))
 
     def restart(self) -> None:
         """Put the states back to the smoothed measurements."""
         self.states = self._smooth.copy()
+        self._damping = np.full(len(self.states), 1e-3)
+
+    @property
+    def starts(self) -> dict[int, Values]:
+        """The states by the rows at which the pieces start."""
+        return dict(zip(self.pieces.rows.tolist(), self.states, strict=True))
+
+    def resume(self, starts: Mapping[int, Values]) -> None:
+        """Begin with the states that are known of a row."""
+        for number, row in enumerate(self.pieces.rows.tolist()):
+            self.states[number] = starts.get(row, self.states[number])
 
     def predict(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
         """Return what each guess, from the states that go with it, says of each piece.
@@ -122,21 +145,17 @@ class Shooting:
             recorded_spool(guess.parameters, self.record)[self.pieces.rows] for guess in guesses
         ]
         seen = np.empty((len(guesses), *self._measured.shape))
-        count = len(self.pieces.rows)
-        jobs = [
-            (number, first) for number in range(len(guesses)) for first in range(0, count, LANES)
-        ]
+        blocks = range(len(self._setpoints))
+        jobs = [(number, block) for number in range(len(guesses)) for block in blocks]
 
         def run(job: tuple[int, int]) -> None:
-            number, first = job
-            block = slice(first, first + LANES)
-            starts = np.hstack([states[number][block], spools[number][block]])
-            starts[:, 0] = np.clip(starts[:, 0], -_end(guesses[number]), _end(guesses[number]))
-            seen[number, block] = run_plants(
-                [
-                    (guesses[number].parameters, self.options, PlantState(*start))
-                    for start in starts.tolist()
-                ],
+            number, block = job
+            guess, pieces = guesses[number], slice(block * LANES, (block + 1) * LANES)
+            starts = np.hstack([states[number][pieces], spools[number][pieces]])
+            starts[:, 0] = np.clip(starts[:, 0], -guess.parameters.h, guess.parameters.h)
+            seen[number, pieces] = run_starts(
+                (guess.parameters, self.options),
+                starts,
                 self._setpoints[block],
                 dt=self.record.interval / self.substeps,
                 every=self.substeps,
@@ -148,39 +167,80 @@ class Shooting:
             seen[number, :, :, 1:] += guess.offsets
         return seen
 
-    def residuals(self, guesses: Sequence[Guess]) -> Values:
+    def residuals(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
         """Return the residuals, in multiples of `scale`, less what other starts could explain.
+
+        Args:
+            guesses: the parameters.
+            states: for each guess, near those where the starts were settled.
 
         Returns:
             Shape (guesses, values).
         """
-        raw = self._raw(guesses, [self.states] * len(guesses))
+        raw = self._raw(guesses, states)
         raw -= np.einsum("pvk,gpk->gpv", self._basis, np.einsum("pvk,gpv->gpk", self._basis, raw))
         return raw.reshape(len(guesses), -1)
 
-    def settle(self, guess: Guess) -> None:
-        """Move the states to where they fit best, to first order, and find their slopes there.
+    def settle(self, guess: Guess, enough: float = 1e-6, most: int = 12) -> None:
+        """Move the states to where they fit best, and find their slopes there.
 
-        Where a whole step would fit worse, a part of it is made, or none.
+        Each piece by itself by Levenberg and Marquardt, several dampings at once.
+
+        Args:
+            guess: the parameters.
+            enough: relative gain of a step below which it is the last.
+            most: steps at most.
         """
-        slopes, raw = self._slopes(guess)
-        basis, triangle = np.linalg.qr(slopes)
-        shift = -np.linalg.solve(triangle, np.einsum("pvk,pv->pk", basis, raw)[..., np.newaxis])
-        shift = shift[..., 0] * self._spreads
-        trials = np.array([self.states + part * shift for part in _PARTS])
+        for _ in range(most):
+            slopes, raw = self._slopes(guess)
+            gain = self._step(guess, slopes, raw)
+            if gain <= enough * np.square(raw).sum():
+                break
+        else:
+            slopes, _ = self._slopes(guess)
+        self._basis, self._triangle = np.linalg.qr(slopes)
+
+    def follow(self, guess: Guess, others: Sequence[Guess]) -> Values:
+        """Return how the states that fit best move from the settled ones, to first order.
+
+        Args:
+            guess: for which the states are settled.
+            others: close to it.
+
+        Returns:
+            Shape (others, pieces, 4).
+        """
+        raw = self._raw([guess, *others], [self.states] * (1 + len(others)))
+        change = np.einsum("pvk,gpv->gpk", self._basis, raw[1:] - raw[0])
+        return np.asarray(
+            -np.linalg.solve(self._triangle, change[..., np.newaxis])[..., 0] * self._spreads
+        )
+
+    def _step(self, guess: Guess, slopes: Values, raw: Values) -> float:
+        """Make a step of each piece's states, where one is for the better; return the gain."""
+        normal = slopes.transpose(0, 2, 1) @ slopes
+        pull = np.einsum("pvk,pv->pk", slopes, raw)
+        scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
+        dampings = self._damping * _DAMPINGS[:, np.newaxis]
+        damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
+        shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
+        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self._spreads])
         costs = np.square(self._raw([guess] * len(trials), list(trials))).sum(axis=2)
-        best = np.argmin(costs, axis=0)
-        self.states = trials[best, np.arange(len(best))]
-        self._basis = np.linalg.qr(self._slopes(guess)[0])[0]
+        best, pieces = np.argmin(costs, axis=0), np.arange(len(self.states))
+        self.states = trials[best, pieces]
+        # None is for the better: take up where the most careful trial ends.
+        factors = np.array([_DAMPINGS[-1], _DAMPINGS[1], *_DAMPINGS[1:]])[best]
+        self._damping = np.clip(self._damping * factors, _LEAST_DAMPING, _MOST_DAMPING)
+        return float((costs[0] - costs[best, pieces]).sum())
 
     def misfits(self, guess: Guess) -> Values:
         """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
-        residuals = self.residuals([guess]).reshape(len(self.states), -1)
+        residuals = self.residuals([guess], [self.states]).reshape(len(self.states), -1)
         return np.asarray(np.sqrt(np.square(residuals).mean(axis=1)))
 
-    def deviations(self, guess: Guess) -> Values:
-        """Return model less record from the present states, shape (pieces, rows, 3) [m, Pa, Pa]."""
-        return np.asarray(self.predict([guess], [self.states])[0] - self._measured)
+    def deviations(self, guess: Guess, states: Values) -> Values:
+        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
+        return np.asarray(self.predict([guess], [states])[0] - self._measured)
 
     def _slopes(self, guess: Guess) -> tuple[Values, Values]:
         """Return the residuals' slopes by the states in their spreads, and the residuals."""
@@ -220,7 +280,3 @@ def smooth_states(record: AxisRecord) -> tuple[Values, Values]:
             states[part, state] = savgol_filter(record.measured[part, signal], **how)
     noise = [record.noise[signal] * np.linalg.norm(savgol_coeffs(**how)) for signal, how in filters]
     return states, np.array(noise)
-
-
-def _end(guess: Guess) -> float:
-    return guess.parameters.h

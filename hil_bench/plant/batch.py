@@ -106,11 +106,55 @@ def run_plants(plants: PlantSet, setpoints: Values, *, dt: float, every: int = 1
     Returns:
         The fields of `SEEN` after each `every`-th step, shape (plants, steps // every, 5).
     """
-    steps = setpoints.shape[1]
     block = pack_block(plants, dt)
+    return _run(block, spread_setpoints(setpoints), every)[: len(plants)]
+
+
+def run_starts(
+    plant: tuple[PlantParameters, PlantOptions],
+    starts: Values,
+    setpoints: Values,
+    *,
+    dt: float,
+    every: int = 1,
+) -> Values:
+    """Run a plant from at most `LANES` states, as `run_plants` does.
+
+    Args:
+        plant: without extensions; it is not checked here.
+        starts: the fields of `PlantState`, shape (starts, 6).
+        setpoints: as `spread_setpoints` gives them.
+        dt: step [s].
+        every: steps between two rows.
+
+    Returns:
+        The fields of `SEEN` after each `every`-th step, shape (starts, steps // every, 5).
+    """
+    count = len(starts)
+    block = np.empty((_STATES + 1 + len(constants := pack(*plant, dt)), LANES))
+    block[:_STATES, :count] = starts.T
+    block[:_STATES, count:] = starts[-1, :, np.newaxis]
+    block[_SETPOINT] = 0.0
+    block[_CONSTANTS:] = np.array(constants)[:, np.newaxis]
+    return _run(block.reshape(-1), setpoints, every)[:count]
+
+
+def spread_setpoints(setpoints: Values) -> Values:
+    """Return set-points of at most `LANES` plants as the blocks want them, shape (steps, LANES).
+
+    Args:
+        setpoints: u [m] of each plant, shape (plants, steps).
+    """
+    count, steps = setpoints.shape
     lanes = np.empty((steps, LANES))
-    lanes[:, : len(plants)] = setpoints.T
-    lanes[:, len(plants) :] = setpoints[-1, :, np.newaxis]
+    lanes[:, :count] = setpoints.T
+    lanes[:, count:] = setpoints[-1, :, np.newaxis]
+    return lanes
+
+
+def _run(block: Values, lanes: Values, every: int) -> Values:
+    """Return what is seen of all lanes of a block, shape (LANES, rows, 5)."""
+    steps = len(lanes)
     seen = np.empty((steps // every, len(SEEN), LANES))
     run_block(
         cast("Floats", block),
@@ -119,4 +163,4 @@ def run_plants(plants: PlantSet, setpoints: Values, *, dt: float, every: int = 1
         steps,
         every,
     )
-    return np.ascontiguousarray(seen[:, :, : len(plants)].transpose(2, 0, 1))
+    return seen.transpose(2, 0, 1)

@@ -1,0 +1,77 @@
+"""The stages of a fit: from rough and quick to fine."""
+
+from typing import NamedTuple
+
+LENGTH = 0.2
+"""Length of the pieces of the finest stage [s]."""
+
+
+class Stage(NamedTuple):
+    """How finely the model is held against the record.
+
+    Attributes:
+        name: for the progress bar.
+        length: of the pieces [s].
+        share: of the pieces that are used.
+        blur: by which the noise is multiplied.
+        rounds: at most.
+        coarse: by which the solver's step is longer.
+        precision: by which the steps for slopes are multiplied.
+        enough: relative gain of a round below which the fit has converged.
+        follows: whether the pieces' starts follow the variables within a round: close to the
+            optimum that is quick, far from it it leads astray.
+        settlings: steps of the pieces' starts at most; more than one only near the optimum, since
+            starts that fit a wrong model well hide how wrong it is.
+    """
+
+    name: str
+    length: float
+    share: float
+    blur: float
+    rounds: int
+    coarse: int
+    precision: float
+    enough: float
+    follows: bool
+    settlings: int
+
+
+ROUGH = Stage(
+    "rough",
+    length=0.04,
+    share=0.25,
+    blur=5.0,
+    rounds=2,
+    coarse=2,
+    precision=1.0,
+    enough=1e-3,
+    follows=False,
+    settlings=1,
+)
+MIDDLE = Stage(
+    "middle",
+    length=0.15,
+    share=0.4,
+    blur=2.0,
+    rounds=8,
+    coarse=2,
+    precision=0.3,
+    enough=1e-3,
+    follows=False,
+    settlings=1,
+)
+CLOSE = MIDDLE._replace(
+    name="close", blur=1.0, precision=1e-3, enough=1e-4, follows=True, settlings=12
+)
+FINE = Stage(
+    "fine",
+    length=LENGTH,
+    share=1.0,
+    blur=1.0,
+    rounds=15,
+    coarse=1,
+    precision=1e-3,
+    enough=1e-6,
+    follows=True,
+    settlings=12,
+)

@@ -7,61 +7,28 @@ plant is set to what the sensors say, and the next window shows how well it pred
 
 A tick is long beside what sets a sound machine apart from its twin (0.2 m/s make 0.2 mm in 1 ms).
 So a value is compared at the time when it was measured, which is that of its frame, or of the SYNC
-before it where its PDO is synchronous; the velocities of the twin bridge the part of a tick.
+before it where its PDO is synchronous.
 """
 
-import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import can
-import numpy as np
 
 from hil_bench.assembly import build_bench
-from hil_bench.bench import Axis
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig
-from hil_bench.plant import PlantState
+from hil_bench.shadow.axis_twin import AxisTwin, Residual
 from hil_bench.shadow.decoder import Decoder, Reading
 from hil_bench.shadow.sample_clock import SampleClock
 
-QUANTITIES = {"position": "m", "P_A": "Pa", "P_B": "Pa", "spool_position": "-"}
-"""What is compared, and in which unit."""
-
-_NEEDED = ("position", "P_A", "P_B")
 _NMT_START_ALL = Frame(0x000, b"\x01\x00")
 _SECOND = 1_000_000_000
+_ROUNDING = 1000
+"""Of time stamps, which count from 1970 in double precision [ns]."""
 _LONGEST_SILENCE = 10.0
 """After a longer pause on the bus the twin begins anew [s]."""
-_VELOCITY_SPAN = 0.012
-"""Time over which the velocity at a window's begin is taken from positions [s]."""
-
-
-@dataclass(slots=True)
-class Residual:
-    """Machine less twin of one quantity over a window.
-
-    Attributes:
-        count: values compared.
-        squares: sum of the residuals' squares.
-        largest: largest residual in size.
-    """
-
-    count: int = 0
-    squares: float = 0.0
-    largest: float = 0.0
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals; NaN without any."""
-        return math.sqrt(self.squares / self.count) if self.count else math.nan
-
-    def add(self, residual: float) -> None:
-        """Count one residual."""
-        self.count += 1
-        self.squares += residual * residual
-        self.largest = max(self.largest, abs(residual))
 
 
 class Window(NamedTuple):
@@ -98,71 +65,6 @@ class Sample(NamedTuple):
     twin: float
 
 
-@dataclass(slots=True)
-class _AxisTwin:
-    """One axis: its twin, the latest readings, and the window that runs."""
-
-    axis: Axis
-    full_opening: float
-    latest: dict[str, float] = field(default_factory=dict)
-    positions: deque[tuple[float, float]] = field(default_factory=deque)
-    begin: float | None = None
-    residuals: dict[str, Residual] = field(default_factory=dict)
-
-    def twin_value(self, quantity: str, lead: float) -> float:
-        """Return what the twin has of a quantity some time [s] after its last tick."""
-        output = self.axis.plant.output
-        match quantity:
-            case "position":
-                return output.x + lead * output.v
-            case "P_A":
-                return output.P_A
-            case "P_B":
-                return output.P_B
-            case _:
-                return (output.nu + lead * self.axis.plant.state.nu_dot) / self.full_opening
-
-    def note(self, quantity: str, value: float, time: float) -> None:
-        self.latest[quantity] = value
-        if quantity == "position":
-            self.positions.append((time, value))
-            while self.positions[0][0] < time - _VELOCITY_SPAN:
-                self.positions.popleft()
-
-    def anchor(self, time: float, now: float) -> None:
-        """Set the plant to what the sensors say, and begin a window.
-
-        Args:
-            time: of the latest position [s].
-            now: of the twin's last tick [s].
-        """
-        plant = self.axis.plant
-        limit, floor = plant.parameters.h, plant.options.cavitation_floor
-        pressures = (self.latest["P_A"], self.latest["P_B"])
-        P_A, P_B = pressures if floor is None else (max(p, floor) for p in pressures)  # noqa: N806
-        velocity = self._velocity()
-        position = self.latest["position"] + velocity * (now - time)
-        plant.restart(
-            PlantState(
-                x=min(max(position, -limit), limit),
-                v=velocity,
-                P_A=P_A,
-                P_B=P_B,
-                nu=plant.state.nu,
-                nu_dot=plant.state.nu_dot,
-            )
-        )
-        self.begin = time
-        self.residuals = {quantity: Residual() for quantity in QUANTITIES}
-
-    def _velocity(self) -> float:
-        """Return the slope of the latest positions [m/s]; 0 where one says nothing."""
-        times, values = np.array(self.positions).T
-        times = times - times.mean()
-        spread = float(times @ times)
-        return float(times @ (values - values.mean())) / spread if spread > 0.0 else 0.0
-
-
 class Shadow:
     """The twin of a machine on a bus.
 
@@ -188,9 +90,7 @@ class Shadow:
         self._bench = build_bench(config)
         self._bench.start(0)
         self._clock = SampleClock(self._bench.nodes)
-        self._axes = {
-            axis.name: _AxisTwin(axis, axis.valve.full_opening) for axis in self._bench.axes
-        }
+        self._axes = {axis.name: AxisTwin(axis) for axis in self._bench.axes}
         # The machine may have been started before we listened.
         self._waiting = [_NMT_START_ALL]
         self._now = 0
@@ -222,27 +122,28 @@ class Shadow:
         if time - self._now / _SECOND > _LONGEST_SILENCE:
             self._now = round(time * _SECOND)
             for twin in self._axes.values():
-                twin.begin = None
-        while self._now + self._tick <= time * _SECOND:
+                twin.forget()
+        # A set-point of this very time still belongs to the tick that ends now.
+        while self._now + self._tick < time * _SECOND - _ROUNDING:
             frames, self._waiting = self._waiting, []
             self._bench.tick(frames, self._now)
             self._now += self._tick
+            for twin in self._axes.values():
+                twin.note(self._now / _SECOND)
 
     def _compare(self, reading: Reading, time: float) -> None:
         """Hold what was measured at a time [s] against the twin."""
-        twin, now = self._axes[reading.axis], self._now / _SECOND
-        value = reading.value()
-        twin.note(reading.quantity, value, time)
+        twin, value = self._axes[reading.axis], reading.value()
+        expected = twin.compare(reading.quantity, value, time)
         if twin.begin is None:
-            if all(quantity in twin.latest for quantity in _NEEDED):
-                twin.anchor(time, now)
+            if twin.is_known:
+                twin.anchor(time)
             return
-        expected = twin.twin_value(reading.quantity, time - now)
         twin.residuals[reading.quantity].add(value - expected)
         self.samples.append(Sample(time, reading.axis, reading.quantity, value, expected))
         if time - twin.begin >= self._horizon and reading.quantity == "position":
             self.windows.append(Window(reading.axis, twin.begin, time, twin.residuals))
-            twin.anchor(time, now)
+            twin.anchor(time)
 
 
 def _sound(config: BenchConfig) -> BenchConfig:

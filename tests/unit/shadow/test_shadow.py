@@ -3,7 +3,7 @@
 import can
 import pytest
 
-from drivers import Network, ProportionalValve
+from drivers import Network, PositionSensor, ProportionalValve
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ParameterError
 from hil_bench.plant import (
@@ -21,7 +21,9 @@ from hil_bench.virtual_bench import VirtualBench
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke
 
 
-def machine_frames(config: BenchConfig, *, fault: str = "") -> list[can.Message]:
+def machine_frames(
+    config: BenchConfig, *, fault: str = "", is_synchronous: bool = False
+) -> list[can.Message]:
     """Return the frames of a machine whose valve a controller moves to and fro."""
     with VirtualBench(config) as machine, Network(machine.bus, clock=machine.now) as network:
         machine.pump = network.pump
@@ -29,13 +31,18 @@ def machine_frames(config: BenchConfig, *, fault: str = "") -> list[can.Message]
             network.add_node(node.node_id, node.eds)
         valve = ProportionalValve(network, node_id=1)
         valve.setup(transmission_type=254, event_timer=0.005, command_timeout=0.0)
+        if is_synchronous:
+            PositionSensor(network, node_id=4).setup(transmission_type=1)
         network.start_node()
         valve.enable()
         for number, setpoint in enumerate(SETPOINTS):
             if fault and number == 3:
                 getattr(machine.faults, fault)("valve")
             valve.spool_setpoint = setpoint
-            machine.run(0.3)
+            for _ in range(30):
+                if is_synchronous:
+                    network.send(0x80, b"")
+                machine.run(0.01)
         return [message_of(logged) for logged in machine.frames]
 
 
@@ -58,11 +65,39 @@ def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
     assert all(
         window.residuals[quantity].count > 10 for window in windows for quantity in QUANTITIES
     )
-    # Position is sampled each 10 ms and may be a tick old: 0.2 m/s for a ms, and as much again for
-    # the velocity that a window begins with.
-    assert worst(windows, "position") < 0.4e-3
+    # A tick that came late would be 0.2 mm at 0.2 m/s.
+    assert worst(windows, "position") < 0.05e-3
     assert worst(windows, "P_A") < 1e5
     assert worst(windows, "P_B") < 1e5
+
+
+def test_a_machine_with_other_ticks_is_compared_at_the_time_of_its_frames(write_config) -> None:
+    windows = follow(machine_frames(write_config("[bench]\ntick_us = 700\n")), load_config())
+
+    # In the first window the piston runs at 0.1 m/s, which is 0.1 mm in a tick of the twin; in the
+    # others, too, a set-point acts as much as a tick early or late.
+    assert windows[0].residuals["position"].rms < 0.02e-3
+    assert worst(windows, "position") < 0.2e-3
+
+
+def test_a_synchronous_value_is_of_the_time_of_its_sync() -> None:
+    config = load_config()
+    frames = machine_frames(config, is_synchronous=True)
+    for message in frames:
+        if message.arbitration_id == 0x184:
+            message.timestamp += 4e-3  # as behind the frames of many other nodes
+    windows = follow(sorted(frames, key=lambda message: message.timestamp), config)
+
+    # 4 ms at 0.2 m/s would be 0.8 mm as soon as the set-point changes.
+    assert len(windows) >= 6
+    assert worst(windows, "position") < 0.05e-3
+
+
+def test_faults_of_the_virtual_machine_are_not_the_twins(write_config) -> None:
+    faulty = write_config('[[faults]]\nkind = "stick"\ntarget = "valve"\nat_s = 0.9\n')
+    windows = follow(machine_frames(faulty), faulty)
+
+    assert worst(windows, "spool_position") > 0.3
 
 
 def test_a_sticking_spool_shows_in_the_spool_and_in_the_motion() -> None:
@@ -109,6 +144,7 @@ def test_frames_of_others_and_silence_do_no_harm() -> None:
     # Windows go on after the pause, and none spans it.
     assert any(window.begin > 50.0 for window in shadow.windows)
     assert all(window.end - window.begin < 0.3 for window in shadow.windows)
+    assert worst(list(shadow.windows), "position") < 0.5e-3
 
 
 def test_without_sensors_there_is_nothing_to_compare() -> None:

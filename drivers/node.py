@@ -7,7 +7,6 @@ never raised.
 """
 
 import configparser
-import struct
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -18,7 +17,6 @@ import canopen
 from canopen.emcy import EMCY_STRUCT
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
 from canopen.objectdictionary.eds import import_eds
-from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.emergency import Emergency
@@ -29,15 +27,10 @@ from drivers.errors import (
     RemoteProtocolError,
     SdoAbortError,
 )
-
-WaitFor = Callable[[Callable[[], bool], float], bool]
-"""Waits until a condition holds (True) or a time [s] is over (False), receiving meanwhile."""
+from drivers.sdo_client import PumpedSdoClient, SdoTimeout, WaitFor
 
 EMERGENCIES_KEPT = 32
-ANSWERS_KEPT = 256
 PROBES, PROBE_TIMEOUT = 20, 0.1
-
-_SDO_ABORT = 0x80
 
 
 class NmtState(IntEnum):
@@ -47,52 +40,6 @@ class NmtState(IntEnum):
     STOPPED = 4
     OPERATIONAL = 5
     PRE_OPERATIONAL = 127
-
-
-class PumpedSdoClient(SdoClient):
-    """canopen's SDO client, waiting for its answers by receiving instead of on another thread."""
-
-    def __init__(
-        self, rx_cobid: int, tx_cobid: int, od: ObjectDictionary, wait_for: WaitFor
-    ) -> None:
-        super().__init__(rx_cobid, tx_cobid, od)  # type: ignore[no-untyped-call]  # canopen has none
-        self._wait_for = wait_for
-        self._multiplexer = bytes(3)
-
-    def receive(self, data: bytes, now: float) -> bool:  # noqa: ARG002 - every handler is told the time
-        """Take an answer of the server; False refuses it as malformed."""
-        if len(data) != 8 or self.responses.qsize() >= ANSWERS_KEPT:
-            return False
-        self.responses.put(data)
-        return True
-
-    def send_request(self, request: bytes) -> None:
-        """Send a request, at once and once."""
-        if request[0] >> 5 in {1, 2}:  # initiate download, initiate upload
-            self._multiplexer = bytes(request[1:4])
-        self.network.send_message(self.rx_cobid, request)
-
-    def read_response(self) -> bytes:
-        """Return the next answer.
-
-        Raises:
-            SdoAbortedError: the server aborted the transfer.
-            SdoTimeout: it did not answer in time.
-        """
-        if not self._wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
-            raise SdoTimeout
-        response: bytes = self.responses.get_nowait()
-        if response[0] == _SDO_ABORT:
-            raise SdoAbortedError(struct.unpack_from("<L", response, 4)[0])
-        return response
-
-    def abort(self, abort_code: int = 0x08000000) -> None:
-        """Tell the server that the present transfer is over."""
-        self.send_request(struct.pack("<B3sL", _SDO_ABORT, self._multiplexer, abort_code))
-
-
-class SdoTimeout(SdoCommunicationError):  # noqa: N818 - never leaves this module
-    """No answer in time; told apart because the caller gets another error for it."""
 
 
 class Node(canopen.RemoteNode):

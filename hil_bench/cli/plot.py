@@ -56,7 +56,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Draw the recording and print where."""
-    path = args.output or _beside(args.recording)
+    path = _beside(args.recording) if args.output is None else _picture(args.output)
     title = args.recording.name
     if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
         _plot_frames(args, path, title)
@@ -79,6 +79,17 @@ def _beside(recording: Path) -> Path:
     if not recording.name:
         raise ConfigError(f"{recording}: cannot be read: Is a directory; give a recording")
     return recording.with_suffix(".png")
+
+
+def _picture(path: Path) -> Path:
+    """Return a picture's file as it is written: without a suffix it is .png.
+
+    Raises:
+        ConfigError: it is a directory.
+    """
+    if path.is_dir():
+        raise ConfigError(f"{path}: is a directory; give the name of a picture")
+    return path if path.suffix else path.with_suffix(".png")
 
 
 def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:

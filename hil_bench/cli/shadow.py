@@ -121,6 +121,8 @@ def _check_arguments(args: argparse.Namespace) -> None:
             raise ConfigError(f"--{name.replace('_', '-')} {value:g}: more than 0 is right")
     if not 0.02 <= args.horizon <= 60.0:
         raise ConfigError(f"--horizon {args.horizon:g}: 0.02 to 60 s is right")
+    if args.record is not None and args.record.suffix.lower() != ".csv":
+        raise ConfigError(f"--record {args.record}: give a file name that ends in .csv")
 
 
 def _log(path: Path) -> Iterator[can.Message]:

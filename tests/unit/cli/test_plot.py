@@ -40,6 +40,12 @@ def test_it_goes_beside_the_recording(folder):
     assert (folder / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_picture_without_suffix_is_png(folder, capsys):
+    assert main(["plot", str(folder / "run.mf4"), "-o", str(folder / "picture")]) == 0
+    assert capsys.readouterr().out == f"{folder / 'picture.png'}\n"
+    assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -48,6 +54,7 @@ def test_it_goes_beside_the_recording(folder):
         (["run.log", "--from", "9"], "run.log: no frames to draw, at least not in this time"),
         (["run.log", "--signals", "x"], "run.log is drawn as frames; give one or the other"),
         (["run.mf4", "-o", "x.xyz"], "x.xyz: cannot be written: "),
+        (["run.mf4", "-o", "."], ".: is a directory; give the name of a picture"),
         (["."], ".: cannot be read: Is a directory; give a recording"),
         (["/"], "/: cannot be read: Is a directory; give a recording"),
     ],

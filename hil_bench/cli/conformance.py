@@ -174,7 +174,7 @@ def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed:
         return
     text = report.markdown(results, device=device, allowed=allowed, command=_command(args))
     try:
-        args.report.write_text(text, encoding="utf-8")
+        args.report.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise ConfigError(f"--report {args.report}: {error.strerror}") from None
 

@@ -113,7 +113,8 @@ def _write(directory: Path, found: Identification, source: str) -> list[Path]:
     """
     parameters = directory / "parameters.toml"
     try:
-        parameters.write_text(to_toml(found, source), encoding="utf-8")
+        text = to_toml(found, source)
+        parameters.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise ConfigError(
             f"{parameters}: cannot be written: {error.strerror}; give a directory of yours"

@@ -57,7 +57,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Draw the recording and print where."""
     path = _beside(args.recording) if args.output is None else _picture(args.output)
-    title = args.recording.name
+    title = args.recording.name.encode(errors="backslashreplace").decode()
     if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
         _plot_frames(args, path, title)
     else:

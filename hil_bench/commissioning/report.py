@@ -73,7 +73,7 @@ def write_report(directory: Path, found: Commissioning, head: ReportHead) -> lis
     paths = [directory / name for name in files]
     try:
         for path, text in zip(paths, files.values(), strict=True):
-            path.write_text(text, encoding="utf-8")
+            path.write_text(text, encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise ConfigError(f"{directory}: cannot be written: {error.strerror}") from None
     return [*paths, *pictures.values()]

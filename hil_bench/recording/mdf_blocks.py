@@ -121,5 +121,5 @@ def pack_block(kind: bytes, links: Sequence[int], data: bytes = b"") -> bytes:
 
 def pack_text(text: str, kind: bytes = b"##TX") -> bytes:
     """Return a text block, or with another kind an XML block."""
-    raw = text.encode() + b"\0"
+    raw = text.encode(errors="backslashreplace") + b"\0"
     return pack_block(kind, (), raw + bytes(-len(raw) % 8))

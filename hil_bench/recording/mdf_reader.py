@@ -19,6 +19,8 @@ from hil_bench.recording.channels import TIME, Channel, Recording, recording_dty
 from hil_bench.recording.logged_frame import LoggedFrame
 
 _MOST_CHANNELS = 10_000
+_LINKS = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 7, b"##HL": 1, b"##DL": 1}
+"""Links that are followed, and so must be there, of each kind of block."""
 
 
 class MdfContent(NamedTuple):
@@ -168,7 +170,7 @@ class _Reader:
         found, _, length, count = mdf.HEADER.unpack_from(self._content, address)
         start = address + mdf.HEADER.size
         end = address + length
-        if found != kind or start + 8 * count > end:
+        if found != kind or start + 8 * count > end or count < _LINKS.get(kind, 0):
             raise ValueError(f"no {kind[2:].decode()} block where one should be")
         if end > len(self._content):
             raise _CutOffError

@@ -1,5 +1,7 @@
 """`hil-bench plot`; what the pictures look like was looked at."""
 
+import os
+
 import pytest
 
 from hil_bench.cli import main
@@ -44,6 +46,13 @@ def test_a_picture_without_suffix_is_png(folder, capsys):
     assert main(["plot", str(folder / "run.mf4"), "-o", str(folder / "picture")]) == 0
     assert capsys.readouterr().out == f"{folder / 'picture.png'}\n"
     assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_name_that_is_no_text_is_drawn_too(folder):
+    path = folder / os.fsdecode(b"\xff.csv")
+    path.write_bytes((folder / "run.csv").read_bytes())
+    assert main(["plot", str(path), "-o", str(folder / "odd.png")]) == 0
+    assert (folder / "odd.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,9 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
-    logging.basicConfig(level=level, format="hil-bench: %(message)s", force=True)
+    # On a terminal, in place of the status lines, which are written anew below.
+    clear = "\r\x1b[J" if sys.stderr.isatty() else ""
+    logging.basicConfig(level=level, format=f"{clear}hil-bench: %(message)s", force=True)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
 

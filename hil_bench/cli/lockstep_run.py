@@ -1,13 +1,17 @@
 """`hil-bench run --lockstep`: bench time is the controller's count of SYNCs."""
 
 import argparse
+import math
 from collections.abc import Callable
 
 from hil_bench.bench import Bench
+from hil_bench.cli.lockstep_status import LockStepStatus
 from hil_bench.cli.loop_summary import fault_lines, frame_lines, node_lines
 from hil_bench.cli.recording_arguments import open_recording, recording_lines
+from hil_bench.cli.status_line import StatusLine
 from hil_bench.config import BenchConfig
 from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
+from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.telemetry import record_exchange
 from hil_bench.transports.transport import Transport
 
@@ -37,12 +41,16 @@ def run_in_lockstep(
         lockstep = LockStep(
             tick, serve, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync
         )
-        end = None if args.duration is None else round(args.duration * 1e9)
-        report = run_lockstep(
-            lockstep,
-            transport,
-            stopped=lambda: stopped() or (end is not None and lockstep.now >= end),
-        )
+        end = math.inf if args.duration is None else round(args.duration * 1e9)
+        status = LockStepStatus(bench, lockstep, transport, MonotonicClock())
+        with StatusLine(status.snapshot, status.lines, wanted=not args.quiet) as line:
+
+            def is_over() -> bool:
+                if line.is_shown:
+                    status.update()
+                return stopped() or lockstep.now >= end
+
+            report = run_lockstep(lockstep, transport, stopped=is_over)
     return report, recording_lines(args.record, recording)
 
 

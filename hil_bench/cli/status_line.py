@@ -48,6 +48,9 @@ class StatusLine:
         lines: the fields of each line, together one a value of the row.
         statistics: of the loop, shared; None shows none.
         wanted: False turns it off, as for ``--quiet``.
+
+    Attributes:
+        is_shown: whether it is wanted, and there is a terminal.
     """
 
     def __init__(
@@ -66,15 +69,15 @@ class StatusLine:
             name="hil-bench-status",
             daemon=True,
         )
-        self._wanted = wanted and sys.stderr.isatty()
+        self.is_shown = wanted and sys.stderr.isatty()
 
     def __enter__(self) -> Self:
-        if self._wanted:
+        if self.is_shown:
             start_shielded(self._process)
         return self
 
     def __exit__(self, *_: object) -> None:
-        if not self._wanted:
+        if not self.is_shown:
             return
         self._ended.set()
         self._process.join(_END_TIMEOUT)

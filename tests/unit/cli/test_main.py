@@ -1,6 +1,8 @@
 """The frame of the command line: exit codes, error lines, quick start."""
 
 import argparse
+import io
+import logging
 import os
 import subprocess
 import sys
@@ -203,3 +205,16 @@ def test_a_reader_that_leaves_early_is_no_error(tmp_path: Path, verb: str) -> No
         assert process.stderr.read() == b""
 
     assert process.returncode == 0
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("stream", "clear"), [(io.StringIO, ""), (Terminal, "\r\x1b[J")])
+def test_a_warning_takes_the_place_of_the_status_lines(monkeypatch, stream, clear):
+    monkeypatch.setattr("sys.stderr", stream())
+    main(["--version"])
+    logging.getLogger("hil_bench.test").warning("careful")
+    assert sys.stderr.getvalue() == f"{clear}hil-bench: careful\n"

@@ -1,0 +1,55 @@
+"""What the status lines show of a bench in lock-step."""
+
+from hil_bench.bench import Bench
+from hil_bench.cli.status_line import REFRESH, Field, bench_status, bench_status_row
+from hil_bench.lockstep import LockStep
+from hil_bench.realtime.clock import Clock
+from hil_bench.recording.channels import Channel
+from hil_bench.recording.snapshot import Snapshot
+from hil_bench.transports.transport import Transport
+
+_PROGRESS = {
+    Channel("bench_time", "s"): Field("{:.1f} s of bench time", 1.0),
+    Channel("speed", "-"): Field("{:.1f} times real time", 1.0),
+    Channel("received", "-"): Field("in {:.0f}", 1.0),
+    Channel("sent", "-"): Field("out {:.0f}", 1.0),
+}
+
+
+class LockStepStatus:
+    """A snapshot of the axes, and of how far and how fast the bench goes.
+
+    Args:
+        bench: the bench.
+        lockstep: what moves it.
+        transport: its bus.
+        clock: the machine's clock.
+
+    Attributes:
+        snapshot: for another process.
+        lines: how it is shown.
+    """
+
+    def __init__(
+        self, bench: Bench, lockstep: LockStep, transport: Transport, clock: Clock
+    ) -> None:
+        channels, fields = bench_status(bench)
+        self.snapshot = Snapshot((*channels, *_PROGRESS))
+        self.lines = (fields, tuple(_PROGRESS.values()))
+        self._bench = bench
+        self._lockstep = lockstep
+        self._transport = transport
+        self._clock = clock
+        self._then, self._bench_then = clock.now(), lockstep.now
+
+    def update(self) -> None:
+        """Write a row where the last one is old enough; to be called often."""
+        now = self._clock.now()
+        elapsed = now - self._then
+        if elapsed < REFRESH * 1e9:
+            return
+        bench_time, counters = self._lockstep.now, self._transport.counters()
+        speed = (bench_time - self._bench_then) / elapsed
+        progress = (bench_time * 1e-9, speed, counters.received, counters.sent)
+        self.snapshot.write((*bench_status_row(self._bench), *progress))
+        self._then, self._bench_then = now, bench_time

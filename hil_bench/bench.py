@@ -231,13 +231,15 @@ class Bench:
         self._overheard: frozenset[int] = frozenset()
         self._timeless: frozenset[int] = frozenset()
         self._heard: list[Frame] = []
+        self._merge_routes()
 
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
         for node in self.nodes:
             node.start(now)
         self.faults.start(now)
-        self._merge_routes()
+        self._join_lines()
+        self._follow_routes(self.nodes)
 
     @property
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:
@@ -350,10 +352,13 @@ class Bench:
 
         As long as some have not, the last one stands: it may be too early, never too late.
         """
-        if any(node.routes is not self._merged[node] for node in nodes):
-            self._merge_routes()
+        self._follow_routes(nodes)
         if nodes is self.nodes:
             self._agenda.due = min(node.deadline for node in nodes)
+
+    def _follow_routes(self, nodes: Sequence[Node]) -> None:
+        if any(node.routes is not self._merged[node] for node in nodes):
+            self._merge_routes()
 
     def _join_lines(self) -> None:
         """Let the frames of nodes with a fault on their line go that way."""

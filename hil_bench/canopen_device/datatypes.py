@@ -96,7 +96,8 @@ class IntegerType(DataType):
         return int(value).to_bytes(self.size, "little", signed=self.signed)
 
     def decode(self, raw: bytes) -> int:  # noqa: D102
-        self.check_size(len(raw))
+        if len(raw) != self.size:
+            self.check_size(len(raw))
         return int.from_bytes(raw, "little", signed=self.signed)
 
 

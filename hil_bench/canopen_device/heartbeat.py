@@ -31,12 +31,11 @@ class HeartbeatProducer:
 
     def __init__(self, object_dictionary: ObjectDictionary, node_id: int, agenda: Agenda) -> None:
         self.due = NEVER
-        self._object_dictionary = object_dictionary
+        self._producer_time = object_dictionary.find(0x1017)
         self._can_id = ERROR_CONTROL + node_id
         self._agenda = agenda
-        producer_time = object_dictionary.find(0x1017)
-        if producer_time is not None:
-            producer_time.add_hook(self._start_anew)
+        if self._producer_time is not None:
+            self._producer_time.add_hook(self._start_anew)
 
     def boot_up(self, now: int, emit: Emit) -> None:
         """Send the boot-up message and start the period."""
@@ -60,7 +59,7 @@ class HeartbeatProducer:
         self.due = NEVER
 
     def _period(self) -> int:
-        return self._object_dictionary.number(0x1017) * MILLISECOND
+        return self._producer_time.value * MILLISECOND if self._producer_time is not None else 0
 
     def _start_anew(self, milliseconds: int) -> None:
         self.due = 0 if milliseconds else NEVER

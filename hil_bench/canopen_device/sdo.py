@@ -74,8 +74,8 @@ class SdoServer:
             object_dictionary: what clients read and write.
             agenda: brought forward when `serve` has something to do.
             node_agenda: brought forward when an answer is ready.
-            answers: where an answer goes that is ready when its request comes. It is sent before
-                any that `serve` finds, and is that of the only request that waits, on any channel.
+            answers: where an answer goes that is ready when its request comes, one at most. It is
+                sent before those that `serve` finds.
             counters: what was ignored or refused.
         """
         self.request_id: int | None = None

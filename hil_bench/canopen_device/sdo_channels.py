@@ -82,10 +82,9 @@ class SdoChannels:
             self._configure(index)
 
     def serve(self, now: int, emit: Emit) -> None:
-        """Send the answers that are ready, then answer what was asked, channel by channel."""
-        for answer in self._answers:
-            emit(answer)
-        self._answers.clear()
+        """Send the answer that is ready, then answer what was asked, channel by channel."""
+        if self._answers:
+            emit(self._answers.pop())
         if now < self.agenda.due:
             return
         due = NEVER

@@ -17,15 +17,14 @@ class Startup:
     """Knows whether the device enters OPERATIONAL by itself; without 0x1F80 it does not."""
 
     def __init__(self, object_dictionary: ObjectDictionary) -> None:
-        self._object_dictionary = object_dictionary
-        if _OBJECT in object_dictionary:
-            object_dictionary.add_check(_OBJECT, 0, _check)
+        self._startup = object_dictionary.find(_OBJECT)
+        if self._startup is not None:
+            self._startup.add_check(_check)
 
     @property
     def is_automatic(self) -> bool:
         """Whether OPERATIONAL follows the boot-up at once."""
-        startup = self._object_dictionary.number(_OBJECT, absent=_NO_SELF_START)
-        return not startup & _NO_SELF_START
+        return self._startup is not None and not self._startup.value & _NO_SELF_START
 
 
 def _check(startup: int) -> None:

@@ -140,8 +140,8 @@ class SyncProducer:
 
     def _start(self, _value: int = 0) -> None:
         is_producer = bool(self._object_dictionary.number(_COB_ID) & BIT_30)
-        has_period = self._object_dictionary.number(_PERIOD) > 0
-        self.is_producing = self._is_enabled and is_producer and has_period
+        is_enabled = self._is_enabled and is_producer
+        self.is_producing = is_enabled and self._object_dictionary.number(_PERIOD) > 0
         self.due = 0 if self.is_producing else NEVER
         self._agenda.bring_forward(self.due)
 

@@ -166,6 +166,7 @@ class TpdoProducer:
         self.due = NEVER
         self._counters = counters
         self._sync: Frame | None = None
+        self._is_operational = False
         self._tpdos: dict[int, Tpdo] = {}
         self._active: tuple[Tpdo, ...] = ()
         for index in object_dictionary.indices(COMMUNICATION_INDICES[Direction.TPDO]):
@@ -221,6 +222,9 @@ class TpdoProducer:
 
     def set_operational(self, *, is_operational: bool) -> None:
         """Begin or end to transmit."""
+        if is_operational is self._is_operational:
+            return
+        self._is_operational = is_operational
         for tpdo in self._tpdos.values():
             tpdo.set_operational(is_operational=is_operational)
         self._find_active()

@@ -9,6 +9,7 @@ import struct
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.any_frame import ANY_FRAME
 from support.bus_side import (
     CONTROLLER,
     POSITION,
@@ -192,18 +193,6 @@ def test_a_controller_that_dies_in_a_transfer_is_followed_by_the_next(transfer):
 
     nobody = Session([*driven, *[SYNC] * 2000])
     assert nobody.of(0x581)[-1] == bytes.fromhex("8014630100000405")  # 0504 0000, timed out
-
-
-ANY_FRAME = st.builds(
-    Frame,
-    st.one_of(
-        st.sampled_from([0x000, 0x080, 0x100, 0x201, 0x601, 0x604, 0x701, 0x7E4, 0x7E5]),
-        st.integers(0, 0x7FF),
-    ),
-    st.binary(max_size=8),
-    st.booleans() | st.just(value=False),
-    st.booleans() | st.just(value=False),
-)
 
 
 @settings(max_examples=30)

@@ -11,6 +11,7 @@ from collections import Counter
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.any_frame import ANY_FRAME
 from support.bus_side import (
     CONTROLLER,
     POSITION,
@@ -289,18 +290,6 @@ def test_a_suspension_brings_no_burst_of_what_was_missed():
     )
     after = [time for time in session.times_of(0x701) if time >= SECOND + MINUTE]
     assert len(after) == pytest.approx(10, abs=1)
-
-
-ANY_FRAME = st.builds(
-    Frame,
-    st.one_of(
-        st.sampled_from([0x000, 0x080, 0x100, 0x201, 0x601, 0x604, 0x701, 0x7E4, 0x7E5]),
-        st.integers(0, 0x7FF),
-    ),
-    st.binary(max_size=8),
-    st.booleans() | st.just(value=False),
-    st.booleans() | st.just(value=False),
-)
 
 
 @settings(max_examples=30)

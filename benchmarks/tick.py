@@ -56,12 +56,14 @@ def measure_ticks(count: int) -> tuple[float, float]:
 
 
 def measure_plant(count: int) -> float:
-    """Return the time of the plant steps of a tick [us], call included."""
+    """Return the median time of the plant steps of a tick [us], call included."""
     plant = prepared_bench()[0].axes[0].plant
-    start = time.perf_counter_ns()
+    durations = []
     for number in range(count):
+        start = time.perf_counter_ns()
         plant.step(PlantInput(6e-4 if number // 500 % 2 else -6e-4), STEPS)
-    return (time.perf_counter_ns() - start) / count / 1e3
+        durations.append(time.perf_counter_ns() - start)
+    return statistics.median(durations) / 1e3
 
 
 def measure_demo(duration: float) -> float:

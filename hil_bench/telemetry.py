@@ -7,7 +7,7 @@ and noise. The spool is in fractions of the valve's full opening, as on the bus.
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 
-from hil_bench import __version__
+import hil_bench
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig
@@ -57,7 +57,9 @@ def sample(bench: Bench) -> list[float]:
 
 def recording_heading(config: BenchConfig, *, is_real_time: bool) -> Heading:
     """Return what a recording of a bench says of itself."""
-    comment = f"hil-bench {__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
+    comment = (
+        f"hil-bench {hil_bench.__version__}, {config.path or 'built-in bench'}, seed {config.seed}"
+    )
     return Heading(comment, datetime.now(UTC) if is_real_time else None)
 
 

@@ -1,22 +1,16 @@
-"""EDS files (CiA 306): read with the `canopen` library, checked after it.
+"""EDS files (CiA 306): read, and checked for everything that the services rely on.
 
-The library turns some mistakes into a silent None and accepts a mapping to objects that are not
-there, so every default and limit is read again from its text, and everything that the services
-rely on is checked. Parameter values of a DCF take the place of the EDS defaults.
+Parameter values of a DCF take the place of the EDS defaults.
 """
 
-import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from configparser import Error as ConfigParserError
 from configparser import RawConfigParser
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
-
-from canopen import objectdictionary
-from canopen.objectdictionary.eds import import_eds
 
 from hil_bench.canopen_device.datatypes import (
     DATA_TYPES,
@@ -34,8 +28,10 @@ from hil_bench.errors import EdsError
 _OBJECT_SECTION: Final = re.compile(
     r"(?P<index>[0-9A-F]{4})(?:SUB(?P<sub>[0-9A-F]+))?", re.IGNORECASE
 )
-_COMPOSED: Final = frozenset({0x8, 0x9})
-_OBJECT_TYPES: Final = frozenset({0x2, 0x7}) | _COMPOSED
+_ARRAY: Final = 0x8
+_COMPOSED: Final = frozenset({_ARRAY, 0x9})
+_VAR: Final = 0x7
+_OBJECT_TYPES: Final = frozenset({0x2, _VAR}) | _COMPOSED
 _FIRST_OBJECT: Final = 0x1000
 _HIGHEST_NODE_ID: Final = 127
 _FILES_KEPT: Final = 8
@@ -60,28 +56,27 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
     return _EdsFile(path, node_id).build()
 
 
+Sections = Mapping[str, Mapping[str, str]]
+"""The options of an EDS as text, by section."""
+
+
 class _EdsFile:
-    """One EDS, as its text and as the `canopen` library reads it."""
+    """One EDS, as its text."""
 
     def __init__(self, path: Path, node_id: int) -> None:
         self._path = path
         self._node_id = node_id
-        text = self._read_text()
-        self._parser = self._parse(text)
-        self._sections = {section.upper(): section for section in self._parser.sections()}
-        self._check_sections()
-        try:
-            self._imported = _import(text)
-        except (ConfigParserError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise EdsError(f"{path}: {_one_line(error)}; cannot be read as an EDS") from error
+        self._sections = self._parse(self._read_text())
+        self._objects: dict[int, str] = {}
+        self._entries: dict[int, dict[int, str]] = {}
+        self._find_objects()
 
     def build(self) -> ObjectDictionary:
         """Return the object dictionary; EdsError where it cannot serve."""
         variables = (
             variable
-            for index in self._imported
-            if index >= _FIRST_OBJECT
-            for variable in self._build_object(self._imported[index])
+            for index, section in self._objects.items()
+            for variable in self._build_object(index, section)
         )
         object_dictionary = ObjectDictionary(variables, source=str(self._path))
         for fault in find_faults(object_dictionary):
@@ -102,21 +97,21 @@ class _EdsFile:
         except UnicodeDecodeError:
             return raw.decode("latin-1")
 
-    def _parse(self, text: str) -> RawConfigParser:
+    def _parse(self, text: str) -> Sections:
         try:
-            parser = _parse(text, str(self._path))
+            sections = _parse(text, str(self._path))
         except ConfigParserError as error:
             raise EdsError(f"{self._path}: {_one_line(error)}; cannot be read as an EDS") from error
-        if not parser.has_section("DeviceInfo"):
+        if "DeviceInfo" not in sections:
             raise EdsError(f"{self._path}: [DeviceInfo] is missing; CiA 306 makes it mandatory")
-        return parser
+        return sections
 
     def _error(self, section: str, text: str) -> EdsError:
         return EdsError(f"{self._path}: [{section}] {text}")
 
     def _option(self, section: str, option: str) -> str | None:
         """The text of an option; None where it is absent or empty."""
-        return self._parser.get(section, option, fallback="").strip() or None
+        return self._sections[section].get(option, "").strip() or None
 
     def _number(self, section: str, option: str, absent: int) -> int:
         text = self._option(section, option)
@@ -127,16 +122,31 @@ class _EdsFile:
         except ValueError as error:
             raise self._error(section, f"{option}: {error}") from None
 
-    def _check_sections(self) -> None:
-        for section in self._parser.sections():
+    def _find_objects(self) -> None:
+        """Find the sections of objects, and of their entries, and check them."""
+        for section in self._sections:
             match = _OBJECT_SECTION.fullmatch(section)
-            if match is not None and int(match["index"], 16) >= _FIRST_OBJECT:
-                self._check_object(section, is_entry=match["sub"] is not None)
+            if match is None or (index := int(match["index"], 16)) < _FIRST_OBJECT:
+                continue
+            if match["sub"] is None:
+                self._objects[index] = section
+            else:
+                self._entries.setdefault(index, {})[int(match["sub"], 16)] = section
+        for index, section in self._objects.items():
+            self._check_object(index, section)
+        for index, entries in self._entries.items():
+            for section in entries.values():
+                self._check_entry(index, section)
 
-    def _check_object(self, section: str, *, is_entry: bool) -> None:
+    def _check_entry(self, index: int, section: str) -> None:
+        if index not in self._objects:
+            raise self._error(section, f"has no object; add [{index:04X}]")
+        self._check_object(index, section, is_entry=True)
+
+    def _check_object(self, index: int, section: str, *, is_entry: bool = False) -> None:
         if self._option(section, "ParameterName") is None:
             raise self._error(section, "has no ParameterName; CiA 306 makes it mandatory")
-        object_type = self._number(section, "ObjectType", 0x7)
+        object_type = self._number(section, "ObjectType", _VAR)
         if object_type not in _OBJECT_TYPES:
             allowed = "0x2 (DOMAIN), 0x7 (VAR), 0x8 (ARRAY) or 0x9 (RECORD)"
             raise self._error(section, f"ObjectType 0x{object_type:X} is unknown; write {allowed}")
@@ -144,7 +154,7 @@ class _EdsFile:
         if is_entry or is_compact or object_type not in _COMPOSED:
             self._data_type(section)
             self._access(section)
-        elif f"{section}sub0".upper() not in self._sections:
+        elif 0 not in self._entries.get(index, {}):
             raise self._error(section, f"has no sub-index 0; add [{section}sub0]")
 
     def _data_type(self, section: str) -> DataType:
@@ -163,37 +173,30 @@ class _EdsFile:
             what = "is missing" if word is None else f"{word} is unknown"
             raise self._error(section, f"AccessType {what}; write one of {known}") from None
 
-    def _build_object(
-        self,
-        imported: objectdictionary.ODVariable
-        | objectdictionary.ODArray
-        | objectdictionary.ODRecord,
-    ) -> Iterator[Variable]:
-        section = self._sections[f"{imported.index:04X}"]
-        if isinstance(imported, objectdictionary.ODVariable):
-            yield self._build_variable(imported, section)
-            return
+    def _build_object(self, index: int, section: str) -> Iterator[Variable]:
+        object_type = self._number(section, "ObjectType", _VAR)
         count = self._number(section, "CompactSubObj", 0)
-        if count and isinstance(imported, objectdictionary.ODArray):
-            yield from self._build_compact(imported, section, count)
-            return
-        for subindex in imported:
-            entry = self._sections[f"{imported.index:04X}SUB{subindex:X}"]
-            yield self._build_variable(imported[subindex], entry)
+        if object_type not in _COMPOSED:
+            yield self._build_variable(index, 0, section)
+        elif count and object_type == _ARRAY:
+            yield from self._build_compact(index, section, count)
+        else:
+            for subindex, entry in self._entries.get(index, {}).items():
+                yield self._build_variable(index, subindex, entry)
 
-    def _build_compact(
-        self, imported: objectdictionary.ODArray, section: str, count: int
-    ) -> Iterator[Variable]:
+    def _build_compact(self, index: int, section: str, count: int) -> Iterator[Variable]:
         """Yield the entries of a CompactSubObj array, each like the array's own section."""
         if not 1 <= count <= 254:
             raise self._error(section, f"CompactSubObj {count} is not possible; write 1 to 254")
         number_of_entries = DATA_TYPES[0x05]
-        yield Variable(
-            *(imported.index, 0, "NrOfObjects", number_of_entries), access=Access.RO, default=count
-        )
-        values = self._sections.get(f"{imported.index:04X}VALUE")
+        yield Variable(index, 0, "NrOfObjects", number_of_entries, access=Access.RO, default=count)
+        names = self._section_of(f"{index:04X}NAME")
+        values = self._section_of(f"{index:04X}VALUE")
         for subindex in range(1, count + 1):
-            variable = self._build_variable(imported[subindex], section)
+            variable = self._build_variable(index, subindex, section)
+            variable.name = (names and self._option(names, str(subindex))) or (
+                f"{variable.name}_{subindex:x}"
+            )
             text = self._option(values, str(subindex)) if values else None
             if values and text:
                 variable.default = self._value(values, str(subindex), text, variable.data_type)
@@ -201,22 +204,26 @@ class _EdsFile:
                 variable.base = self._base(text, variable)
             yield variable
 
-    def _build_variable(self, imported: objectdictionary.ODVariable, section: str) -> Variable:
+    def _section_of(self, name: str) -> str | None:
+        """The section of that name in whatever case, None where there is none."""
+        return next((section for section in self._sections if section.upper() == name), None)
+
+    def _build_variable(self, index: int, subindex: int, section: str) -> Variable:
         data_type = self._data_type(section)
         low = self._limit(section, "LowLimit", data_type)
         high = self._limit(section, "HighLimit", data_type)
         if low is not None and high is not None and low > high:
             raise self._error(section, f"LowLimit {low} is above HighLimit {high}")
         variable = Variable(
-            imported.index,
-            imported.subindex,
-            imported.name,
+            index,
+            subindex,
+            self._sections[section]["ParameterName"],
             data_type,
             access=self._access(section),
             default=self._default(section, data_type, low, high),
             low=None if low == data_type.low else low,
             high=None if high == data_type.high else high,
-            mappable=imported.pdo_mappable,
+            mappable=self._number(section, "PDOMapping", 0) != 0,
         )
         variable.base = self._base(self._default_text(section)[1] or "", variable)
         return variable
@@ -262,20 +269,12 @@ class _EdsFile:
 
 
 @lru_cache(maxsize=_FILES_KEPT)
-def _parse(text: str, source: str) -> RawConfigParser:
-    """The options of an EDS as text, kept for other devices of the same kind: not to be changed."""
+def _parse(text: str, source: str) -> Sections:
+    """The sections of an EDS, kept for other devices of the same kind."""
     parser = RawConfigParser(inline_comment_prefixes=(";",))
     parser.optionxform = str  # type: ignore[assignment,method-assign]  # its documented use
     parser.read_string(text, source=source)
-    return parser
-
-
-@lru_cache(maxsize=_FILES_KEPT)
-def _import(text: str) -> objectdictionary.ObjectDictionary:
-    """The objects of an EDS, kept as `_parse` says; their values are those of another node-ID."""
-    imported: objectdictionary.ObjectDictionary
-    imported = import_eds(io.StringIO(text), 1)  # type: ignore[no-untyped-call]  # untyped there
-    return imported
+    return {section: dict(parser.items(section)) for section in parser.sections()}
 
 
 def _nearest(value: Value, low: float | None, high: float | None) -> Value:

@@ -13,7 +13,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from hil_bench import __version__
+import hil_bench
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
@@ -92,6 +92,14 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
 
 
+class _ShowVersion(argparse.Action):
+    """What argparse's own does, but the version is looked up only where it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"{parser.prog} {hil_bench.__version__}")
+        parser.exit()
+
+
 def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """The parser with every verb by name, and the called one in full."""
     parser = argparse.ArgumentParser(
@@ -100,7 +108,7 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
     add_verbosity_arguments(parser, verbose=0, quiet=False)
     subparsers = parser.add_subparsers(
         title="verbs", metavar="VERB", required=True, parser_class=Parser

@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench import __version__
+import hil_bench
 from hil_bench.recording import mdf_blocks as mdf
 from hil_bench.recording.block_file import OutputFile
 from hil_bench.recording.channels import TIME, Channel, Recording
@@ -174,7 +174,7 @@ class _Header:
         """Return the head with identification and HD block."""
         tool = (
             f"<FHcomment><TX>recorded</TX><tool_id>hil-bench</tool_id><tool_vendor>hil-bench"
-            f"</tool_vendor><tool_version>{__version__}</tool_version></FHcomment>"
+            f"</tool_vendor><tool_version>{hil_bench.__version__}</tool_version></FHcomment>"
         )
         history_text = self._add(mdf.pack_text(tool, b"##MD"))
         history = self._add(

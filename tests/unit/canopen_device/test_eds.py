@@ -164,6 +164,7 @@ def test_parameter_value_of_a_dcf_wins(load_changed):
         ("ParameterName=Key\n", "", "[2022] has no ParameterName"),
         ("ObjectType=0x2", "ObjectType=0x5", "[2021] ObjectType 0x5 is unknown; write 0x2"),
         ("[1018sub0]", "[1018sub9]", "[1018] has no sub-index 0; add [1018sub0]"),
+        ("[1018sub1]", "[2918sub1]", "[2918sub1] has no object; add [2918]"),
         ("[DeviceInfo]", "[Device]", "[DeviceInfo] is missing"),
         ("[1001]", "[2099]", "[1001] is missing; CiA 301 makes it mandatory"),
         ("[1018sub1]", "[1018sub5]", "[1018sub1] is missing; CiA 301 makes it mandatory"),

@@ -5,7 +5,7 @@ from typing import Any
 
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import (
@@ -117,7 +117,7 @@ class Tpdo:
         else:
             data = self._mapping.read()
         if data is not None:
-            emit(Frame(self.can_id, data))
+            emit(make_frame((self.can_id, data, False, False)))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
             if self._event_time:

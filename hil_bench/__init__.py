@@ -1,9 +1,7 @@
 """Hardware-in-the-loop test bench in software for valve-controlled hydraulic cylinders."""
 
-from typing import Any
 
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - a module has attributes of all types
+def __getattr__(name: str) -> str:
     """Return `__version__`, looked up when it is asked for: that takes longer than all the rest.
 
     Raises:

@@ -3,6 +3,7 @@
 It is a process of its own that reads a snapshot, so that the loop never waits for a terminal.
 """
 
+import math
 import multiprocessing
 import shutil
 import signal
@@ -120,10 +121,16 @@ def format_lines(values: Sequence[float], lines: Sequence[Sequence[Field]]) -> l
 
 def format_row(values: Sequence[float], fields: Sequence[Field]) -> str:
     """Return the values of a row, each in its template."""
-    return "  ".join(
-        field.template.format(value * field.scale)
-        for value, field in zip(values, fields, strict=True)
-    )
+    return "  ".join(map(format_value, values, fields))
+
+
+def format_value(value: float, field: Field) -> str:
+    """Return a value in its template; one that is not there is a "-" in the number's place."""
+    text = field.template.format(value * field.scale)
+    if not math.isnan(value):
+        return text
+    label, _, unit = text.rpartition("nan")
+    return f"{label.replace('+', ' ')}  -{unit}"
 
 
 def format_health(statistics: TickStatistics | None) -> list[str]:

@@ -1,5 +1,6 @@
 """What the status line says; the process that writes it is tried on a pseudo-terminal."""
 
+import math
 import os
 import pty
 import sys
@@ -7,6 +8,7 @@ import sys
 from support.bus_side import BusSide
 
 from hil_bench.cli.status_line import (
+    Field,
     StatusLine,
     bench_status,
     bench_status_row,
@@ -28,6 +30,13 @@ def test_it_shows_each_quantity_with_its_unit():
     # P_A = 50 * 4.7 / 4.85 = 48.45, P_B = 50 * 5 / 4.85 = 51.55 bar.
     text = format_row(bench_status_row(bus.bench), fields)
     assert text == "x    +0.00 mm  P_A  48.5  P_B  51.5 bar  spool   +0.0 %"
+
+
+def test_a_value_that_is_not_there_is_a_dash_in_its_column():
+    field = Field("nanny set {:+8.2f} mm", 1e3)
+    shown, absent = (format_row([value], [field]) for value in (-0.01, math.nan))
+    assert shown == "nanny set   -10.00 mm"
+    assert absent == "nanny set        - mm"
 
 
 def test_it_shows_the_health_of_the_loop():

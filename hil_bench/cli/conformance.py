@@ -100,6 +100,8 @@ def _allowed(args: argparse.Namespace) -> Impact:
         raise ConfigError(f"--patience {args.patience:g}: more than 0 and less than 60 s is right")
     if args.report is not None and not args.report.absolute().parent.is_dir():
         raise ConfigError(f"--report {args.report}: there is no such folder")
+    if args.report is not None and args.report.is_dir():
+        raise ConfigError(f"--report {args.report}: is a directory; give the name of a file")
     if args.store:
         return Impact.STORE
     return Impact.WRITE if args.write else Impact.READ

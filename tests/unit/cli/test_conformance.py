@@ -78,6 +78,7 @@ def test_nobody_there_is_a_failed_check_with_a_hint(tmp_path, capsys):
         (["--node-id", "1", "--store"], "--store: overwrites what the device has stored"),
         (["--node-id", "1", "--patience", "0"], "--patience 0: more than 0"),
         (["--node-id", "1", "--report", "nowhere/report.md"], "there is no such folder"),
+        (["--node-id", "1", "--report", "."], "--report .: is a directory"),
         (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),
     ],
 )

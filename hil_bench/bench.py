@@ -238,7 +238,6 @@ class Bench:
         for node in self.nodes:
             node.start(now)
         self.faults.start(now)
-        self._join_lines()
         self._follow_routes(self.nodes)
 
     @property

@@ -5,8 +5,10 @@ import struct
 import pytest
 from support.bus_side import CONTROLLER, POSITION, PRESSURE_A, PRESSURE_B, VALVE, BusSide
 
+from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
+from hil_bench.config import load_config
 
 ALL = (VALVE, PRESSURE_A, PRESSURE_B, POSITION)
 
@@ -89,6 +91,14 @@ def test_routes_follow_a_changed_identifier(bus):
     assert bus.download(VALVE, 0x1016, 1, struct.pack("<I", watched))[0] == 0x60
     assert bus.bench.routes is not before
     assert 0x700 + CONTROLLER in bus.bench.routes
+
+
+def test_routes_follow_what_changes_before_the_start():
+    bench = build_bench(load_config())
+    watched = CONTROLLER << 16 | 50
+    bench.nodes[0].object_dictionary.variable(0x1016, 1).write(watched)
+    bench.start(0)
+    assert 0x700 + CONTROLLER in bench.routes
 
 
 def test_only_what_is_due_wakes_the_nodes(bus, monkeypatch):

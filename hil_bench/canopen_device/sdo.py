@@ -1,8 +1,10 @@
 """SDO server (CiA 301, service data objects): one channel, all transfers.
 
-Requests wait in a bounded queue and are answered in order by `serve`. Each gets one answer, but for
-an abort from the client, a segment of a block download, a frame of fewer than 8 bytes, and a
-request outside the NMT states that have SDO: these get none.
+Requests wait in a bounded queue and are answered in order by `serve`. The quick way is that of most
+segments, of which no object hears: these are taken, and their answers made, with the reception;
+`serve` of the channels sends them. Each request gets one answer, but for an abort from the client,
+a segment of a block download, a frame of fewer than 8 bytes, and a request outside the NMT states
+that have SDO: these get none.
 
 Command specifiers of requests (CiA 301): 1 initiate download, 0 download segment, 2 initiate
 upload, 3 upload segment, 4 abort, 5 block upload, 6 block download. 7 aborts with 0504 0001.

@@ -58,7 +58,7 @@ _OUTPUTS = {
 
 
 def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
-    """Return a bus with a powered-on bench at its other end, in the caller's thread.
+    """Return a bus, the first, with a powered-on bench at its other end, in the caller's thread.
 
     Bench time advances only while the caller waits in `recv`.
 
@@ -76,10 +76,23 @@ def build_bench(config: BenchConfig) -> Bench:
     nodes = {node.name: build_node(node) for node in config.nodes}
     commands = build_commands(config, nodes)
     axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
-    points = find_fault_points(axes, nodes, config.nodes)
+    buses = number_buses(config)
+    points = find_fault_points(axes, nodes, config.nodes, buses)
     faults = Faults(points, tick_ns=config.tick_ns, seed=config.seed)
     schedule_faults(faults, config.faults)
-    return Bench(axes, list(nodes.values()), steps=config.steps_per_tick, faults=faults)
+    return Bench(
+        axes,
+        list(nodes.values()),
+        steps=config.steps_per_tick,
+        faults=faults,
+        buses={nodes[name]: number for name, number in buses.items()},
+    )
+
+
+def number_buses(config: BenchConfig) -> dict[str, int]:
+    """Return the number of the bus of each node, by the node's name."""
+    numbers = {name: number for number, name in enumerate(config.buses)}
+    return {node.name: numbers[node.bus] for node in config.nodes}
 
 
 def build_node(config: NodeConfig) -> Node:

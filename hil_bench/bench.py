@@ -19,7 +19,7 @@ from itertools import chain
 from typing import Protocol
 
 from hil_bench.canopen_device.agenda import Agenda
-from hil_bench.canopen_device.frame import Frame, Handler
+from hil_bench.canopen_device.frame import BUS_SHIFT, Emit, Frame, Handler, address_of
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.bound_objects import QuantitySource
 from hil_bench.devices.encoder_406 import EncoderDevice
@@ -190,13 +190,14 @@ class Axis:
 
 
 class Bench:
-    """All axes and nodes on one bus.
+    """All axes and nodes, on one bus or more: a frame says by its number on which.
 
     Args:
         axes: the cylinders, at least one.
         nodes: every CANopen node on the bus.
         steps: plant steps in one tick, one or more.
         faults: what may go wrong; without it nothing can.
+        buses: the number of the bus of each node; without it all are on bus 0.
 
     Attributes:
         pressures: the pressure transducers of all axes.
@@ -210,10 +211,12 @@ class Bench:
         *,
         steps: int,
         faults: Faults | None = None,
+        buses: Mapping[Node, int] | None = None,
     ) -> None:
         self.axes = tuple(axes)
         self.nodes = tuple(nodes)
         self.faults = faults or Faults()
+        self._buses = {node: bus for node, bus in (buses or {}).items() if bus}
         self.commands = [0.0] * len(self.axes)
         sensors = [sensor for axis in self.axes for sensor in axis.sensors]
         self.pressures = tuple(s for s in sensors if isinstance(s, PressureMeasurement))
@@ -242,7 +245,7 @@ class Bench:
 
     @property
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:
-        """Every COB-ID that some node listens to; a new object whenever they change."""
+        """Every COB-ID that some node listens to, by `address_of`; a new object after a change."""
         return self._routes
 
     def is_timeless(self, frame: Frame) -> bool:
@@ -253,8 +256,8 @@ class Bench:
         """
         if self._heard:
             return False
-        can_id = frame.can_id
-        return frame.is_extended or can_id in self._timeless or can_id not in self._routes
+        address = frame.can_id | frame.bus << BUS_SHIFT
+        return frame.is_extended or address in self._timeless or address not in self._routes
 
     def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Move the whole bench on by one tick.
@@ -300,7 +303,8 @@ class Bench:
         if len(frames) != 1 or self._heard or self._lines:
             return self.nodes
         (frame,) = frames
-        return () if frame.is_extended else self._listeners.get(frame.can_id, ())
+        address = frame.can_id | frame.bus << BUS_SHIFT
+        return () if frame.is_extended else self._listeners.get(address, ())
 
     def _take(self, frames: Sequence[Frame], now: int, nodes: Sequence[Node]) -> None:
         """Receive what came from the bus and what our own nodes sent last; act on deadlines."""
@@ -308,7 +312,8 @@ class Bench:
             line.deliver(now)
         routes = self._routes
         for frame in chain(self._heard, frames):
-            handlers = None if frame.is_extended else routes.get(frame.can_id)
+            address = frame.can_id | frame.bus << BUS_SHIFT
+            handlers = None if frame.is_extended else routes.get(address)
             if handlers is None:
                 self.unrouted += 1
                 continue
@@ -320,8 +325,8 @@ class Bench:
 
     def _send(self, now: int, sent: list[Frame], nodes: Sequence[Node]) -> list[Frame]:
         """Return `sent` and what these nodes send: PDOs, then what has time."""
-        if self._lines:
-            self._send_by_lines(now, sent)
+        if self._lines or self._buses:
+            self._send_each_its_way(now, sent, nodes)
         else:
             emit = sent.append
             for node in nodes:
@@ -331,19 +336,20 @@ class Bench:
                     node.serve(now, emit)
         if now >= self._agenda.due:
             self._look_ahead(nodes)
-        overheard = self._overheard
-        self._heard = [frame for frame in sent if frame.can_id in overheard] if sent else []
+        self._heard = self._overheard_of(sent) if sent else []
         return sent
 
-    def _send_by_lines(self, now: int, sent: list[Frame]) -> None:
-        """Send as `_send` does, each node by its line where that has a fault."""
-        emits = [
-            line.sender(now, sent.append) if (line := self._lines.get(node)) else sent.append
-            for node in self.nodes
-        ]
-        for node, emit in zip(self.nodes, emits, strict=True):
+    def _overheard_of(self, sent: Sequence[Frame]) -> list[Frame]:
+        """Return those frames of our nodes that another one listens to."""
+        overheard = self._overheard
+        return [frame for frame in sent if frame.can_id | frame.bus << BUS_SHIFT in overheard]
+
+    def _send_each_its_way(self, now: int, sent: list[Frame], nodes: Sequence[Node]) -> None:
+        """Send as `_send` does, each node on its bus, and by its line where that has a fault."""
+        emits = [self._way(node, now, sent.append) for node in nodes]
+        for node, emit in zip(nodes, emits, strict=True):
             node.transmit_pdos(now, emit)
-        for node, emit in zip(self.nodes, emits, strict=True):
+        for node, emit in zip(nodes, emits, strict=True):
             node.serve(now, emit)
 
     def _look_ahead(self, nodes: Sequence[Node]) -> None:
@@ -359,6 +365,12 @@ class Bench:
         if any(node.routes is not self._merged[node] for node in nodes):
             self._merge_routes()
 
+    def _way(self, node: Node, now: int, emit: Emit) -> Emit:
+        """Return where a node sends to."""
+        bus, line = self._buses.get(node), self._lines.get(node)
+        put = (lambda frame: emit(frame._replace(bus=bus))) if bus else emit
+        return line.sender(now, put) if line else put
+
     def _join_lines(self) -> None:
         """Let the frames of nodes with a fault on their line go that way."""
         if self.faults.lines is not self._lines:
@@ -372,15 +384,21 @@ class Bench:
         listeners: dict[int, list[Node]] = {}
         for node, table in self._merged.items():
             line = self._lines.get(node)
+            bus = self._buses.get(node, 0)
             for can_id, handler in table.items():
+                address = address_of(can_id, bus)
                 taker = handler if line is None else line.guard(handler)
-                routes.setdefault(can_id, []).append(taker)
-                listeners.setdefault(can_id, []).append(node)
-        self._routes = {can_id: tuple(handlers) for can_id, handlers in routes.items()}
-        self._listeners = {can_id: tuple(nodes) for can_id, nodes in listeners.items()}
+                routes.setdefault(address, []).append(taker)
+                listeners.setdefault(address, []).append(node)
+        self._routes = {address: tuple(handlers) for address, handlers in routes.items()}
+        self._listeners = {address: tuple(nodes) for address, nodes in listeners.items()}
         # A node routes what it sends itself too, so a second handler is another node's.
         self._overheard = frozenset(
-            can_id for can_id, handlers in routes.items() if len(handlers) > 1
+            address for address, handlers in routes.items() if len(handlers) > 1
         )
-        requests = {can_id for node in self.nodes for can_id in node.sdo_ids}
+        requests = {
+            address_of(can_id, self._buses.get(node, 0))
+            for node in self.nodes
+            for can_id in node.sdo_ids
+        }
         self._timeless = frozenset(requests - self._overheard)

@@ -11,11 +11,15 @@ from hil_bench.faults.faults import FaultPoints, Faults
 
 
 def find_fault_points(
-    axes: Sequence[Axis], nodes: Mapping[str, Node], configs: Sequence[NodeConfig]
+    axes: Sequence[Axis],
+    nodes: Mapping[str, Node],
+    configs: Sequence[NodeConfig],
+    buses: Mapping[str, int],
 ) -> FaultPoints:
     """Return the points by the names of nodes and axes.
 
-    An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other.
+    An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
+    number of each node's bus stands in `buses`.
     """
     sensors: dict[str, SensorPoint] = {}
     for axis in axes:
@@ -28,6 +32,7 @@ def find_fault_points(
         valves=find_valves({axis.name: axis for axis in axes}, configs),
         supplies={axis.name: axis.plant for axis in axes},
         nodes=nodes,
+        buses=buses,
     )
 
 

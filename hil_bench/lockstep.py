@@ -3,7 +3,7 @@
 Frames are taken one by one, in the order of the bus. A SYNC runs the ticks of one period, the first
 of which takes it; any other frame is served at once, while time stands still. What the bench sends
 is thus a function of what it received, and of nothing else: neither the speed of the two processes
-nor how the bus bundles their frames can change it.
+nor how the bus bundles their frames can change it. Of several buses, the SYNC of the first counts.
 """
 
 import logging
@@ -61,7 +61,9 @@ class LockStep:
 
     def receive(self, frame: Frame) -> Sequence[Frame]:
         """Take the next frame of the bus; return all that the bench has to say to it, in order."""
-        is_sync = frame.can_id == SYNC_COB_ID and not (frame.is_remote or frame.is_extended)
+        is_sync = frame.can_id == SYNC_COB_ID and not (
+            frame.is_remote or frame.is_extended or frame.bus
+        )
         if not is_sync:
             return self._serve((frame,), self.now)
         self.syncs += 1

@@ -26,7 +26,7 @@ from hil_bench.recording.logged_frame import LoggedFrame
 from hil_bench.recording.recorder import RecordingPlan, RecordingReport
 from hil_bench.recording.recorder_process import RecorderProcess
 from hil_bench.telemetry import bench_channels, recording_heading, sample
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.transports.transport import Transport
 
 if TYPE_CHECKING:
@@ -76,7 +76,8 @@ class VirtualBench:
     Attributes:
         config: as passed in.
         bench: axes and nodes.
-        bus: the controller's end of the bus, a python-can bus.
+        bus: the controller's end of the bus, a python-can bus; of several, of the first.
+        buses: the controller's ends of all buses, by their names in the configuration.
         frames: the latest frames both ways, oldest first.
         observers: told the bench time [s] at the end of each tick.
         pump: takes what arrives on the bus for some seconds of bench time. By default frames wait
@@ -120,6 +121,10 @@ class VirtualBench:
         self._modbus = ModbusBinding(self.config, self.bench) if modbus else None
         self.bench.start(0)
         self.bus = EmbeddedBus(self._tick, self.config.tick_ns, pacer=pacer)
+        self.buses: dict[str, EmbeddedPort] = {
+            name: self.bus.make_further() if number else self.bus
+            for number, name in enumerate(self.config.buses)
+        }
         self.pump: Callable[[float], None] = self.bus.advance
         self._clock: Callable[[], float] = self.bus.now
 
@@ -130,8 +135,8 @@ class VirtualBench:
         self.close()
 
     def close(self) -> None:
-        """Shut the bus down and end the recording; a second call does nothing."""
-        self.bus.shutdown()
+        """Shut the buses down and end the recording; a second call does nothing."""
+        self._shut_down()
         if self._recording is not None and not self._is_closed:
             self._recording.stop()
         self._is_closed = True
@@ -193,14 +198,14 @@ class VirtualBench:
     def join(
         self, transport: Transport, *, pacer: Pacer | None = None, check: Callable[[], None]
     ) -> ControllerLink:
-        """Put the bench on a bus where another program controls it, in place of its own `bus`.
+        """Put the bench on a bus where another program controls it, in place of its own `buses`.
 
         From now on bench time passes in `run` and `run_until` as before, and in the link's `step`:
         by that program's SYNC, `config.sync_period_ns` each; or by the clock where there is a
         pacer.
 
         Args:
-            transport: the bus; it stays the caller's.
+            transport: the bus, or a `JoinedTransport`; it stays the caller's.
             pacer: paces the bench in real time; None is lock-step.
             check: called in `run` and `run_until` when nothing came from the bus; raises where
                 nothing will come any more.
@@ -208,7 +213,7 @@ class VirtualBench:
         Returns:
             Bench and bus as one.
         """
-        self.bus.shutdown()
+        self._shut_down()
         now = round(self.now() * 1e9)
         if not now:
             transport.send(self._tick((), 0))  # all boot
@@ -227,6 +232,10 @@ class VirtualBench:
         self._clock = lambda: link.now * 1e-9
         self.pump = lambda duration: advance(link, round(duration * 1e9), check)
         return link
+
+    def _shut_down(self) -> None:
+        for bus in self.buses.values():
+            bus.shutdown()
 
     def _serve(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         sent = self.bench.serve(frames, now)

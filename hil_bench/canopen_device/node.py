@@ -237,7 +237,7 @@ class Node:
             self._obey(request.command)
 
     def _receive_sync(self, frame: Frame, now: int) -> None:
-        _, data, is_remote, is_extended = frame
+        _, data, is_remote, is_extended, _ = frame
         if is_remote or is_extended:
             self.counters.ignored_frames += 1
         elif self.state in COMMUNICATING and not self._services.sync_producer.is_producing:

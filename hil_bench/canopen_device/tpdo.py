@@ -117,7 +117,7 @@ class Tpdo:
         else:
             data = self._mapping.read()
         if data is not None:
-            emit(make_frame((self.can_id, data, False, False)))
+            emit(make_frame((self.can_id, data, False, False, 0)))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
             if self._event_time:

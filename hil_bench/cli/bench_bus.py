@@ -1,8 +1,8 @@
-"""The bench's own end of a bus: one that is there, or a hub that it hosts."""
+"""The bench's own end of its buses: those that are there, or a hub that it hosts."""
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from hil_bench.transports.bus_load import USUAL_BITRATE
 from hil_bench.transports.can_interfaces import bitrate_of
 from hil_bench.transports.hosted_bus import HostedBus
 from hil_bench.transports.hub_process import HubProcess
+from hil_bench.transports.joined import JoinedTransport
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.socketcan import SocketCanTransport
 from hil_bench.transports.transport import Transport
@@ -20,46 +21,84 @@ HUB_CHANNEL = "can0"
 
 
 class OpenBus(NamedTuple):
-    """A bus that is open.
+    """The bus of a bench, or its buses, open.
 
     Attributes:
-        transport: the bench's end of it.
-        join: python-can's flags for another program's end, empty where the bus says it all.
+        transport: the bench's end of it, or of all of them as one.
+        parts: each bus by its name in the configuration.
+        lines: what a controller engineer needs to know to join.
         check: raises a `BusError` when the bus is gone without the transport noticing.
-        bitrate: that the bus's load refers to [bit/s].
+        bitrate: that the load refers to, of all buses together [bit/s].
     """
 
     transport: Transport
-    join: str
+    parts: Mapping[str, Transport]
+    lines: tuple[str, ...]
     check: Callable[[], None]
     bitrate: int
 
 
 @contextlib.contextmanager
 def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]:
-    """Open the bus of the configuration, or host one and join it.
+    """Open the buses of the configuration, or host as many and join them.
 
     Yields:
-        The bus.
+        The buses.
     """
     with contextlib.ExitStack() as stack:
         if args.hub is None:
-            bus = config.bus
-            transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
-            bitrate = bus.bitrate or own_bitrate(transport) or USUAL_BITRATE
-            opened = OpenBus(transport, "", lambda: None, bitrate)
+            yield _open_configured(config, stack)
         elif args.lockstep:
-            hosted = HostedBus(port=args.hub, channel=HUB_CHANNEL)
-            flags = join_flags(hosted.host, hosted.port)
-            opened = OpenBus(hosted, flags, lambda: None, USUAL_BITRATE)
+            channels = hub_channels(config)
+            hosted = HostedBus(port=args.hub, channels=list(channels.values()))
+            stack.callback(hosted.close)
+            lines = (
+                f"bus    {hosted.description}",
+                *_join_lines(channels, hosted.host, hosted.port),
+            )
+            bitrate = USUAL_BITRATE * len(channels)
+            yield OpenBus(hosted, {"bus": hosted}, lines, lambda: None, bitrate)
         else:
-            hub = stack.enter_context(HubProcess(port=args.hub, channels=(HUB_CHANNEL,)))
-            address = {"host": hub.host, "port": hub.port}
-            transport = open_transport("socketcand", HUB_CHANNEL, None, address)
-            flags = join_flags(hub.host, hub.port)
-            opened = OpenBus(transport, flags, partial(check_hub, hub), USUAL_BITRATE)
-        stack.callback(opened.transport.close)
-        yield opened
+            yield _open_hub(args.hub, config, stack)
+
+
+def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
+    parts = {}
+    for name, bus in config.buses.items():
+        parts[name] = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+        stack.callback(parts[name].close)
+    bitrate = sum(
+        bus.bitrate or own_bitrate(parts[name]) or USUAL_BITRATE
+        for name, bus in config.buses.items()
+    )
+    return OpenBus(_joined(parts), parts, _bus_lines(parts), lambda: None, bitrate)
+
+
+def _open_hub(port: int, config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
+    """Start a hub in a process of its own, and join each of its buses."""
+    channels = hub_channels(config)
+    hub = stack.enter_context(HubProcess(port=port, channels=tuple(channels.values())))
+    address = {"host": hub.host, "port": hub.port}
+    parts = {}
+    for name, channel in channels.items():
+        parts[name] = open_transport("socketcand", channel, None, address)
+        stack.callback(parts[name].close)
+    lines = (*_bus_lines(parts), *_join_lines(channels, hub.host, hub.port))
+    check = partial(check_hub, hub)
+    return OpenBus(_joined(parts), parts, lines, check, USUAL_BITRATE * len(parts))
+
+
+def _joined(parts: Mapping[str, Transport]) -> Transport:
+    """Return several buses as one, and a single one as it is."""
+    transports = tuple(parts.values())
+    return transports[0] if len(transports) == 1 else JoinedTransport(transports)
+
+
+def _bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
+    """Return what each bus is, with its name where there are several."""
+    if len(parts) == 1:
+        return tuple(f"bus    {part.description}" for part in parts.values())
+    return tuple(f"bus    {name}: {part.description}" for name, part in parts.items())
 
 
 def own_bitrate(transport: Transport) -> int | None:
@@ -67,9 +106,18 @@ def own_bitrate(transport: Transport) -> int | None:
     return bitrate_of(transport.channel) if isinstance(transport, SocketCanTransport) else None
 
 
-def join_flags(host: str, port: int) -> str:
-    """Return python-can's flags for another program on the hub."""
-    return f"-i socketcand -c {HUB_CHANNEL} --bus-kwargs host={host} port={port}"
+def hub_channels(config: BenchConfig) -> dict[str, str]:
+    """Return the channel of each bus on a hub, by the bus' name."""
+    return {name: f"can{number}" for number, name in enumerate(config.buses)}
+
+
+def _join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str, ...]:
+    """Return python-can's flags for another program on each bus of a hub."""
+    return tuple(
+        f"join   -i socketcand -c {channel} --bus-kwargs host={host} port={port}"
+        + (f"    ({name})" if len(channels) > 1 else "")
+        for name, channel in channels.items()
+    )
 
 
 def check_hub(hub: HubProcess) -> None:

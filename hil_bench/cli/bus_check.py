@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers import DriverError, Network
-from hil_bench.cli.controller_side import add_virtual_argument, open_network
+from hil_bench.cli.controller_side import add_network_arguments, open_network, seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.commissioning.comparison import Difference, Mend, compare
 from hil_bench.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
@@ -25,7 +25,7 @@ def add_bus_check_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare the devices on the bus with the bench: presence, identity, PDO parameters "
         "and mapping, heartbeat, units, scaling; reads only",
     )
-    add_virtual_argument(group)
+    add_network_arguments(group)
     group.add_argument(
         "--apply",
         action="store_true",
@@ -51,7 +51,7 @@ def wants_bus(args: argparse.Namespace) -> bool:
     Raises:
         ConfigError: an option asks for what --bus does, without it.
     """
-    for option in ("apply", "node", "yes", "store", "dcf", "virtual"):
+    for option in ("apply", "node", "yes", "store", "dcf", "virtual", "on"):
         if getattr(args, option) and not args.bus:
             raise ConfigError(f"--{option}: belongs to --bus; give both")
     for option in ("node", "yes", "store"):
@@ -62,17 +62,18 @@ def wants_bus(args: argparse.Namespace) -> bool:
 
 def check_bus(args: argparse.Namespace, config: BenchConfig) -> int:
     """Compare, and mend where that is asked for; exit code 0 if nothing differs any more."""
+    seen = seen_from_bus(args, config)
     with open_network(args, config) as opened:
-        differences = compare(opened.network, config)
+        differences = compare(opened.network, seen)
         _print_differences(differences, args)
-        plans = plan_writes(opened.network, config, differences)
+        plans = plan_writes(opened.network, seen, differences)
         if args.node is not None:
             plans = [plan for plan in plans if plan.config.node_id == args.node]
         if args.dcf is not None:
             _write_dcf(args.dcf, plans)
         if args.apply and plans and _is_wanted(plans, args):
             _apply_all(opened.network, plans, store=args.store)
-            differences = compare(opened.network, config)
+            differences = compare(opened.network, seen)
             print(_verdict(differences), file=sys.stderr)
     return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
 
@@ -104,6 +105,7 @@ def _mending(difference: Difference, args: argparse.Namespace) -> str:
         words.append(args.config)
     if difference.mend is Mend.WRITE:
         words.append("--bus")
+    words += ["--on", args.on] if args.on else []
     words += ["--virtual"] if args.virtual else _bus_words(args)
     if difference.mend is Mend.WRITE:
         return f"mend: {shlex.join([*words, '--apply', '--node', str(difference.node_id)])}"

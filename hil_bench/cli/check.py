@@ -25,6 +25,7 @@ examples:
 """
 
 _COMMENT_COLUMN = 56
+_BUS_TABLES = ("bus", "buses.")
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -68,7 +69,7 @@ def _toml_text(config: BenchConfig) -> str:
 def _line(setting: Setting) -> str:
     name = setting.key.name
     if setting.value is None:
-        why = "left to python-can" if setting.table == "bus" else "none"
+        why = "left to python-can" if setting.table.startswith(_BUS_TABLES) else "none"
         return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
     assignment = f"{name} = {_toml_value(setting.value)}"
     return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"

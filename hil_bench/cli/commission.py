@@ -17,7 +17,12 @@ from hil_bench.cli.arguments import (
     load_bench_config,
     make_directory,
 )
-from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
+from hil_bench.cli.controller_side import (
+    OpenNetwork,
+    add_network_arguments,
+    open_network,
+    seen_from_bus,
+)
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.commissioning.measures import StepResult
@@ -63,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("plan", type=Path, metavar="PLAN.toml", help="steps, limits, what is right")
     add_bench_arguments(parser)
-    add_virtual_argument(parser)
+    add_network_arguments(parser)
     parser.add_argument(
         "--machine",
         metavar="FILE",
@@ -97,10 +102,11 @@ def run(args: argparse.Namespace) -> int:
     plan = load_plan(args.plan)
     if args.config is None and plan.bench is not None:
         args.config = str(plan.bench)
-    config = load_bench_config(args)
+    bench = load_bench_config(args)
+    config = seen_from_bus(args, bench)
     check_against(plan, choose_axis(plan, config))
     make_directory(args.output)
-    machine = load_config(args.machine, seed=args.seed) if args.machine else config
+    machine = load_config(args.machine, seed=args.seed) if args.machine else bench
     _check_period(args, plan, machine)
     started = datetime.now(UTC)
     with open_network(args, machine) as opened:

@@ -7,7 +7,12 @@ from pathlib import Path
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
+from hil_bench.cli.controller_side import (
+    OpenNetwork,
+    add_network_arguments,
+    open_network,
+    seen_from_bus,
+)
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import BenchConfig
 from hil_bench.conformance import report
@@ -42,7 +47,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
-    add_virtual_argument(parser)
+    add_network_arguments(parser)
     parser.add_argument("--node-id", type=int, required=True, metavar="N", help="of the device")
     parser.add_argument(
         "--eds", type=Path, metavar="FILE", help="of the device; without it that of bench.toml"
@@ -70,9 +75,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Run the checks and tell what was found."""
     config = load_bench_config(args)
+    seen = seen_from_bus(args, config)
     allowed = _allowed(args)
     node_id = _node_id(args)
-    objects = load_eds(_eds(args, config), node_id)
+    objects = load_eds(_eds(args, seen), node_id)
     with open_network(args, config) as opened:
         wire = Wire(opened.network.bus, opened.network.now)
         dut = DeviceUnderTest(wire, node_id, objects, args.patience)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from drivers import BusLostError, Network
 from hil_bench.config import BenchConfig
+from hil_bench.config.choices import FIRST_BUS
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.transports.embedded import EmbeddedBus
 from hil_bench.transports.opening import open_can_bus, open_transport
@@ -30,8 +31,13 @@ class OpenNetwork(NamedTuple):
     is_lockstep: bool = False
 
 
-def add_virtual_argument(parser: argparse._ActionsContainer) -> None:
-    """Add the flag that takes the virtual bench in place of a bus."""
+def add_network_arguments(parser: argparse._ActionsContainer) -> None:
+    """Add what says where the devices are: on which bus, or in the virtual bench."""
+    parser.add_argument(
+        "--on",
+        metavar="NAME",
+        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
+    )
     parser.add_argument(
         "--virtual",
         action="store_true",
@@ -39,9 +45,43 @@ def add_virtual_argument(parser: argparse._ActionsContainer) -> None:
     )
 
 
+def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
+    """Return what of a bench is on the bus of ``--on``.
+
+    Raises:
+        ConfigError: there is no such bus, or the command line gives another one.
+    """
+    name = args.on or FIRST_BUS
+    if name not in config.buses:
+        raise ConfigError(
+            f"--on {name}: there is no such bus; give one of {', '.join(config.buses)}"
+        )
+    if name != FIRST_BUS and ("interface" in args or "channel" in args):
+        raise ConfigError(f"--on {name}: -i and -c are for [bus]; give either")
+    if name != FIRST_BUS and getattr(args, "lockstep", False):
+        raise ConfigError(f"--on {name}: in lock-step SYNC on [bus] lets time pass; leave --on out")
+    return config.seen_from(name)
+
+
+def check_one_bus(config: BenchConfig, verb: str) -> None:
+    """Refuse a bench with several buses.
+
+    Raises:
+        ConfigError: it has.
+    """
+    if config.further_buses:
+        names = ", ".join(config.buses)
+        right = f"give {verb} a bench.toml with all nodes on one"
+        raise ConfigError(f"{config.path}: has several buses ({names}); {right}")
+
+
 @contextlib.contextmanager
 def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenNetwork]:
-    """Open the bus of the configuration, or the virtual bench.
+    """Open a bus of the configuration, or the virtual bench.
+
+    Args:
+        args: the command line.
+        config: the whole bench, with all its buses.
 
     Yields:
         The open network.
@@ -52,17 +92,20 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
     """
     if args.virtual and ("interface" in args or "channel" in args):
         raise ConfigError("--virtual needs no bus; give either --virtual or -i and -c")
+    seen = seen_from_bus(args, config)
     with contextlib.ExitStack() as stack:
         if args.virtual:
             bench = stack.enter_context(VirtualBench(config))
-            network = stack.enter_context(Network(bench.bus, clock=bench.now))
+            network = stack.enter_context(
+                Network(bench.buses[args.on or FIRST_BUS], clock=bench.now)
+            )
             bench.pump = network.pump
             opened = OpenNetwork(network, "virtual bench", bench)
         elif getattr(args, "lockstep", False):
-            opened = stack.enter_context(_open_lockstep(config))
+            opened = stack.enter_context(_open_lockstep(seen))
         else:
             bus, what = open_can_bus(
-                config.bus.interface, config.bus.channel, config.bus.bitrate, config.bus.options
+                seen.bus.interface, seen.bus.channel, seen.bus.bitrate, seen.bus.options
             )
             stack.enter_context(bus)
             opened = OpenNetwork(stack.enter_context(Network(bus)), what, None)

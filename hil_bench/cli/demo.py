@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
+from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
@@ -86,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     if sensors is SensorBus.MODBUS:
         require_pymodbus()
     config = load_config(args.config, modbus=sensors is SensorBus.MODBUS)
+    check_one_bus(config, "demo")
     check_recording_arguments(args)
     session = DemoSession(
         config,

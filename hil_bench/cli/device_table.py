@@ -15,6 +15,7 @@ from hil_bench.canopen_device.pdo_parameters import (
 )
 from hil_bench.config import BenchConfig, NodeConfig, SinkConfig, SourceConfig
 from hil_bench.config.bindings import find_bound
+from hil_bench.config.choices import FIRST_BUS
 from hil_bench.errors import ConfigError
 
 
@@ -85,6 +86,7 @@ class Device:
         eds: its EDS file.
         pdos: its PDOs; none without a node-ID.
         bound: its objects that are bound to the plant.
+        bus: the bus that it is on, as in ``[buses.NAME]``; ``bus`` for the first.
     """
 
     name: str
@@ -94,16 +96,18 @@ class Device:
     eds: str
     pdos: tuple[Pdo, ...]
     bound: tuple[BoundObject, ...] = ()
+    bus: str = FIRST_BUS
 
 
 def read_devices(config: BenchConfig) -> list[Device]:
-    """Return the devices of a bench, from their EDS files, in the order of their node-IDs.
+    """Return the devices of a bench, from their EDS files, bus by bus in the order of node-IDs.
 
     Raises:
         ConfigError: EDS files or objects that cannot serve, a line each.
     """
     devices, problems = [], []
-    for node in sorted(config.nodes, key=lambda node: node.node_id):
+    order = list(config.buses)
+    for node in sorted(config.nodes, key=lambda node: (order.index(node.bus), node.node_id)):
         try:
             devices.append(_read_device(node))
         except ConfigError as error:
@@ -126,6 +130,7 @@ def _read_device(node: NodeConfig) -> Device:
     return Device(
         name=node.name,
         node_id=node.node_id,
+        bus=node.bus,
         profile=node.profile.value,
         axis=node.axis,
         eds=str(node.eds),
@@ -171,7 +176,9 @@ def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> P
 
 def _device_lines(device: Device) -> Iterator[str]:
     node_id = "unconfigured" if device.node_id == UNCONFIGURED else device.node_id
-    yield "  ".join((f"node {node_id}", device.name, device.profile, device.axis or "")).rstrip()
+    bus = "" if device.bus == FIRST_BUS else f"on {device.bus}"
+    names = (f"node {node_id}", device.name, device.profile, device.axis or "", bus)
+    yield "  ".join(filter(None, names))
     yield f"  EDS    {device.eds}"
     for pdo in device.pdos:
         head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"

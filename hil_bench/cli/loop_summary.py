@@ -1,5 +1,6 @@
 """The figures of a loop in words, for the summary at the end of a run."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from hil_bench.bench import Bench
@@ -7,7 +8,7 @@ from hil_bench.config import BenchConfig
 from hil_bench.realtime.statistics import DurationSummary, TickSummary
 from hil_bench.runner import RunReport
 from hil_bench.transports.bus_load import bitrate_text, load_of
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.transports.transport import Transport, TransportCounters
 
 _SHOWN_FAULT_EVENTS = 20
 
@@ -45,6 +46,18 @@ def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
     }
     lines += [f"          {count} {what}" for what, count in losses.items() if count]
     return lines
+
+
+def bus_lines(parts: Mapping[str, Transport]) -> list[str]:
+    """Return what passed each of several buses, a line each; nothing where there is one."""
+    if len(parts) == 1:
+        return []
+    counts = {name: transport.counters() for name, transport in parts.items()}
+    return [
+        f"          {name}: {count.received} received, {count.sent} sent"
+        + (f", {count.outages} times down" if count.outages else "")
+        for name, count in counts.items()
+    ]
 
 
 def load_line(report: RunReport, period_ns: int, bitrate: int) -> str:

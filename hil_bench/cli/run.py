@@ -21,6 +21,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.loop_summary import (
+    bus_lines,
     fault_lines,
     frame_lines,
     load_line,
@@ -199,9 +200,7 @@ def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
     """Return what a controller engineer needs to know to join."""
     source = config.path or "built-in bench"
     rate = f"{1e9 / config.tick_ns:g} Hz, {config.steps_per_tick} plant steps a tick"
-    lines = [f"bench  {source}, {rate}", f"bus    {bus.transport.description}"]
-    if bus.join:
-        lines.append(f"join   {bus.join}")
+    lines = [f"bench  {source}, {rate}", *bus.lines]
     lines += modbus.lines
     lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
     return "\n".join((*lines, "", device_table(config), ""))
@@ -294,6 +293,7 @@ def summary_lines(
     return [
         *("summary", ticks, *(timing if is_timed else ())),
         *frame_lines(report.frames, bench.unrouted),
+        *bus_lines(bus.parts),
         load_line(report, config.tick_ns, bus.bitrate),
         *fault_lines(bench),
         *node_lines(config, bench),

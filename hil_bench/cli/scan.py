@@ -6,7 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import OpenNetwork, add_virtual_argument, open_network
+from hil_bench.cli.controller_side import (
+    OpenNetwork,
+    add_network_arguments,
+    open_network,
+)
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.commissioning.discovery import NODE_IDS, Method
 from hil_bench.commissioning.identity import NodeDescription
@@ -35,7 +39,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
-    add_virtual_argument(parser)
+    add_network_arguments(parser)
     parser.add_argument(
         "--by",
         choices=[method.value for method in Method],

@@ -11,6 +11,7 @@ import can
 import numpy as np
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.config import BenchConfig
@@ -86,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     """
     _check_arguments(args)
     config = load_bench_config(args)
+    check_one_bus(config, "shadow")
     if args.log is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--log needs no bus; give either --log or -i and -c")
     limits = {

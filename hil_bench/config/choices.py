@@ -2,6 +2,9 @@
 
 from enum import StrEnum
 
+FIRST_BUS = "bus"
+"""Name of the bus of the table ``[bus]``."""
+
 
 class Profile(StrEnum):
     """The device profiles that a node may have."""

@@ -7,6 +7,7 @@ Ruderman 2017.
 from collections.abc import Mapping
 
 from hil_bench.config.choices import (
+    FIRST_BUS,
     Friction,
     OverrunPolicy,
     PressureSource,
@@ -59,7 +60,7 @@ from hil_bench.units import (
     Unit,
 )
 
-TABLES = ("bench", "bus", "plant", "nodes", "modbus", "faults")
+TABLES = ("bench", "bus", "buses", "plant", "nodes", "modbus", "faults")
 
 
 def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
@@ -198,6 +199,7 @@ CHAIN_TABLE = "chain"
 """Name of the table of a sensor's measuring chain, within the sensor's table."""
 
 _NODE_ID_KEY = Key("node_id", node_id, example="1")
+_BUS_KEY = Key("bus", text, FIRST_BUS)
 
 _KEPT_KEYS = (
     Key("storage", text),
@@ -205,12 +207,20 @@ _KEPT_KEYS = (
     Key("objects", objects),
 )
 
-_COMMON_NODE_KEYS = (PROFILE_KEY, _NODE_ID_KEY, Key("axis", text), Key("eds", text), *_KEPT_KEYS)
+_COMMON_NODE_KEYS = (
+    PROFILE_KEY,
+    _NODE_ID_KEY,
+    _BUS_KEY,
+    Key("axis", text),
+    Key("eds", text),
+    *_KEPT_KEYS,
+)
 
 NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {
     Profile.GENERIC: (
         Key("profile", choice(Profile), Profile.GENERIC),
         _NODE_ID_KEY,
+        _BUS_KEY,
         Key("eds", text, example='"vendor.eds"'),
         *_KEPT_KEYS,
     ),

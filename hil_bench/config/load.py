@@ -2,29 +2,27 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 from hil_bench.config.axes import build_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
+from hil_bench.config.buses import build_bus, check_buses, read_bus, read_further_buses
 from hil_bench.config.chains import check_chains
 from hil_bench.config.choices import RealtimePolicy
 from hil_bench.config.document import Document, check_tables, read_document, read_section
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
-from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, REALTIME_KEYS, TABLES
+from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
 from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
-from hil_bench.config.records import BenchConfig, BusConfig, RealtimeConfig
+from hil_bench.config.records import BenchConfig, RealtimeConfig
 from hil_bench.config.settings import (
     Given,
-    Key,
     Origin,
     Problems,
     Settings,
     convert,
     read_table,
 )
-from hil_bench.config.values import bus_option
 
 CONFIG_VARIABLE = "HIL_BENCH_CONFIG"
 SEED_VARIABLE = "HIL_BENCH_SEED"
@@ -67,7 +65,8 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     check_tables(document, TABLES, problems)
     bench = _read_bench(document, {"seed": seed, **(loop or {})}, problems)
     overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
-    bus = _read_bus(document, overrides | dict(bus_options or {}), problems)
+    bus = read_bus(document, overrides | dict(bus_options or {}), problems)
+    further = read_further_buses(document, problems)
     axes = read_axes(document, problems)
     nodes, chains = read_nodes(document, problems)
     given = read_bindings(nodes, axes, problems)
@@ -79,6 +78,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
     bindings = build_bindings(given, nodes, axes, problems)
     check_chains(chains, problems)
+    check_buses(bus, further, nodes, problems)
     check_nodes(nodes, axes, bindings, problems)
     if served:
         resolve_modbus(served, nodes, file.parent if file else Path(), problems)
@@ -89,14 +89,15 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     problems.raise_any()
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
-    tables = (bench, bus, *axes.values(), *members, *_tables(served), *read)
+    tables = (bench, bus, *further.values(), *axes.values(), *members, *_tables(served), *read)
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
         step_ns=bench["step_us"].value * 1000,
         sync_period_ns=bench["sync_period_us"].value * 1000,
         seed=bench["seed"].value,
-        bus=_build_bus(bus),
+        bus=build_bus(bus),
+        further_buses={name: build_bus(table) for name, table in further.items()},
         axes=built_axes,
         nodes=tuple(
             build_node(name, node, bindings[name], chains.get(name), problems)
@@ -125,33 +126,6 @@ def _read_bench(
         if override is not None:
             given[key] = Given(override, Origin.COMMAND_LINE, f"--{key.replace('_', '-')}")
     return read_table("bench", given, BENCH_KEYS, problems)
-
-
-def _read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
-    given = read_section(document, "bus", problems)
-    known = {key.name for key in BUS_KEYS}
-    if overrides["interface"] is not None:
-        # The further keys are for the bus class of the file's interface; another would refuse them.
-        given = {key: value for key, value in given.items() if key in known}
-    for key, value in overrides.items():
-        if value is not None:
-            place = f"--{key}" if key in known else f"--bus-kwargs {key}"
-            given[key] = Given(value, Origin.COMMAND_LINE, place)
-    # Bus classes swallow keywords that they do not know, so a slip of the pen would go unseen.
-    options = [
-        Key(name, bus_option)
-        for name in given
-        if name.isascii()
-        and name.isidentifier()
-        and not get_close_matches(name, known, cutoff=0.85)
-    ]
-    return read_table("bus", given, (*BUS_KEYS, *options), problems)
-
-
-def _build_bus(bus: Settings) -> BusConfig:
-    known = {key.name: bus[key.name].value for key in BUS_KEYS}
-    options = {name: setting.value for name, setting in bus.items() if name not in known}
-    return BusConfig(**known, options=options)
 
 
 def _tables(modbus: ModbusSettings | None) -> tuple[Settings, ...]:

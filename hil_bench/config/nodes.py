@@ -177,16 +177,16 @@ def _resolve_full_opening(node: Settings, axis: Settings) -> None:
 
 
 def _check_node_ids(nodes: Mapping[str, Settings], problems: Problems) -> None:
-    owners: dict[int, str] = {}
-    used = {node["node_id"].value for node in nodes.values()}
-    free = min(set(range(1, 128)) - used, default=None)
-    right = "a bus has room for 127 nodes" if free is None else f"{free} is free"
+    owners: dict[tuple[str, int], str] = {}
+    used = {(node["bus"].value, node["node_id"].value) for node in nodes.values()}
     for name, node in nodes.items():
-        node_id = node["node_id"].value
+        bus, node_id = node["bus"].value, node["node_id"].value
         if node_id == UNCONFIGURED:
             continue
-        owner = owners.setdefault(node_id, name)
+        owner = owners.setdefault((bus, node_id), name)
         if owner != name:
+            free = min((n for n in range(1, 128) if (bus, n) not in used), default=None)
+            right = "a bus has room for 127 nodes" if free is None else f"{free} is free"
             place = problems.place(f"nodes.{name}", "node_id")
             problems.add(place, f"{node_id} is taken by nodes.{owner}; {right}")
 

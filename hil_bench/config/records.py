@@ -1,10 +1,11 @@
 """The resolved configuration: frozen records, SI inside, checked while they were loaded."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hil_bench.config.choices import (
+    FIRST_BUS,
     OverrunPolicy,
     PressureSource,
     Profile,
@@ -43,7 +44,7 @@ class RealtimeConfig:
 
 @dataclass(frozen=True, slots=True)
 class BusConfig:
-    """The CAN bus as python-can opens it; what is None is left to python-can's own configuration.
+    """A CAN bus as python-can opens it; what is None is left to python-can's own configuration.
 
     Attributes:
         interface: python-can's name of the interface, as in ``socketcan``.
@@ -144,6 +145,7 @@ class NodeConfig:
         profile: its device profile.
         axis: the name of the axis that it belongs to; None where it belongs to none.
         node_id: CANopen node-ID, 1 to 127; 255 for a node that waits for LSS to give it one.
+        bus: the name of the bus that it is on.
         eds: its EDS file.
         storage: folder of the file that it stores its parameters in; None for memory.
         serial_number: 0x1018.04; None for that of the EDS file.
@@ -156,6 +158,7 @@ class NodeConfig:
     profile: Profile
     axis: str | None
     node_id: int
+    bus: str
     eds: Path
     storage: Path | None
     serial_number: int | None
@@ -286,11 +289,12 @@ class BenchConfig:
         sync_period_ns: how far each SYNC moves a bench in lock-step [ns], an integer multiple of
             `tick_ns`.
         seed: seed of every random generator of the bench.
-        bus: the CAN bus.
+        bus: the first CAN bus, and mostly the only one.
         axes: the axes, in the order of the file.
         nodes: the nodes, in the order of the file.
         modbus: the Modbus server, None for none.
         faults: the faults, in the order of the file, those of the command line last.
+        further_buses: the other buses by their names, in the order of the file.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
     """
@@ -307,6 +311,17 @@ class BenchConfig:
     settings: tuple[Setting, ...]
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     faults: tuple[FaultConfig, ...] = ()
+    further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
+
+    @property
+    def buses(self) -> dict[str, BusConfig]:
+        """All buses by their names; a frame has the number of its bus in this order."""
+        return {FIRST_BUS: self.bus, **self.further_buses}
+
+    def seen_from(self, bus: str) -> "BenchConfig":
+        """Return what is to be found on one of the buses: that bus alone, with its nodes."""
+        nodes = tuple(node for node in self.nodes if node.bus == bus)
+        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={})
 
     @property
     def steps_per_tick(self) -> int:

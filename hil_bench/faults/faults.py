@@ -77,12 +77,14 @@ class FaultPoints:
         valves: nodes that command a spool.
         supplies: axes.
         nodes: nodes on the bus.
+        buses: the number of the bus of each node; without it all are on bus 0.
     """
 
     sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
     valves: Mapping[str, SpoolPoint] = field(default_factory=dict)
     supplies: Mapping[str, Plant] = field(default_factory=dict)
     nodes: Mapping[str, Node] = field(default_factory=dict)
+    buses: Mapping[str, int] = field(default_factory=dict)
 
 
 class Faults(FaultSchedule):
@@ -220,7 +222,7 @@ class Faults(FaultSchedule):
         """Let a node flood the bus with frames of an identifier."""
         find("node", node, self._points.nodes)
         frames = count("frames_per_tick", frames_per_tick, 1, _MOST_FRAMES)
-        send = babble(identifier(can_id) or 0, frames)
+        send = babble(identifier(can_id) or 0, frames, self._points.buses.get(node, 0))
         return self.add(FaultKind.BABBLE, node, BabbleEffect(send, self.babbles), when)
 
     def _measure(

@@ -153,9 +153,9 @@ Babble = Callable[[Emit], None]
 """Sends what a babbling node sends in one tick."""
 
 
-def babble(can_id: int, count: int) -> Babble:
-    """Return what sends `count` frames of eight bytes each tick."""
-    frames = (Frame(can_id, bytes.fromhex("5555555555555555")),) * count
+def babble(can_id: int, count: int, bus: int = 0) -> Babble:
+    """Return what sends `count` frames of eight bytes each tick, on the bus of that number."""
+    frames = (Frame(can_id, bytes.fromhex("5555555555555555"), bus=bus),) * count
 
     def send(emit: Emit) -> None:
         for frame in frames:

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from hil_bench.config import BenchConfig, NodeConfig
     from hil_bench.faults.faults import Faults
     from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
+    from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.pytest_plugin.physical import PhysicalBench
     from hil_bench.virtual_bench import VirtualBench
 
@@ -268,11 +269,43 @@ def network(
 
 
 @pytest.fixture
-def valve(network: "Network", hil_config: "BenchConfig") -> "Iterator[ProportionalValve]":
+def _networks(
+    request: pytest.FixtureRequest, network: "Network", hil_config: "BenchConfig"
+) -> "Iterator[Networks]":
+    """The networks of all buses, that of the first among them, pumped together."""
+    from contextlib import ExitStack
+
+    from drivers import Network
+    from hil_bench.pytest_plugin.networks import Networks
+    from hil_bench.transports.opening import open_can_bus
+
+    bench = request.getfixturevalue("bench")
+    with ExitStack() as stack:
+
+        def make(name: str) -> Network:
+            if option(request.config, "interface"):
+                bus = hil_config.buses[name]
+                settings = (bus.interface, bus.channel, bus.bitrate, bus.options)
+                made = Network(stack.enter_context(open_can_bus(*settings)[0]))
+            else:
+                made = Network(bench.buses[name], clock=bench.now)
+            stack.enter_context(made)
+            made.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+            return made
+
+        first = next(iter(hil_config.buses))
+        networks = Networks(first, network, make, hil_config.tick_ns * 1e-9)
+        bench.pump = networks.pump
+        yield networks
+
+
+@pytest.fixture
+def valve(_networks: "Networks", hil_config: "BenchConfig") -> "Iterator[ProportionalValve]":
     """The driver of the first axis' valve, ready for `enable`; disabled at the end."""
     from drivers import ProportionalValve
 
     node = _node(hil_config, lambda node: node.profile == "valve_408", "valve_408")
+    network = _networks.on(node.bus)
     with ProportionalValve(network, node.node_id, node.eds) as driver:
         driver.setup(
             transmission_type=254,
@@ -285,11 +318,12 @@ def valve(network: "Network", hil_config: "BenchConfig") -> "Iterator[Proportion
 
 
 @pytest.fixture
-def pressure(network: "Network", hil_config: "BenchConfig") -> "PressureSensor":
+def pressure(_networks: "Networks", hil_config: "BenchConfig") -> "PressureSensor":
     """The driver of the first axis' pressure transducer at port A, sending."""
     from drivers import PressureSensor
 
     node = _node(hil_config, lambda node: getattr(node, "source", "") == "P_A", "pressure at P_A")
+    network = _networks.on(node.bus)
     driver = PressureSensor(network, node.node_id, node.eds)
     driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
     _start(network, driver, node.node_id)
@@ -297,11 +331,12 @@ def pressure(network: "Network", hil_config: "BenchConfig") -> "PressureSensor":
 
 
 @pytest.fixture
-def position(network: "Network", hil_config: "BenchConfig") -> "PositionSensor":
+def position(_networks: "Networks", hil_config: "BenchConfig") -> "PositionSensor":
     """The driver of the first axis' position sensor, sending."""
     from drivers import PositionSensor
 
     node = _node(hil_config, lambda node: node.profile == "encoder_406", "encoder_406")
+    network = _networks.on(node.bus)
     driver = PositionSensor(network, node.node_id, node.eds)
     driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
     _start(network, driver, node.node_id)
@@ -359,7 +394,8 @@ def _fault_events(faults: "Faults") -> str:
 def _trace(bench: "VirtualBench") -> str:
     """Return the latest frames as candump shows them, marked as seen from the bench."""
     return "\n".join(
-        f"({now * 1e-9:.6f}) {frame.can_id:03X}#{frame.data.hex().upper()} "
+        f"({now * 1e-9:.6f}) {f'can{frame.bus} ' if frame.bus else ''}"
+        f"{frame.can_id:03X}#{frame.data.hex().upper()} "
         f"{'to' if is_received else 'from'} the bench"
         for frame, now, is_received in list(bench.frames)[-SHOWN_FRAMES:]
     )

@@ -10,12 +10,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.controller_link import ControllerLink
-from hil_bench.errors import BusError, ControllerError, HilBenchError, WaitTimeoutError
+from hil_bench.errors import (
+    BusError,
+    ConfigError,
+    ControllerError,
+    HilBenchError,
+    WaitTimeoutError,
+)
 from hil_bench.lockstep import PATIENCE
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.transports.hosted_bus import HostedBus
 from hil_bench.transports.hub_process import HubProcess
+from hil_bench.transports.joined import JoinedTransport
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.transport import Transport
 from hil_bench.virtual_bench import VirtualBench
@@ -50,7 +57,9 @@ class FirmwareBus:
         self._is_realtime = is_realtime
         self._hub: HubProcess | None = None
         self._programs: list[Firmware] = []
-        self._transport, self.address = self._open(name, is_realtime=is_realtime)
+        self._transport, self.address = self._open(
+            name, len(bench.config.buses), is_realtime=is_realtime
+        )
         self.variables = _environment(self.address)
         pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
         self.link = bench.join(self._transport, pacer=pacer, check=self._check)
@@ -83,18 +92,31 @@ class FirmwareBus:
         if not self._is_realtime and all(not program.is_running for program in self._programs):
             raise ControllerError("\n".join(program.epitaph() for program in self._programs))
 
-    def _open(self, name: str, *, is_realtime: bool) -> tuple[Transport, str]:
-        """Return the bench's end of the bus, and the bus's address."""
+    def _open(self, name: str, buses: int, *, is_realtime: bool) -> tuple[Transport, str]:
+        """Return the bench's end of the bus, and the bus's address.
+
+        A hub has as many buses as the bench: "can0", "can1" and so on.
+
+        Raises:
+            ConfigError: a bench with several buses is to be on one interface.
+        """
         if name != HUB:
+            if buses > 1:
+                raise ConfigError(
+                    f"--hil-firmware-bus {name}: the bench has {buses} buses; "
+                    f"{HUB} gives the firmware all of them"
+                )
             return open_transport("socketcan", name, None, {}), name
+        channels = [f"can{number}" for number in range(buses)]
         if not is_realtime:
-            hosted = HostedBus()
+            hosted = HostedBus(channels=channels)
             return hosted, f"{hosted.host}:{hosted.port}"
         # In real time the hub must relay while the bench is at work.
-        self._hub = HubProcess(port=0).__enter__()
+        self._hub = HubProcess(port=0, channels=channels).__enter__()
         options = {"host": self._hub.host, "port": self._hub.port}
         address = f"{self._hub.host}:{self._hub.port}"
-        return open_transport("socketcand", "can0", None, options), address
+        ends = [open_transport("socketcand", channel, None, options) for channel in channels]
+        return ends[0] if buses == 1 else JoinedTransport(ends), address
 
 
 def _environment(address: str) -> dict[str, str]:

@@ -34,15 +34,13 @@ class FrameFile:
 
     Args:
         path: the file; its suffix, one of `SUFFIXES`, is its format.
-        channel: the name of the channel that the file gives.
 
     Raises:
         ConfigError: the suffix is unknown, or the file cannot be written.
     """
 
-    def __init__(self, path: Path, *, channel: str = "can0") -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self._channel = channel
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
@@ -56,7 +54,7 @@ class FrameFile:
 
     def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
         """Append frames."""
-        self._sink.write(message_of(logged, self._channel) for logged in frames)
+        self._sink.write(map(message_of, frames))
 
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written; see `OutputFile.flush`."""
@@ -245,8 +243,8 @@ def logged_frame_of(message: can.Message) -> LoggedFrame:
     return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
 
 
-def message_of(logged: LoggedFrame, channel: str | None = None) -> can.Message:
-    """Return a recorded frame as python-can's message."""
+def message_of(logged: LoggedFrame) -> can.Message:
+    """Return a recorded frame as python-can's message; the channel of the first bus is "can0"."""
     frame = logged.frame
     return can.Message(
         timestamp=logged.now * 1e-9,
@@ -255,5 +253,5 @@ def message_of(logged: LoggedFrame, channel: str | None = None) -> can.Message:
         is_remote_frame=frame.is_remote,
         data=frame.data,
         is_rx=logged.is_received,
-        channel=channel,
+        channel=f"can{frame.bus}",
     )

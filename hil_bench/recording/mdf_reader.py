@@ -107,9 +107,9 @@ class _Reader:
         name = self._text(self._block(time.links[0], b"##CN").links[2])
         is_remote = name == mdf.REMOTE_FRAME
         records = self._records(data, mdf.REMOTE_RECORD if is_remote else mdf.DATA_RECORD)
-        for seconds, _, can_id, is_extended, _, length, direction, *raw in records.tolist():
+        for seconds, channel, can_id, is_extended, _, length, direction, *raw in records.tolist():
             payload = b"" if is_remote else bytes(raw[0])[: min(length, 8)]
-            frame = Frame(can_id, payload, is_remote=is_remote, is_extended=bool(is_extended))
+            frame = Frame(can_id, payload, is_remote, bool(is_extended), max(channel, 1) - 1)
             yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
 
     def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:

@@ -283,7 +283,15 @@ def _head_record(logged: LoggedFrame) -> tuple[float, int, int, int, int, int, i
     frame = logged.frame
     direction = mdf.RECEIVED if logged.is_received else mdf.SENT
     length = len(frame.data)
-    return logged.now * 1e-9, 1, frame.can_id, frame.is_extended, length, length, direction
+    return (
+        logged.now * 1e-9,
+        frame.bus + 1,
+        frame.can_id,
+        frame.is_extended,
+        length,
+        length,
+        direction,
+    )
 
 
 def _data_record(

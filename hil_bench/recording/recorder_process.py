@@ -34,6 +34,7 @@ CAPACITY = 8 << 20
 _ROW, _FRAMES = 1, 2
 _FRAME = struct.Struct("<qIBB8s")  # time [ns], identifier, flags, length, data
 _EXTENDED, _REMOTE, _RECEIVED = 1, 2, 4
+_BUS_SHIFT = 3  # the flags above are the number of the bus
 _NICENESS = 5  # the loop comes first where both want the same core
 _START_TIMEOUT = 30.0
 _END_TIMEOUT = 30.0
@@ -137,11 +138,11 @@ class RecorderProcess:
                     _FRAME.pack(
                         now,
                         can_id,
-                        is_extended + (is_remote << 1) + direction,
+                        is_extended + (is_remote << 1) + direction + (bus << _BUS_SHIFT),
                         len(data),
                         data,
                     )
-                    for can_id, data, is_remote, is_extended in frames
+                    for can_id, data, is_remote, is_extended, bus in frames
                 ),
             )
 
@@ -216,5 +217,6 @@ def _logged_frame(now: int, can_id: int, flags: int, length: int, data: bytes) -
         data[:length],
         is_remote=bool(flags & _REMOTE),
         is_extended=bool(flags & _EXTENDED),
+        bus=flags >> _BUS_SHIFT,
     )
     return LoggedFrame(frame, now, bool(flags & _RECEIVED))

@@ -1,4 +1,4 @@
-"""A bus that the bench's own thread hosts, for programs that join over TCP: socketcand's protocol.
+"""Buses that the bench's own thread hosts, for programs that join over TCP: socketcand's protocol.
 
 A frame reaches the bench without another process in between, and nothing happens but inside the
 calls of this transport. That suits a bench in lock-step; one in real time is better served by
@@ -37,13 +37,12 @@ class HostedBus:
     Args:
         host: address to listen on; "127.0.0.1" keeps the bus on this machine.
         port: 0 takes a free one.
-        channel: the name that clients open.
+        channels: the names that clients open, a bus each; a frame has the number of its bus.
         clock: the time that frames are stamped with [ns].
 
     Attributes:
         host: as passed in.
         port: the port it listens on.
-        channel: as passed in.
         description: the bus in words.
         has_exact_wait: no, a wait counts milliseconds.
 
@@ -58,10 +57,12 @@ class HostedBus:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        channel: str = "can0",
+        channels: Sequence[str] = ("can0",),
         clock: Callable[[], int] = time.time_ns,
     ) -> None:
-        check_channel(channel)
+        for channel in channels:
+            check_channel(channel)
+        self._channels = [channel.encode() for channel in channels]
         self._clock = clock
         self._arrived: deque[Frame] = deque()
         self._clients: list[_Client] = []
@@ -77,8 +78,8 @@ class HostedBus:
             raise BusError(f"hub {host}:{port}: {what}") from error
         self._server.setblocking(False)
         self._selector.register(self._server, selectors.EVENT_READ, self._admit)
-        self.host, self.port, self.channel = host, self._server.getsockname()[1], channel
-        self.description = f"hub {host}:{self.port} {channel}"
+        self.host, self.port = host, self._server.getsockname()[1]
+        self.description = f"hub {host}:{self.port} {' '.join(channels)}"
 
     @property
     def clients(self) -> int:
@@ -144,7 +145,7 @@ class HostedBus:
         if len(self._clients) >= MAX_CLIENTS:
             connection.close()
             return
-        client = _Client(connection, self.channel)
+        client = _Client(connection, self._channels)
         self._clients.append(client)
         self._selector.register(connection, selectors.EVENT_READ, lambda: self._hear(client))
 
@@ -157,14 +158,16 @@ class HostedBus:
             self._forget(client)
 
     def _tell(self, frames: Sequence[Frame], source: "_Client | None") -> None:
-        """Tell frames to all clients on the bus but the one that they come from."""
+        """Tell frames to all clients on their bus but the one that they come from."""
         others = [other for other in self._clients if other.is_on_bus and other is not source]
         if not frames or not others:
             return
         now = self._clock()
-        text = b"".join([format_frame(frame, now) for frame in frames])
+        texts = [b""] * len(self._channels)
+        for frame in frames:
+            texts[frame.bus] += format_frame(frame, now)
         for other in others:
-            other.tell(text)
+            other.tell(texts[other.bus])
             if other.is_closed:
                 self._forget(other)
 
@@ -178,13 +181,14 @@ class HostedBus:
 
 
 class _Client:
-    """One connection: greeted, then on the channel, then in raw mode, which is on the bus."""
+    """One connection: greeted, then on a channel, then in raw mode, which is on the bus."""
 
-    def __init__(self, connection: socket.socket, channel: str) -> None:
+    def __init__(self, connection: socket.socket, channels: Sequence[bytes]) -> None:
         self.socket = connection
         self.is_on_bus = False
         self.is_closed = False
-        self._channel = channel.encode()
+        self.bus = 0
+        self._channels = channels
         self._has_opened = False
         self._rest = b""
         self._unsent = b""
@@ -215,7 +219,8 @@ class _Client:
         elif _QUICKACK is not None:
             # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
             self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
-        return [frame for text in commands if (frame := self._obey(text.lstrip())) is not None]
+        frames = [frame for text in commands if (frame := self._obey(text.lstrip())) is not None]
+        return [frame._replace(bus=self.bus) for frame in frames] if self.bus else frames
 
     def tell(self, text: bytes) -> None:
         """Send it frames, or keep them while it is to read the answer to "rawmode" alone."""
@@ -263,8 +268,10 @@ class _Client:
             self._write(b"")
 
     def _open(self, name: bytes) -> None:
-        self._has_opened = name == self._channel
-        refusal = b"< error could not open bus; this hub has " + self._channel + b" >"
+        self._has_opened = name in self._channels
+        if self._has_opened:
+            self.bus = self._channels.index(name)
+        refusal = b"< error could not open bus; this hub has " + b", ".join(self._channels) + b" >"
         self._write(b"< ok >" if self._has_opened else refusal)
 
     def _write(self, text: bytes) -> None:

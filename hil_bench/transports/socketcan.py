@@ -93,7 +93,7 @@ def unpack_frame(raw: bytes) -> Frame | None:
     is_extended = can_id & _EFF_FLAG != 0
     is_remote = can_id & _RTR_FLAG != 0
     masked = can_id & (_EFF_MASK if is_extended else _SFF_MASK)
-    return make_frame((masked, b"" if is_remote else data[:length], is_remote, is_extended))
+    return make_frame((masked, b"" if is_remote else data[:length], is_remote, is_extended, 0))
 
 
 def pack_filters(can_ids: Iterable[int]) -> bytes:
@@ -159,6 +159,10 @@ class SocketCanTransport:
     def has_exact_wait(self) -> bool:
         """Whether the socket is one that `select` takes."""
         return self._socket.fileno() < _FD_SETSIZE
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor, for `select`."""
+        return self._socket.fileno()
 
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, reading at most `limit` frames, without waiting.

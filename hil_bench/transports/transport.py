@@ -71,6 +71,8 @@ class Transport(Protocol):
     def listen_to(self, can_ids: Iterable[int]) -> None:
         """Let frames with these 11-bit identifiers through, and as few others as the bus can.
 
+        Where there are several buses, they are as `frame.address_of` has them.
+
         Where the bus has no filters, all frames still arrive.
 
         Raises:

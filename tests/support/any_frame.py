@@ -13,4 +13,5 @@ ANY_FRAME = st.builds(
     st.binary(max_size=8),
     st.booleans() | st.just(value=False),
     st.booleans() | st.just(value=False),
+    st.integers(0, 8) | st.just(0),
 )

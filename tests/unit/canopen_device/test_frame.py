@@ -23,6 +23,6 @@ def test_the_bits_by_length_are_those_of_an_11_bit_identifier():
 
 
 def test_the_quick_way_makes_the_same_frame():
-    frame = make_frame((0x705, b"", True, False))
+    frame = make_frame((0x705, b"", True, False, 3))
     assert isinstance(frame, Frame)
-    assert frame == Frame(0x705, is_remote=True)
+    assert frame == Frame(0x705, is_remote=True, bus=3)

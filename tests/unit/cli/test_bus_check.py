@@ -1,5 +1,6 @@
 import argparse
 import json
+from pathlib import Path
 
 import pytest
 
@@ -7,6 +8,8 @@ from hil_bench.cli import bus_check, main
 from hil_bench.cli.bus_check import _assignment
 from hil_bench.commissioning.comparison import Difference, Mend
 from hil_bench.commissioning.settlement import Write
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def test_the_virtual_bench_is_as_its_configuration_says(capsys) -> None:
@@ -45,6 +48,7 @@ def test_the_command_names_the_bus_and_the_file() -> None:
     args = argparse.Namespace(
         config="my bench.toml",
         virtual=False,
+        on=None,
         interface="socketcand",
         channel="can0",
         bus_kwargs={"host": "127.0.0.1", "port": 29536},
@@ -127,3 +131,47 @@ def test_options_that_need_others_say_so(arguments, message, capsys) -> None:
 )
 def test_a_write_is_shown_as_an_engineer_reads_it(write: Write, text: str) -> None:
     assert _assignment(write) == text
+
+
+def test_one_of_several_buses_is_checked_by_its_name(capsys) -> None:
+    bench = str(EXAMPLES / "two_buses.toml")
+    assert main(["check", bench, "--bus", "--virtual", "--on", "sensors"]) == 0
+    assert main(["check", bench, "--bus", "--virtual"]) == 0
+    assert capsys.readouterr().err.count("as the configuration says") == 2
+    assert main(["scan", bench, "--virtual", "--on", "sensors", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["nodes"]
+    assert [(node["node_id"], node["profile"][:7]) for node in found] == [
+        (1, "CiA 404"),
+        (2, "CiA 404"),
+        (3, "CiA 406"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["check", "BENCH", "--bus", "--virtual", "--on", "valves"],
+            "--on valves: there is no such bus; give one of bus, sensors",
+        ),
+        (
+            ["scan", "BENCH", "--on", "sensors", "-i", "virtual"],
+            "--on sensors: -i and -c are for [bus]; give either",
+        ),
+        (["check", "BENCH", "--on", "sensors"], "--on: belongs to --bus; give both"),
+        (
+            ["demo", "BENCH"],
+            "BENCH: has several buses (bus, sensors); give demo a bench.toml with all nodes on one",
+        ),
+    ],
+)
+def test_a_bus_that_cannot_be_meant_is_told(capsys, arguments: list[str], message: str) -> None:
+    bench = str(EXAMPLES / "two_buses.toml")
+    assert main([word.replace("BENCH", bench) for word in arguments]) == 2
+    assert capsys.readouterr().err == f"hil-bench: error: {message.replace('BENCH', bench)}\n"
+
+
+def test_a_twin_listens_to_one_bus(capsys) -> None:
+    bench = str(EXAMPLES / "two_buses.toml")
+    assert main(["shadow", bench]) == 2
+    assert capsys.readouterr().err.endswith("give shadow a bench.toml with all nodes on one\n")

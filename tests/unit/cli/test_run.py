@@ -5,6 +5,7 @@ import json
 import re
 import socket
 
+import can
 import pytest
 
 from hil_bench.cli import main
@@ -208,3 +209,45 @@ def test_a_modbus_server_that_is_gone_is_3(tmp_path, monkeypatch, capsys):
     assert (
         "modbus: the server's process has ended; start the bench again" in capsys.readouterr().err
     )
+
+
+TWO_BUSES = """
+[bus]
+interface = "virtual"
+channel = "test_run"
+[buses.sensors]
+interface = "virtual"
+channel = "test_run_2"
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.position]
+profile = "encoder_406"
+bus = "sensors"
+node_id = 1
+"""
+
+
+def test_a_bench_on_two_buses_opens_and_counts_both(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text(TWO_BUSES)
+    with can.Bus(interface="virtual", channel="test_run_2") as sensors:
+        assert main(["run", str(path), "--duration", "0.05"]) == 0
+        assert sensors.recv(0).arbitration_id == 0x701  # its boot-up message
+    out = capsys.readouterr().out
+    assert "bus    bus: virtual test_run\nbus    sensors: virtual test_run_2\n" in out
+    assert "node 1  position  encoder_406  axis1  on sensors\n" in out
+    assert "          bus: 0 received, 1 sent\n          sensors: 0 received, 1 sent\n" in out
+    assert "of 2 Mbit/s" in out
+
+
+def test_a_hub_has_a_channel_for_each_bus(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text(TWO_BUSES)
+    assert main(["run", str(path), "--hub", "0", "--duration", "0.01"]) == 0
+    out = capsys.readouterr().out
+    port = re.search(r"port=(\d+)", out)[1]
+    for name, channel in (("bus", "can0"), ("sensors", "can1")):
+        assert f"bus    {name}: socketcand {channel}\n" in out
+        flags = f"-i socketcand -c {channel} --bus-kwargs host=127.0.0.1 port={port}    ({name})"
+        assert f"join   {flags}\n" in out

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,6 +16,7 @@ from hil_bench.recording.frames import read_frames
 
 pytest_plugins = ["pytester"]
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
 KINDS = {"trace": ".log", "signals": ".csv", "plot": ".png"}
 
 
@@ -26,6 +28,21 @@ def test_a_test_moves_the_cylinder(bench, valve, position, pressure):
     # friction (eqs. (14), (16), Table I), so 50 mm take half a second.
     assert taken == pytest.approx(0.49, rel=0.1)
     assert pressure.pressure == pytest.approx(bench.signals["axis1.P_A"][-1], rel=0.02)
+
+
+def test_drivers_are_on_the_bus_of_their_node(pytester):
+    pytester.makepyfile(
+        "def test_moves(bench, valve, pressure, position):\n"
+        "    valve.enable()\n"
+        "    valve.spool_setpoint = 0.5\n"
+        "    bench.run_until(lambda: position.position > 0.05, timeout=2.0)\n"
+        "    bench.run(0.2)\n"
+        "    seen, plant = position.position, bench.values['axis1.position']\n"
+        "    assert abs(seen - plant) < 0.001\n"  # 0.1 m/s, an event timer of 5 ms
+        "    assert abs(pressure.pressure / bench.values['axis1.P_A'] - 1) < 0.02\n"
+    )
+    result = pytester.runpytest_subprocess(f"--hil-config={EXAMPLES / 'two_buses.toml'}")
+    result.assert_outcomes(passed=1)
 
 
 def test_each_test_gets_a_fresh_bench(bench):

@@ -17,7 +17,7 @@ def logged(can_id: int, data: bytes, milliseconds: int, *, is_received: bool = T
 
 def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
-    with FrameFile(path, channel="vcan0") as file:
+    with FrameFile(path) as file:
         file.write_frames(
             [
                 logged(0x201, b"\x07\x00\x00\x20", 1000),
@@ -29,10 +29,10 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
 
     # candump -L of can-utils: (seconds) channel ID#DATA, then python-can's R or T: the direction.
     assert path.read_text().splitlines() == [
-        "(1.000000) vcan0 201#07000020 R",
-        "(1.001000) vcan0 181#0F00 T",
-        "(1.002000) vcan0 12345678#01 R",
-        "(1.003000) vcan0 701#R R",
+        "(1.000000) can0 201#07000020 R",
+        "(1.001000) can0 181#0F00 T",
+        "(1.002000) can0 12345678#01 R",
+        "(1.003000) can0 701#R R",
     ]
 
 
@@ -104,3 +104,11 @@ def test_a_missing_log_says_so(tmp_path: Path) -> None:
     assert str(caught.value) == (
         f"{tmp_path}/no.log: cannot be read: No such file or directory; give a log of frames"
     )
+
+
+@pytest.mark.parametrize(("suffix", "place"), [(".log", "can1 181#2A R"), (".asc", " 2  181 ")])
+def test_a_frame_of_another_bus_has_its_channel(tmp_path: Path, suffix: str, place: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with FrameFile(path) as file:
+        file.write_frames([LoggedFrame(Frame(0x181, b"\x2a", bus=1), MILLISECOND, True)])
+    assert place in path.read_text()

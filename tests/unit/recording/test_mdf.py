@@ -19,7 +19,7 @@ FRAMES = [
     LoggedFrame(Frame(0x181, b"\x01\x02"), 1_000_000, False),
     LoggedFrame(Frame(0x701, is_remote=True), 2_000_000, True),
     LoggedFrame(Frame(0x1234567, b"12345678", is_extended=True), 3_000_000, True),
-    LoggedFrame(Frame(0x80), 3_000_000, True),
+    LoggedFrame(Frame(0x80, bus=2), 3_000_000, True),
 ]
 
 

@@ -27,7 +27,9 @@ def plan(*paths):
 
 def feed(recorder, first, after):
     for number in range(first, after):
-        recorder.append_frames([Frame(0x181, bytes(2))], number * 1_000_000, is_received=False)
+        recorder.append_frames(
+            [Frame(0x181, bytes(2), bus=1)], number * 1_000_000, is_received=False
+        )
         recorder.append_row((number * 1e-3, 1e5 * number))
 
 
@@ -46,7 +48,9 @@ def test_all_that_was_recorded_is_in_the_files(tmp_path):
     assert (report.rows, report.frames, report.lost, report.problems) == (500, 500, 0, [])
     expected = [(number * 1e-3, 1e5 * number) for number in range(500)]
     assert read_recording(csv).tolist() == read_recording(mf4).tolist() == expected
-    assert [logged.now for logged in read_frames(mf4)] == [n * 1_000_000 for n in range(500)]
+    frames = list(read_frames(mf4))
+    assert [logged.now for logged in frames] == [n * 1_000_000 for n in range(500)]
+    assert {logged.frame for logged in frames} == {Frame(0x181, bytes(2), bus=1)}
 
 
 WRITING, WAITING = 1, 2

@@ -50,9 +50,9 @@ class Client:
         message, _, self._rest = self._rest.partition(b">")
         return message + b">"
 
-    def join(self):
+    def join(self, channel=b"can0"):
         assert self.hear() == b"< hi >"
-        self.say(b"< open can0 >")
+        self.say(b"< open " + channel + b" >")
         assert self.hear() == b"< ok >"
         self.say(b"< rawmode >")
         assert self.hear() == b"< ok >"
@@ -261,3 +261,35 @@ def test_a_closed_bus_is_closed_again_without_harm(bus, join):
     bus.close()
     bus.close()
     assert client._socket.recv(1) == b""
+
+
+@pytest.fixture
+def two_buses():
+    hosted = HostedBus(channels=("can0", "can1"), clock=lambda: 1_000_000_000)
+    clients = [Client(hosted) for _ in range(3)]
+    yield hosted, clients
+    for client in clients:
+        client.close()
+    hosted.close()
+
+
+def test_each_channel_is_a_bus_of_its_own(two_buses):
+    bus, (first, second, third) = two_buses
+    first.join()
+    second.join(b"can1")
+    third.join(b"can1")
+    second.say(b"< send 181 1 2a >")
+    assert receive(bus, 1) == [Frame(0x181, b"\x2a", bus=1)]
+    assert third.hear() == b"< frame 181 1.000000 2A >"
+
+    bus.send([Frame(0x701, b"\x00"), Frame(0x702, b"\x00", bus=1)])
+    assert first.hear() == b"< frame 701 1.000000 00 >"  # and so nothing of 0x181 before it
+    assert second.hear() == third.hear() == b"< frame 702 1.000000 00 >"
+    assert bus.description == f"hub 127.0.0.1:{bus.port} can0 can1"
+
+
+def test_a_channel_that_is_not_there_is_told_with_those_there_are(two_buses):
+    client = two_buses[1][0]
+    client.hear()
+    client.say(b"< open can2 >")
+    assert client.hear() == b"< error could not open bus; this hub has can0, can1 >"

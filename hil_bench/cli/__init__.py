@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Sequence
 
 import hil_bench
+from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
@@ -67,7 +68,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     verbosity = 0
     try:
         prepare_streams()
-        args = _parse(arguments)
+        with collection_put_off():
+            args = _parse(arguments)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
         code: int = args.run(args)

@@ -16,6 +16,7 @@ from hil_bench.cli.arguments import (
     read_speed,
 )
 from hil_bench.cli.bench_bus import HUB_CHANNEL, OpenBus, open_bus
+from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.histogram_file import HistogramFile
@@ -149,7 +150,8 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args, modbus=args.modbus)
     if args.lockstep and config.modbus is not None:
         raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
-    bench = build_bench(config)
+    with collection_put_off():
+        bench = build_bench(config)
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
         recording = None

@@ -1,12 +1,14 @@
 """Wake-up lateness of the paced 1 kHz loop beside `cyclictest`, in the same run.
 
-    python benchmarks/lateness.py [--seconds N] [--slice N] [--cpu N]
+    python benchmarks/lateness.py [--seconds N] [--slice N] [--cpu N] [--policy fifo]
+                                  [--condition "as it is"]
 
 Both wake at 1 kHz on absolute deadlines, on the same processor, in turns of some seconds, so that
 whatever else the machine does meets both; first at normal priority, then with SCHED_FIFO and locked
 memory. Both leave out the periods that a hold-up covers: one hold-up is one late tick. The loop
 runs the whole bench of four nodes on a bus without traffic: as it is, with the other processors
-busy, and with a recording and a status line attached. cyclictest is in Debian's package rt-tests.
+busy, and with a recording, a status line and a Modbus server attached that a client asks for its
+registers 100 times a second. cyclictest is in Debian's package rt-tests.
 """
 
 import argparse
@@ -15,18 +17,21 @@ import multiprocessing
 import os
 import platform
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from multiprocessing.synchronize import Event
 from pathlib import Path
 
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
-from hil_bench.config import OverrunPolicy, RealtimeConfig, RealtimePolicy, load_config
+from hil_bench.config import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy, load_config
+from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
@@ -35,10 +40,13 @@ from hil_bench.recording.recorder_process import RecorderProcess
 from hil_bench.recording.snapshot import Snapshot
 from hil_bench.runner import run_paced
 from hil_bench.telemetry import RecordingTap, bench_channels
+from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.silent import SilentTransport
 
 LONGEST_US = 100_000
 PRIORITY = 80
+POLICIES = {"off": "normal", "fifo": "SCHED_FIFO"}
+CONDITIONS = ("as it is", "others busy", "all attached")
 
 
 @dataclass(slots=True)
@@ -86,26 +94,43 @@ class Peer:
 
 
 class Attachment:
-    """A recording and a status line, each in its process, as `hil-bench run --record` has them."""
+    """A recording, a status line and a Modbus server, each in its process, as `run` has them."""
 
-    def __init__(self, bench: Bench, folder: Path) -> None:
+    def __init__(self, config: BenchConfig, bench: Bench, folder: Path) -> None:
         channels, self._fields = bench_status(bench)
         self.snapshot = Snapshot(channels)
         plan = RecordingPlan((folder / "attached.csv",), bench_channels(bench))
         self.recorder = RecorderProcess(plan)
+        self.binding = ModbusBinding(config, bench)
 
     @contextlib.contextmanager
     def running(self, statistics: TickStatistics) -> Iterator[None]:
-        """Run both."""
+        """Run all of them, and a client of the server."""
         context = multiprocessing.get_context("spawn")
         ended = context.Event()
         arguments = (self.snapshot, tuple(self._fields), statistics, ended)
         screen = context.Process(target=draw, args=arguments)
         screen.start()
-        with self.recorder:
+        with ModbusProcess(self.binding.plan) as server, self.recorder:
+            client = context.Process(target=poll, args=(server.endpoints.port, ended))
+            client.start()
             yield
-        ended.set()
+            ended.set()
+            client.join()
         screen.join()
+
+    def observe(self, bench: Bench, now: int) -> None:
+        """Hand out what a tick has found."""
+        self.snapshot.write(bench_status_row(bench))
+        self.binding.exchange(bench, now)
+
+
+def poll(port: int, ended: Event) -> None:
+    """Ask the valve's unit for its first eight input registers until all has ended."""
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        while not ended.wait(0.01):
+            connection.sendall(bytes([0, 1, 0, 0, 0, 6, 1, 4, 0, 0, 0, 8]))
+            connection.recv(256)
 
 
 def draw(*arguments: object) -> None:
@@ -118,7 +143,7 @@ def run_loop(
     seconds: float, realtime: RealtimeConfig, statistics: TickStatistics, folder: Path | None
 ) -> None:
     """Run the bench's loop for a turn; with a folder, with everything attached."""
-    config = load_config()
+    config = load_config(folder / "modbus.toml" if folder else None)
     bench = build_bench(config)
     end = statistics.ticks + statistics.skipped + round(seconds * 1e9 / config.tick_ns)
     transport: SilentTransport | RecordingTap = SilentTransport()
@@ -128,13 +153,10 @@ def run_loop(
     observers = []
     with contextlib.ExitStack() as stack:
         if folder is not None:
-            attachment = Attachment(bench, folder)
+            attachment = Attachment(config, bench, folder)
             stack.enter_context(attachment.running(statistics))
             transport = tap = RecordingTap(transport, attachment.recorder)
-            observers = [
-                tap.observe,
-                lambda bench, _now: attachment.snapshot.write(bench_status_row(bench)),
-            ]
+            observers = [tap.observe, attachment.observe]
         run_paced(
             *(bench, transport, pacer),
             stopped=lambda: statistics.ticks + statistics.skipped >= end,
@@ -191,6 +213,8 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="of each row")
     parser.add_argument("--slice", type=float, default=10.0, help="length of a turn [s]")
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
+    parser.add_argument("--policy", choices=POLICIES, nargs="+", default=list(POLICIES))
+    parser.add_argument("--condition", choices=CONDITIONS, nargs="+", default=CONDITIONS)
     arguments = parser.parse_args()
     if shutil.which("cyclictest") is None:
         print("cyclictest is missing: apt-get install rt-tests", file=sys.stderr)
@@ -199,16 +223,18 @@ def main() -> int:
     print(f"{platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}, ")
     print(f"load {load:.1f} before; {arguments.seconds:g} s each in turns; lateness in us\n")
     print("| | p50 | p99 | p99.9 | max | |\n|---|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as folder:
-        conditions = (
-            ("as it is", False, None),
-            ("others busy", True, None),
-            ("recording and screen", False, Path(folder)),
-        )
-        for policy, how in ((RealtimePolicy.OFF, "normal"), (RealtimePolicy.FIFO, "SCHED_FIFO")):
-            for name, is_busy, place in conditions:
-                found = measure(arguments, policy, is_busy=is_busy, folder=place)
-                print("\n".join(rows(f"{how}, {name}", *found)), flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "modbus.toml").write_text("[modbus]\nport = 0\n", encoding="ascii")
+        for policy in arguments.policy:
+            for condition in arguments.condition:
+                found = measure(
+                    arguments,
+                    RealtimePolicy(policy),
+                    is_busy=condition == "others busy",
+                    folder=folder if condition == "all attached" else None,
+                )
+                print("\n".join(rows(f"{POLICIES[policy]}, {condition}", *found)), flush=True)
     return 0
 
 

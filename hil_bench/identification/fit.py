@@ -22,6 +22,7 @@ _FEWEST_PIECES = 8
 _ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
 _REFINED = 3  # of the candidates
 _STRANGE = 1.3  # times the median residual: a piece that the model does not explain
+_LEAST_RESIDUAL = 0.5  # of the noise: no record is believed to be better than that
 _MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
 
 
@@ -191,7 +192,8 @@ class _Problem:
         freedom = len(residuals) - 8 * len(self.shooting.states) - 2 * len(variables)
         rms = float(np.sqrt(np.square(residuals).sum() / freedom))
         covariance = find_covariance(slopes, residuals, len(self.shooting.states), freedom)
-        return Fit(variables, covariance, float(cost), rms)
+        doubt = max(1.0, _LEAST_RESIDUAL / max(rms, 1e-12)) ** 2
+        return Fit(variables, doubt * covariance, float(cost), rms)
 
     def _of(self, trials: Sequence[Values]) -> Values:
         guesses = [self.unknowns.guess(trial) for trial in trials]

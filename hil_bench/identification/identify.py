@@ -12,12 +12,13 @@ from hil_bench.identification.fit import Fit, Fitter, Report
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
 from hil_bench.identification.spool import fit_spool
-from hil_bench.identification.stages import CLOSE, FINE, LENGTH, MIDDLE
+from hil_bench.identification.stages import AGAIN, CLOSE, FINE, LENGTH, MIDDLE
 from hil_bench.identification.unknowns import KINDS, OFFSETS, Guess, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 
+_SIDE_MINIMUM = 1.3  # times the noise: residuals above may mean one
 _REPEATS = 3  # of the fit, while it changes which pieces the model explains
 
 
@@ -173,6 +174,8 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
         pieces = fitter.pieces(stage, stop)
         variables = fitter.fit(unknowns, variables, stage, pieces).variables
     every = fitter.pieces(FINE, stop)
+    first = fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
+    variables = _lead_out(fitter, unknowns, first, every).variables
     vague: dict[str, float] = {}
     pieces = fitter.explained(unknowns, variables, every)
     repeats = 0
@@ -190,6 +193,18 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
         guess = unknowns.guess(fit.variables)
         unknowns = unknowns.without(dropped)
         variables = unknowns.variables_of(guess)
+
+
+def _lead_out(fitter: Fitter, unknowns: Unknowns, first: Fit, every: Pieces) -> Fit:
+    """Return the better of a fit and another one, sought if it looks like a side minimum."""
+    if first.residual <= _SIDE_MINIMUM:
+        return first
+    variables = first.variables
+    for stage in AGAIN:
+        pieces = fitter.pieces(stage, unknowns.known.h)
+        variables = fitter.fit(unknowns, variables, stage, pieces).variables
+    second = fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
+    return min(first, second, key=lambda fit: fit.cost)
 
 
 def find_vague(unknowns: Unknowns, fit: Fit) -> list[str]:

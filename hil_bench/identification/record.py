@@ -26,6 +26,8 @@ _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
 _SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
 _FITTED = 0.8  # of each stretch; the rest is for the trial
 _MOTION = 1e-3  # [m]
+_PACE = 50  # rows between two positions of which the way is counted: noise adds up less
+_ONE_WAY = 0.05  # of the way: less back than that is one way only
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +68,16 @@ class AxisRecord:
     def tried(self) -> list[range]:
         """The rows for the trial, by stretch."""
         return [range(_split(rows), rows.stop) for rows in self.stretches]
+
+    @property
+    def moves_both_ways(self) -> bool:
+        """Whether the piston goes each way for a twentieth of all its way, and more than noise."""
+        ways = [
+            np.diff(self.measured[part.start : part.stop : _PACE, 0]) for part in self.stretches
+        ]
+        way = np.concatenate(ways)
+        forth, back = way[way > 0.0].sum(), -way[way < 0.0].sum()
+        return bool(min(forth, back) > max(_ONE_WAY * (forth + back), _MOTION))
 
     def rows_in(self, duration: float) -> int:
         """Return how many rows span a duration [s], 10 at least."""
@@ -135,7 +147,9 @@ def _check_columns(recording: Recording, axis: str) -> None:
         return
     axes = {name.rpartition(".")[0] for name in names if name.endswith(".spool_setpoint")}
     has = f"it has {', '.join(sorted(axes))}" if axes else "it has no axis with a spool_setpoint"
-    raise ConfigError(f"the recording lacks {', '.join(lacking)}; {has}")
+    raise ConfigError(
+        f"the recording lacks {', '.join(lacking)}, which identification needs; {has}"
+    )
 
 
 def _check_times(times: Values) -> float:

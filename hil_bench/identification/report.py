@@ -17,6 +17,9 @@ _DISPLAY = (MICROMETRE, BAR, BAR)
 EXPLAINED = 3.0
 """Multiple of the noise below which residuals mean that the model explains the record."""
 
+SUSPECT = 1.5
+"""Multiple of the noise above which residuals of the fit itself are not noise alone."""
+
 _WOULD_TELL = {
     "w": "motion at several openings of the valve, clear of dead-zone and saturation",
     "beta": "slow ramps of the set-point through the dead-zone, both ways",
@@ -139,6 +142,18 @@ def _trial_lines(found: Identification) -> list[str]:
         for name, offset, deviation in offsets
         if abs(offset) > EXPLAINED * deviation
     ]
+    if found.residual > SUSPECT:
+        lines.append(
+            f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model lacks "
+            "something, or the fit ended in a side minimum; standard deviations do not hold then; "
+            "try more --starts"
+        )
+    if not record.moves_both_ways:
+        lines.append(
+            "the piston moves one way only, where friction looks like an error of the pressure "
+            "sensors: both are told only as far as the sensors are right within 1 bar; move it "
+            "both ways"
+        )
     if not is_explained(found):
         lines.append(
             f"the model does NOT explain this record: {EXPLAINED:g} times the noise at most would "

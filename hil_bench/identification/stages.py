@@ -75,3 +75,11 @@ FINE = Stage(
     follows=True,
     settlings=12,
 )
+
+AGAIN = (
+    MIDDLE._replace(name="again", length=0.08, share=1.0, blur=3.0, rounds=5, precision=1.0),
+    FINE._replace(
+        name="again", rounds=5, coarse=2, precision=0.3, enough=1e-2, follows=False, settlings=1
+    ),
+)
+"""What leads out of a side minimum: pieces too short for the motion to part, then with patience."""

@@ -72,6 +72,15 @@ def test_nothing_reaches_across_a_gap(recording: Recording) -> None:
     assert [(rows.start, rows.stop) for rows in record.tried] == [(800, 1000), (3420, 4000)]
 
 
+def test_motion_one_way_is_told_from_motion_both_ways(recording: Recording) -> None:
+    both = AxisRecord.of(recording, "lift", FULL_OPENING)
+    noise = 2e-6 * np.random.default_rng(2).standard_normal(ROWS)
+    recording["lift.position"] = np.linspace(-0.1, 0.1, ROWS) + noise
+    one = AxisRecord.of(recording, "lift", FULL_OPENING)
+
+    assert (both.moves_both_ways, one.moves_both_ways) == (True, False)
+
+
 def _lack(recording: Recording) -> Recording:
     names = [name for name in recording.dtype.names or () if not name.endswith("P_B")]
     return recording[names]
@@ -101,7 +110,7 @@ def _slow(recording: Recording) -> Recording:
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        (_lack, "lacks lift.P_B; it has lift"),
+        (_lack, "lacks lift.P_B, which identification needs; it has lift"),
         (_break, "lift.P_A is no number in 3 rows, first at 1.5 s"),
         (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),

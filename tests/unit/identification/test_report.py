@@ -91,6 +91,31 @@ def test_what_is_not_told_comes_with_what_would_tell_it() -> None:
     assert "position 1 mm rms" in text  # 1 mm beside a record of zeros
 
 
+def test_residuals_that_are_not_noise_come_with_a_warning() -> None:
+    texts = [summarise(replace(make(), residual=residual)) for residual in (1.5, 1.6)]
+
+    assert ["side minimum" in text for text in texts] == [False, True]
+
+
+def test_a_record_of_one_direction_comes_with_a_warning() -> None:
+    found = make()
+    there = np.linspace(-0.1, 0.1, 100)
+    back = np.concatenate([there, there[::-1]])
+    lines = [
+        summarise(
+            replace(
+                found,
+                record=replace(
+                    found.record, stretches=(range(len(way)),), measured=np.column_stack([way] * 3)
+                ),
+            )
+        )
+        for way in (there, back)
+    ]
+
+    assert ["one way only" in line for line in lines] == [True, False]
+
+
 def test_a_model_that_does_not_follow_the_record_is_named() -> None:
     assert is_explained(make(residual=3.0))
     assert not is_explained(make(residual=3.1))

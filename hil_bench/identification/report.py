@@ -144,8 +144,8 @@ def _trial_lines(found: Identification) -> list[str]:
     ]
     if found.residual > SUSPECT:
         lines.append(
-            f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model lacks "
-            "something, or the fit ended in a side minimum; standard deviations do not hold then; "
+            f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model "
+            "lacks something, or the fit ended in a side minimum; deviations do not hold then; "
             "try more --starts"
         )
     if not record.moves_both_ways:

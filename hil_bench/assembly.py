@@ -4,15 +4,15 @@
 >>> bus = embedded_bus(load_config("bench.toml"))
 """
 
-from hil_bench.bench import (
+from hil_bench.axis import (
     Axis,
-    Bench,
     Measurement,
     PositionMeasurement,
     PressureMeasurement,
     QuantityMeasurement,
     SpoolCommand,
 )
+from hil_bench.bench import Bench
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node

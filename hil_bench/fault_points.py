@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from hil_bench.bench import Axis, Measurement, PositionMeasurement
+from hil_bench.axis import Axis, Measurement, PositionMeasurement
 from hil_bench.canopen_device.node import Node
 from hil_bench.config import FaultConfig, GenericConfig, NodeConfig, ValveConfig
 from hil_bench.devices.valve_408 import ValveDevice

@@ -50,9 +50,6 @@ HEARTBEAT_PERIOD = 0.05
 EVENT_TIMER = 0.005
 """Time after which each device sends its values again [s]."""
 
-SHOWN_FRAMES = 20
-"""Frames that a failed test shows."""
-
 _FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
@@ -113,31 +110,11 @@ def pytest_runtest_makereport(
     if bench is None or _ARTIFACTS not in item.stash:  # none, or another fixture of that name
         return report
     if call.when == "call" and report.failed:
-        report.sections.append((f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench)))
-        if bench.faults.events:
-            report.sections.append(("faults", _fault_events(bench.faults)))
-        if bus := item.stash.get(_FIRMWARE_BUS, None):
-            report.sections.append(("firmware", bus.report()))
-        _attach_files(item, bench, report)
+        from hil_bench.pytest_plugin.failure_report import attach_files, describe_bench
+
+        report.sections += describe_bench(bench, item.stash.get(_FIRMWARE_BUS, None))
+        attach_files(item, bench, item.stash[_ARTIFACTS], report)
     return report
-
-
-def _attach_files(item: pytest.Item, bench: "VirtualBench", report: pytest.TestReport) -> None:
-    """Write what the bench of a test recorded, and say in its report where it is."""
-    from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
-    from hil_bench.pytest_plugin.recording import recording_path
-
-    try:
-        files = write_artifacts(bench, item.stash[_ARTIFACTS](), file_stem(item.nodeid))
-    except (OSError, ValueError) as error:
-        report.sections.append(("hil-bench files", f"could not be written: {error}"))
-        return
-    item.user_properties.extend((f"hil_{what}", str(path)) for what, path in files.items())
-    recording = recording_path(item)
-    if recording is not None and recording.exists():
-        files["recording"] = recording
-    lines = [f"{what:9} {path}" for what, path in files.items()]
-    report.sections.append(("hil-bench files", "\n".join(lines)))
 
 
 @pytest.fixture(scope="session")
@@ -381,21 +358,3 @@ def _start(network: "Network", driver: "Device", node_id: int) -> None:
     """Bring a device to OPERATIONAL and wait for its first values."""
     network.start_node(node_id)
     network.wait_until(lambda: driver.age < 1.0, 1.0, f"{driver.node}: first values")
-
-
-def _fault_events(faults: "Faults") -> str:
-    """Return which faults began and ended when."""
-    return "\n".join(
-        f"({time * 1e-9:.6f}) {kind} {target} {'begins' if is_begin else 'ends'}"
-        for time, kind, target, is_begin in faults.events
-    )
-
-
-def _trace(bench: "VirtualBench") -> str:
-    """Return the latest frames as candump shows them, marked as seen from the bench."""
-    return "\n".join(
-        f"({now * 1e-9:.6f}) {f'can{frame.bus} ' if frame.bus else ''}"
-        f"{frame.can_id:03X}#{frame.data.hex().upper()} "
-        f"{'to' if is_received else 'from'} the bench"
-        for frame, now, is_received in list(bench.frames)[-SHOWN_FRAMES:]
-    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hil_bench.bench import Axis
+from hil_bench.axis import Axis
 from hil_bench.plant import PlantState
 
 QUANTITIES = {"position": "m", "P_A": "Pa", "P_B": "Pa", "spool_position": "-"}

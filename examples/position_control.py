@@ -57,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     # python-can logs what we say in one line of our own.
     logging.getLogger("can").setLevel(logging.DEBUG if options.verbose else logging.CRITICAL)
-    signal.signal(signal.SIGTERM, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell starts what is in the background deaf
+        signal.signal(number, interrupt)
     try:
         with open_bus(options) as bus, Network(bus) as network:
             control(network, options)

@@ -121,6 +121,21 @@ def main() -> None:
         f"\nposition where nothing was fitted, in multiples of the sensor's noise: median "
         f"{np.median(position):.2f}, worst {max(position):.2f}"
     )
+    ratios = np.array([ratio for name in KINDS for ratio in _ratios(name, tried)])
+    print(
+        f"{len(ratios)} errors over their stated deviations: root mean square "
+        f"{np.sqrt(np.square(ratios).mean()):.2f}, {(ratios < 2.0).mean():.1%} below 2"
+    )
+
+
+def _ratios(name: str, tried: list[tuple[PlantParameters, Identification]]) -> list[float]:
+    """Return the error of a parameter on each machine, in stated deviations."""
+    return [
+        abs(estimate.value - getattr(machine, name)) / estimate.deviation
+        for machine, found in tried
+        for estimate in found.told
+        if estimate.name == name
+    ]
 
 
 def _row(name: str, tried: list[tuple[PlantParameters, Identification]]) -> str:

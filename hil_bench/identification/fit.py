@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hil_bench.errors import ConfigError
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
-from hil_bench.identification.stages import FINE, ROUGH, Stage
+from hil_bench.identification.stages import FINE, LONGER, ROUGH, Stage
 from hil_bench.identification.uncertainty import find_covariance
 from hil_bench.identification.unknowns import Unknowns
 from hil_bench.plant import PlantOptions
@@ -89,8 +89,10 @@ class Fitter:
             shooting.resume(self._settled)
         return shooting
 
-    def search(self, unknowns: Unknowns, starts: int, seed: int) -> Values:
-        """Return the best of some random candidates, refined at the shortest pieces.
+    def search(self, unknowns: Unknowns, starts: int, seed: int) -> list[Values]:
+        """Return the best two of some random candidates, refined at the shortest pieces.
+
+        One was refined for a short while, the other for a longer one.
 
         Args:
             unknowns: what is sought.
@@ -108,8 +110,9 @@ class Fitter:
             costs.append(float(_soft(shooting.residuals([guess], [shooting.states])).sum()))
             self.report("search")
         best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
-        fits = [self.fit(unknowns, candidate, ROUGH, pieces) for candidate in best]
-        return min(fits, key=lambda fit: fit.cost).variables
+        short = [self.fit(unknowns, candidate, ROUGH, pieces) for candidate in best]
+        long = [self.fit(unknowns, fit.variables, LONGER, pieces) for fit in short]
+        return [min(fits, key=lambda fit: fit.cost).variables for fits in (short, long)]
 
     def explained(self, unknowns: Unknowns, variables: Values, pieces: Pieces) -> Pieces:
         """Return the pieces less those few in which something happens that the model lacks."""

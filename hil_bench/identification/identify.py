@@ -169,10 +169,11 @@ class _Found:
 def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     """Fit, leave out what the record does not tell, and fit again, until all is told."""
     stop = unknowns.known.h
-    variables = fitter.search(unknowns, starts, seed)
-    for stage in (MIDDLE, CLOSE):
-        pieces = fitter.pieces(stage, stop)
-        variables = fitter.fit(unknowns, variables, stage, pieces).variables
+    pieces = fitter.pieces(MIDDLE, stop)
+    ways = fitter.search(unknowns, starts, seed)
+    fits = [fitter.fit(unknowns, variables, MIDDLE, pieces) for variables in ways]
+    variables = min(fits, key=lambda fit: fit.cost).variables
+    variables = fitter.fit(unknowns, variables, CLOSE, fitter.pieces(CLOSE, stop)).variables
     every = fitter.pieces(FINE, stop)
     first = fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
     variables = _lead_out(fitter, unknowns, first, every).variables

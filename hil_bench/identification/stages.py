@@ -41,13 +41,16 @@ ROUGH = Stage(
     length=0.04,
     share=0.25,
     blur=5.0,
-    rounds=6,
+    rounds=2,
     coarse=2,
     precision=1.0,
     enough=1e-3,
     follows=False,
     settlings=1,
 )
+LONGER = ROUGH._replace(rounds=4)
+"""Goes on where `ROUGH` stopped: it leads some records out of side minima, and others into one."""
+
 MIDDLE = Stage(
     "middle",
     length=0.15,

@@ -164,9 +164,9 @@ def test_a_sync_storm_costs_no_tick_and_hides_no_controller_that_died():
 
 @pytest.fixture
 def slow_config(tmp_path):
-    """A tick of 10 ms, so that a minute takes 6000."""
+    """A tick of 10 ms in twenty steps, so that a minute takes 6000 of them."""
     path = tmp_path / "bench.toml"
-    path.write_text("[bench]\ntick_us = 10000\n")
+    path.write_text("[bench]\ntick_us = 10000\nstep_us = 500\n")
     return load_config(path)
 
 

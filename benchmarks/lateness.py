@@ -108,7 +108,7 @@ class Attachment:
         """Run all of them, and a client of the server."""
         context = multiprocessing.get_context("spawn")
         ended = context.Event()
-        arguments = (self.snapshot, tuple(self._fields), statistics, ended)
+        arguments = (self.snapshot, (tuple(self._fields),), statistics, ended)
         screen = context.Process(target=draw, args=arguments)
         screen.start()
         with ModbusProcess(self.binding.plan) as server, self.recorder:

@@ -10,7 +10,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
 from hil_bench.identification.stages import FINE, LONGER, ROUGH, Stage
-from hil_bench.identification.uncertainty import find_covariance
+from hil_bench.identification.uncertainty import find_covariance, leave_out_wild
 from hil_bench.identification.unknowns import Unknowns
 from hil_bench.plant import PlantOptions
 
@@ -110,9 +110,11 @@ class Fitter:
             costs.append(float(_soft(shooting.residuals([guess], [shooting.states])).sum()))
             self.report("search")
         best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
-        short = [self.fit(unknowns, candidate, ROUGH, pieces) for candidate in best]
-        long = [self.fit(unknowns, fit.variables, LONGER, pieces) for fit in short]
-        return [min(fits, key=lambda fit: fit.cost).variables for fits in (short, long)]
+        ways = []
+        for stage in (ROUGH, LONGER):
+            fits = [self.fit(unknowns, candidate, stage, pieces) for candidate in best]
+            ways.append(min(fits, key=lambda fit: fit.cost).variables)
+        return ways
 
     def explained(self, unknowns: Unknowns, variables: Values, pieces: Pieces) -> Pieces:
         """Return the pieces less those few in which something happens that the model lacks."""
@@ -187,7 +189,8 @@ class _Problem:
     def slopes(self, variables: Values) -> Values:
         steps = self._steps(variables)
         found = self._of([variables, *(variables + step for step in np.diag(steps))])
-        return np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
+        slopes = np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
+        return leave_out_wild(slopes, len(self.shooting.states)) if self.stage.follows else slopes
 
     def result(self, variables: Values, cost: float) -> Fit:
         """Return the fit, and how uncertain it is."""

@@ -12,7 +12,7 @@ from hil_bench.identification.fit import Fit, Fitter, Report
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
 from hil_bench.identification.spool import fit_spool
-from hil_bench.identification.stages import AGAIN, CLOSE, FINE, LENGTH, MIDDLE
+from hil_bench.identification.stages import AGAIN, CLOSE, FINE, LENGTH, MIDDLE, Stage
 from hil_bench.identification.unknowns import KINDS, OFFSETS, Guess, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
 
@@ -169,14 +169,8 @@ class _Found:
 def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     """Fit, leave out what the record does not tell, and fit again, until all is told."""
     stop = unknowns.known.h
-    pieces = fitter.pieces(MIDDLE, stop)
-    ways = fitter.search(unknowns, starts, seed)
-    fits = [fitter.fit(unknowns, variables, MIDDLE, pieces) for variables in ways]
-    variables = min(fits, key=lambda fit: fit.cost).variables
-    variables = fitter.fit(unknowns, variables, CLOSE, fitter.pieces(CLOSE, stop)).variables
     every = fitter.pieces(FINE, stop)
-    first = fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
-    variables = _lead_out(fitter, unknowns, first, every).variables
+    variables = _approach(fitter, unknowns, fitter.search(unknowns, starts, seed)).variables
     vague: dict[str, float] = {}
     pieces = fitter.explained(unknowns, variables, every)
     repeats = 0
@@ -196,16 +190,28 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
         variables = unknowns.variables_of(guess)
 
 
-def _lead_out(fitter: Fitter, unknowns: Unknowns, first: Fit, every: Pieces) -> Fit:
-    """Return the better of a fit and another one, sought if it looks like a side minimum."""
-    if first.residual <= _SIDE_MINIMUM:
-        return first
-    variables = first.variables
-    for stage in AGAIN:
+def _approach(fitter: Fitter, unknowns: Unknowns, ways: Sequence[Values]) -> Fit:
+    """Return the best fit from what the search has found.
+
+    Another way is tried as long as the one before looks like a side minimum.
+    """
+    fits: list[Fit] = []
+    for variables in ways:
+        fits.append(_follow(fitter, unknowns, variables, (MIDDLE, CLOSE)))
+        if fits[-1].residual <= _SIDE_MINIMUM:
+            return fits[-1]
+    best = min(fits, key=lambda fit: fit.cost)
+    fits.append(_follow(fitter, unknowns, best.variables, AGAIN))
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def _follow(fitter: Fitter, unknowns: Unknowns, variables: Values, stages: Sequence[Stage]) -> Fit:
+    """Return the first fine fit, to which some stages lead."""
+    for stage in stages:
         pieces = fitter.pieces(stage, unknowns.known.h)
         variables = fitter.fit(unknowns, variables, stage, pieces).variables
-    second = fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
-    return min(first, second, key=lambda fit: fit.cost)
+    every = fitter.pieces(FINE, unknowns.known.h)
+    return fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
 
 
 def find_vague(unknowns: Unknowns, fit: Fit) -> list[str]:

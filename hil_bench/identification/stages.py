@@ -48,8 +48,8 @@ ROUGH = Stage(
     follows=False,
     settlings=1,
 )
-LONGER = ROUGH._replace(rounds=4)
-"""Goes on where `ROUGH` stopped: it leads some records out of side minima, and others into one."""
+LONGER = ROUGH._replace(rounds=6)
+"""Leads some records out of side minima that `ROUGH` ends in, and others into one."""
 
 MIDDLE = Stage(
     "middle",

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from hil_bench.identification.uncertainty import find_covariance, leave_out
+from hil_bench.identification.uncertainty import find_covariance, leave_out, leave_out_wild
 
 GROUPS, SIZE = 40, 25
 NOISE = 0.05  # small beside 1, where the loss soft_l1 bends: the fit is the mean, nearly
@@ -73,3 +73,29 @@ def test_independent_residuals_give_the_covariance_of_least_squares() -> None:
     # estimates that scatter by 23 % is some 10 % more
     expected = NOISE**2 / np.array([len(places), np.square(places).sum()])
     assert np.mean(found, axis=0).diagonal() == pytest.approx(1.1 * expected, rel=0.08)
+
+
+def test_a_group_that_claims_to_tell_all_is_left_out():
+    source = np.random.default_rng(7)
+    slopes = source.standard_normal((20 * 5 + 2, 2))
+    slopes[3 * 5 : 4 * 5, 1] *= 1e4  # claims 1e8 times a group's share, 5e6 times all others'
+    slopes[7 * 5 : 8 * 5] *= 10.0  # tells much: 100 times a share, 5 times all others
+    tamed = leave_out_wild(slopes, 20)
+    assert not tamed[3 * 5 : 4 * 5].any()
+    rest = np.r_[0:15, 20:102]
+    assert np.array_equal(tamed[rest], slopes[rest])
+
+
+def test_wild_groups_do_not_hide_each_other():
+    slopes = np.ones((10 * 3 + 1, 1))
+    slopes[0:3] = 1e4
+    slopes[3:6] = 1e9
+    tamed = leave_out_wild(slopes, 10)
+    assert not tamed[:6].any()
+    assert tamed[6:].all()
+
+
+def test_what_one_group_alone_tells_is_kept():
+    slopes = np.zeros((10 * 3 + 1, 1))
+    slopes[3:6] = 1.0
+    assert np.array_equal(leave_out_wild(slopes, 10), slopes)

@@ -20,6 +20,13 @@ from hil_bench.errors import ParameterError
 from hil_bench.plant.validation import require_positive
 from hil_bench.recording.channels import Recording
 
+SMOOTHING = 1.0 / 48.0
+"""Width of the spectra's moving average [octave].
+
+A twelfth of an octave would turn the phase of a resonance of 0.11 damping by 1.4 degrees; the error
+grows with the square of the width.
+"""
+
 _LONGEST = 20_000_000  # samples: a gigabyte
 
 
@@ -128,11 +135,14 @@ def estimate_response(
     *,
     resolution: float = 0.25,
     smoothing: float = 0.0,
+    is_held: bool = False,
 ) -> ResponseEstimate:
     """Return H1 = S_uy / S_uu and the coherence |S_uy|² / (S_uu S_yy).
 
-    Spectra by Welch's method: Hann windows with half of their length in common, the mean of each
-    taken away. Noise in the response averages out of H1; noise in the excitation does not.
+    Spectra by Welch's method: Hann windows that share three quarters of their length, the mean of
+    each removed. The squares of such windows add up to a constant, so that a chirp weighs the same
+    when it reaches the input and, later, the output. Noise in the response averages out of H1;
+    noise in the excitation does not.
 
     Args:
         excitation: u, shape (samples,).
@@ -140,6 +150,10 @@ def estimate_response(
         dt: from sample to sample [s].
         resolution: distance of the frequency lines [Hz]; a window is as long as its inverse.
         smoothing: width of a moving average over the spectra [octave]; 0 turns it off.
+        is_held: whether each sample of the excitation was held over the step that ends with the
+            response's sample, as `simulate` pairs them. The plant then sees a staircase, which is
+            sinc(f dt) times as large as its samples and half a step ahead of them; the response is
+            corrected for both.
 
     Raises:
         ParameterError: the signals differ in length, hold no full window or are not finite.
@@ -148,6 +162,7 @@ def estimate_response(
     from scipy import signal  # noqa: PLC0415 - an extra, and slow to import
 
     window = round(1.0 / (resolution * dt))
+    shared = window * 3 // 4
     if excitation.shape != response.shape or not 8 <= window <= len(excitation):
         raise ParameterError(
             f"frequency response: {len(excitation)} samples of the excitation and {len(response)} "
@@ -157,26 +172,33 @@ def estimate_response(
         raise ParameterError("frequency response: every sample must be finite")
     pairs = ((excitation, response), (excitation, excitation), (response, response))
     cross, of_input, of_output = (
-        _smoothed(signal.csd(first, second, 1.0 / dt, nperseg=window)[1], smoothing)
+        _smoothed(
+            signal.csd(first, second, 1.0 / dt, nperseg=window, noverlap=shared)[1], smoothing
+        )
         for first, second in pairs
     )
     power = of_input.real * of_output.real
+    coherent = np.abs(cross) ** 2
+    frequency = np.asarray(np.fft.rfftfreq(window, dt), dtype=np.float64)
+    if is_held:
+        cross = cross * np.exp(-1j * np.pi * frequency * dt) / np.sinc(frequency * dt)
     with np.errstate(divide="ignore", invalid="ignore"):  # a line without excitation has no answer
         return ResponseEstimate(
-            frequency=np.asarray(np.fft.rfftfreq(window, dt), dtype=np.float64),
+            frequency=frequency,
             response=cross / of_input.real,
-            coherence=np.where(power > 0.0, np.abs(cross) ** 2 / power, 0.0),
+            coherence=np.where(power > 0.0, coherent / power, 0.0),
         )
 
 
 def _smoothed(spectrum: npt.NDArray[np.complex128], width: float) -> npt.NDArray[np.complex128]:
-    """Return each line as the mean over `width` octaves around it."""
+    """Return each line as the mean over `width` octaves around it, with as many on either side."""
     if width <= 0.0:
         return spectrum
     numbers = np.arange(len(spectrum))
     reach = 2.0 ** (0.5 * width)
-    low = np.ceil(numbers / reach).astype(int)
-    high = np.minimum(np.floor(numbers * reach).astype(int), len(spectrum) - 1)
+    half = np.floor(0.5 * numbers * (reach - 1.0 / reach)).astype(int)
+    half = np.minimum(half, len(spectrum) - 1 - numbers)
+    low, high = numbers - half, numbers + half
     sums = np.concatenate(([0.0], np.cumsum(spectrum)))
     return np.asarray((sums[high + 1] - sums[low]) / (high + 1 - low), dtype=np.complex128)
 
@@ -199,7 +221,7 @@ class ChirpRun:
 
 
 def measure_frequency_response(
-    setup: Setup, chirp: Chirp, *, resolution: float = 0.25, smoothing: float = 1.0 / 12.0
+    setup: Setup, chirp: Chirp, *, resolution: float = 0.25, smoothing: float = SMOOTHING
 ) -> ChirpRun:
     """Return the response from spool set-point to velocity, measured with a chirp.
 
@@ -213,7 +235,12 @@ def measure_frequency_response(
     """
     recording = simulate(setup, chirp.samples(setup.dt))
     estimate = estimate_response(
-        recording["u"], recording["v"], setup.dt, resolution=resolution, smoothing=smoothing
+        recording["u"],
+        recording["v"],
+        setup.dt,
+        resolution=resolution,
+        smoothing=smoothing,
+        is_held=True,
     )
     ends = sorted((chirp.start_frequency, chirp.end_frequency))
     inside = (estimate.frequency >= ends[0]) & (estimate.frequency <= ends[1])

@@ -4,8 +4,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from hil_bench.analysis.full_linearisation import linearise_full
 from hil_bench.analysis.linearisation import (
     CoefficientForm,
@@ -17,7 +15,7 @@ from hil_bench.analysis.linearisation import (
 from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.analysis.root_locus import root_locus
 from hil_bench.analysis.statement import Statement, Verdict
-from hil_bench.analysis.static_curves import flow_pressure_curves
+from hil_bench.analysis.static_curves import flow_pressure_curves, load_flow
 from hil_bench.plant import PlantParameters
 
 
@@ -75,9 +73,18 @@ def _damping(parameters: PlantParameters) -> Iterator[Statement]:
     )
     yield Statement(
         "IV-A",
-        "“The bulk modulus influences the system damping as well.”",
-        f"With E = 1e9 Pa ζ falls to {stiff.damping_ratio:.4f}, by the root of 10.",
-        Verdict.HOLDS,
+        "“Unlike the mechanical stiffness, the bulk modulus influences the system damping as "
+        "well.”",
+        f"It does: with E = 1e9 Pa ζ falls to {stiff.damping_ratio:.4f}, by the root of 10. But so "
+        "does a mechanical stiffness k in m s² + σ s + k, where ζ = σ / (2 √(k m)).",
+        Verdict.CORRECTED,
+    )
+    yield Statement(
+        "IV-A",
+        "“The cylinders with larger Ā can achieve higher velocities.”",
+        f"The gain of (18) is 1 / Ā: with twice the areas it falls from {plain.gain:.1f} to "
+        f"{wide.gain:.1f} (m/s)/(m³/s), so the same flow moves the piston at half the velocity.",
+        Verdict.FAILS,
     )
     loaded = _at(parameters, 0.95, 0.95)
     yield Statement(
@@ -103,13 +110,25 @@ def _locus_and_curves(parameters: PlantParameters) -> Iterator[Statement]:
         f"{locus.critical_frequency:.0f} rad/s).",
         Verdict.HOLDS,
     )
-    curves = flow_pressure_curves(parameters, orifice_states=[parameters.alpha], points=3)
+    alpha, half = parameters.alpha, 0.5 * parameters.P_S
+    curves = flow_pressure_curves(parameters, orifice_states=[alpha], points=3)
     yield Statement(
         "IV-A, fig. 3",
         "The curves end at “max P_L = P_S”.",
         f"At z = α the flow falls from {curves.flow[0, 0] * 6e4:.1f} l/min to "
         f"{curves.flow[0, -1] * 6e4:.1f} l/min at P_L = P_S.",
         Verdict.HOLDS,
+    )
+    out, back, mirrored = (
+        load_flow(parameters, state, pressure) * 6e4
+        for state, pressure in ((alpha, half), (-alpha, -half), (-alpha, half))
+    )
+    yield Statement(
+        "IV-A, fig. 3",
+        "For negative load values the curves “are symmetrical with respect to both axes”.",
+        f"To the origin only: {out:.1f} l/min at α and P_S / 2 become {back:.1f} l/min at -α and "
+        f"-P_S / 2. Mirrored at one axis, -α at +P_S / 2, it is {mirrored:.1f} l/min.",
+        Verdict.CORRECTED,
     )
 
 
@@ -146,6 +165,7 @@ def _coefficients(parameters: PlantParameters) -> Iterator[Statement]:
 
 
 def _operating_points(parameters: PlantParameters) -> Iterator[Statement]:
+    plain = linearise_reduced(parameters).damping_ratio
     systems = {(z, p): _at(parameters, z, p) for z in (0.05, 0.95) for p in (0.05, 0.95)}
     fall = 20.0 * math.log10(systems[0.05, 0.05].gain / systems[0.05, 0.95].gain)
     frequencies = [system.eigenfrequency for system in systems.values()]
@@ -158,13 +178,17 @@ def _operating_points(parameters: PlantParameters) -> Iterator[Statement]:
         f"points lie within {spread:.1f} %.",
         Verdict.HOLDS,
     )
-    damping = np.sort([system.damping_ratio for system in systems.values()])
+    increase = {
+        point: 100.0 * (system.damping_ratio / plain - 1.0) for point, system in systems.items()
+    }
     yield Statement(
         "IV-A, fig. 4",
         "“An increased system damping is solely in case of the maximal orifice and load pressure.”",
-        f"ζ = {systems[0.95, 0.95].damping_ratio:.3f} there; "
-        f"{damping[0]:.3f}, {damping[1]:.3f} and {damping[2]:.3f} at the other points.",
-        Verdict.HOLDS,
+        f"Mostly. Over the {plain:.4f} of (20) ζ rises by {increase[0.95, 0.95]:.0f} % there, but "
+        f"also by {increase[0.95, 0.05]:.0f} % at high orifice and low pressure, by "
+        f"{increase[0.05, 0.95]:.1f} % at low and high, by {increase[0.05, 0.05]:.1f} % where both "
+        "are low.",
+        Verdict.CORRECTED,
     )
 
 

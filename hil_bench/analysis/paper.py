@@ -41,8 +41,8 @@ figures (PNG, SVG) and their data (CSV).
 Sections IV-B and IV-C are simulated as the paper says: forward Euler at 1e-4 s, tanh(400 v) for the
 sign. What it does not say was decided: a run starts from rest at mid-stroke with P_A A_A = P_B A_B;
 the chirp is linear in time and lasts {duration:g} s; spectra are by Welch's method (Hann windows of
-4 s, half of each in common), smoothed over a twelfth of an octave. Nothing was tuned to the paper's
-pictures.
+4 s, three quarters of each in common), smoothed over 1/48 of an octave; they are corrected for the
+set-point's hold over a step. Nothing was tuned to the paper's pictures.
 """
 
 

@@ -4,20 +4,25 @@ Table I, forward Euler at 1e-4 s, tanh(400 v) for the sign, as section IV-B says
 say is decided here: the chirp is linear and lasts a minute, a run starts from rest at mid-stroke.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from hil_bench.analysis.figures import TrajectoryPair
-from hil_bench.analysis.frequency_response import Chirp, ChirpRun, measure_frequency_response
+from hil_bench.analysis.frequency_response import (
+    SMOOTHING,
+    Chirp,
+    ChirpRun,
+    measure_frequency_response,
+)
 from hil_bench.analysis.simulated_studies import measure_both_models, simulate_both_models
 from hil_bench.analysis.simulation import Setup, without_input_nonlinearities
-from hil_bench.plant import Model, PlantParameters, paper_parameters
+from hil_bench.analysis.trajectories import state_trajectory
+from hil_bench.plant import Model, PlantParameters, PlantState, paper_parameters
+from hil_bench.recording.channels import Recording
 
 CHIRP_DURATION = 60.0
 """Length of the chirp [s]; the paper does not give it."""
-
-SMOOTHING = 1.0 / 12.0
-"""Width of the spectra's moving average [octave]; the paper says "smoothed"."""
 
 RESONANCE_BAND = (20.0, 200.0)
 """Where the resonance is looked for [Hz]."""
@@ -34,6 +39,8 @@ class PaperRuns:
         frictionless: reduced at 0.3 alpha with viscous friction alone.
         trajectories: both models at 0.4 mm and at 1 mm (fig. 6).
         double_rod: both models at 1 mm with two equal areas and volumes that do not change.
+        empty_with_sign: full-order at 0.4 mm from P_A = P_B = 0 with the sign as printed in (13).
+        empty_with_tanh: the same with tanh(400 v).
     """
 
     parameters: PlantParameters
@@ -42,6 +49,8 @@ class PaperRuns:
     frictionless: ChirpRun
     trajectories: Sequence[TrajectoryPair]
     double_rod: TrajectoryPair
+    empty_with_sign: Recording
+    empty_with_tanh: Recording
 
 
 def run_paper(*, chirp_duration: float = CHIRP_DURATION) -> PaperRuns:
@@ -66,6 +75,8 @@ def run_paper(*, chirp_duration: float = CHIRP_DURATION) -> PaperRuns:
         double_rod=simulate_both_models(
             replace(setup, parameters=with_constant_volumes(as_double_rod(table_1))), (1e-3,)
         )[0],
+        empty_with_sign=_run_empty(setup, math.inf),
+        empty_with_tanh=_run_empty(setup, setup.options.tanh_gain),
     )
 
 
@@ -80,7 +91,12 @@ def as_double_rod(parameters: PlantParameters) -> PlantParameters:
     return replace(parameters, A_A=area, A_B=area, V_A0=volume, V_B0=volume)
 
 
+def _run_empty(setup: Setup, tanh_gain: float) -> Recording:
+    """Return the run at 0.4 mm from pressures of zero, every step of it."""
+    options = replace(setup.options, tanh_gain=tanh_gain)
+    state = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return state_trajectory(replace(setup, options=options, state=state), amplitude=4e-4, every=1)
+
+
 def _measure(setup: Setup, chirp: Chirp) -> ChirpRun:
-    return measure_frequency_response(
-        without_input_nonlinearities(setup, chirp.amplitude), chirp, smoothing=SMOOTHING
-    )
+    return measure_frequency_response(without_input_nonlinearities(setup, chirp.amplitude), chirp)

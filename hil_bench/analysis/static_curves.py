@@ -48,7 +48,22 @@ def flow_pressure_curves(
         raise ParameterError(f"points = {points}: a curve needs 2 or more")
     supply = parameters.P_S - parameters.P_T
     load_pressure = supply * (1.0 - np.linspace(1.0, 0.0, points) ** 2)
-    side = np.where(states < 0.0, -1.0, 1.0)[:, np.newaxis]
-    drop = np.maximum(supply - side * load_pressure, 0.0)
-    flow = states[:, np.newaxis] * parameters.K * np.sqrt(0.5 * drop)
+    flow = load_flow(parameters, states[:, np.newaxis], load_pressure)
     return FlowPressureCurves(orifice_states=states, load_pressure=load_pressure, flow=flow)
+
+
+def load_flow(
+    parameters: PlantParameters, orifice_state: npt.ArrayLike, load_pressure: npt.ArrayLike
+) -> npt.NDArray[np.float64]:
+    """Return Q_L = z K sqrt((P_S - sign(z) P_L) / 2) [m³/s], eq. (14).
+
+    Args:
+        parameters: of the plant; P_S counts from P_T.
+        orifice_state: z [m], any shape.
+        load_pressure: P_L [Pa], of a shape that fits; beyond P_S nothing flows.
+    """
+    state = np.asarray(orifice_state, dtype=np.float64)
+    side = np.where(state < 0.0, -1.0, 1.0)
+    supply = parameters.P_S - parameters.P_T
+    drop = np.maximum(supply - side * np.asarray(load_pressure), 0.0)
+    return np.asarray(state * parameters.K * np.sqrt(0.5 * drop))

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from hil_bench.analysis.frequency_response import Chirp
+from hil_bench.analysis.frequency_response import SMOOTHING, Chirp
 from hil_bench.analysis.linear_studies import (
     flow_pressure_study,
     linearisation_study,
@@ -159,9 +159,9 @@ def _add_frequency_response(names: "Names[argparse.ArgumentParser]") -> None:
     parser.add_argument(
         "--smoothing",
         type=float,
-        default=1.0 / 12.0,
+        default=SMOOTHING,
         metavar="W",
-        help="width of the moving average over the spectra, in octaves (1/12); 0 for none",
+        help="width of the moving average over the spectra, in octaves (1/48); 0 for none",
     )
     parser.add_argument(
         "--with-valve", action="store_true", help="keep dead-zone and saturation, eq. (2)"

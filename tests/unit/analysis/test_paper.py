@@ -64,6 +64,20 @@ def statements(runs: PaperRuns) -> list[Statement]:
         # the gain goes with sqrt(P_S - P_L): by sqrt(0.95 / 0.05), which is 12.8 dB
         ("significantly the system gain", Verdict.HOLDS, "12.8 dB"),
         ("velocity patterns", Verdict.CORRECTED, "against ±201.4 mm/s"),
+        # 1 / 4.85e-3 m² and half of it
+        ("larger Ā can achieve", Verdict.FAILS, "from 206.2 to 103.1"),
+        # zeta of (20) over the root of 10
+        ("Unlike the mechanical stiffness", Verdict.CORRECTED, "falls to 0.0353"),
+        # alpha K sqrt(P_S / 4), K = 0.65 * 0.02 * sqrt(2 / 850), in l/min; sqrt(3) times as much
+        # with the load's sign turned alone
+        ("symmetrical with respect to both axes", Verdict.CORRECTED, "59.8 l/min at α"),
+        ("symmetrical with respect to both axes", Verdict.CORRECTED, "it is -103.6 l/min"),
+        # eqs. (19), (20) with C_qp of (22): sigma + C_qp m E 4 / V_t ... by hand at 0.95, 0.05
+        ("maximal orifice and load pressure", Verdict.CORRECTED, "11 % at high orifice and low"),
+        # tanh leaves a slope at rest, so that no pressure falls below zero where the sign does
+        ("argument of the root", Verdict.CORRECTED, "tanh(400 v) in 0"),
+        # 90 + atan(2 pi 500 Hz 20 kg / (400 * 900 + 2000 N s/m)) = 99.85 degrees
+        ("inherently lower", Verdict.FAILS, "a phase of -100° at 500 Hz"),
         ("anti-phase", Verdict.FAILS, "m s + σ leads by 77° at 70 Hz"),
     ],
 )

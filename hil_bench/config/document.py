@@ -32,6 +32,16 @@ def read_document(path: Path) -> Document:
         raise ConfigError(_explain_syntax(path, str(error))) from None
 
 
+def merge(document: Document, tables: Document) -> Document:
+    """Return a document with the keys of other tables in place of its own, table by table."""
+    merged = dict(document)
+    for name, value in tables.items():
+        old = merged.get(name)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping)
+        merged[name] = merge(old, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
 def read_section(document: Document, name: str, problems: Problems) -> dict[str, Given]:
     """Return what the file gives in the table `name`."""
     value = document.get(name, {})

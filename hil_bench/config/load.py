@@ -9,7 +9,7 @@ from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.buses import build_bus, check_buses, read_bus, read_further_buses
 from hil_bench.config.chains import check_chains
 from hil_bench.config.choices import RealtimePolicy
-from hil_bench.config.document import Document, check_tables, read_document, read_section
+from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
@@ -39,6 +39,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     loop: Mapping[str, object] | None = None,
     modbus: bool = False,
     faults: Sequence[Mapping[str, object]] = (),
+    tables: Mapping[str, object] | None = None,
 ) -> BenchConfig:
     """Return the bench that the command line, the environment and a file describe.
 
@@ -58,9 +59,10 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         loop: keys of ``[bench]`` that say what makes the ticks, such as ``realtime``.
         modbus: serve Modbus even where the file has no ``[modbus]``.
         faults: tables of ``[[faults]]``, which come to those of the file.
+        tables: tables as the file has them, nested; their keys win over the file's.
     """
     file = _choose_file(path)
-    document = read_document(file) if file else {}
+    document = merge(read_document(file) if file else {}, tables or {})
     problems = Problems(str(file) if file else "built-in bench")
     check_tables(document, TABLES, problems)
     bench = _read_bench(document, {"seed": seed, **(loop or {})}, problems)
@@ -89,7 +91,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     problems.raise_any()
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
-    tables = (bench, bus, *further.values(), *axes.values(), *members, *_tables(served), *read)
+    used = (bench, bus, *further.values(), *axes.values(), *members, *_tables(served), *read)
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,
@@ -104,7 +106,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
             for name, node in nodes.items()
         ),
         modbus=built_modbus,
-        settings=tuple(setting for table in tables for setting in table.values()),
+        settings=tuple(setting for table in used for setting in table.values()),
         realtime=RealtimeConfig(**convert(bench, REALTIME_KEYS)),
         faults=tuple(build_fault(fault) for fault in read),
     )

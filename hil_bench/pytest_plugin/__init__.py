@@ -13,7 +13,7 @@ The module loads in every pytest run of its environment, so it imports nothing o
 fixture asks.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +25,8 @@ from hil_bench.pytest_plugin.options import (
     chosen_options,
     is_on,
     option,
+    path_option,
+    shown_path,
     versions,
     worker,
 )
@@ -33,9 +35,9 @@ if TYPE_CHECKING:
     import can
 
     from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
-    from drivers.device import Device
     from hil_bench.config import BenchConfig, NodeConfig
     from hil_bench.faults.faults import Faults
+    from hil_bench.pytest_plugin.devices import Devices
     from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
     from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.pytest_plugin.physical import PhysicalBench
@@ -44,15 +46,10 @@ if TYPE_CHECKING:
 CONTROLLER_ID = 127
 """Node-ID under which the `network` fixture sends its heartbeat."""
 
-HEARTBEAT_PERIOD = 0.05
-"""Time between two heartbeats of the `network` fixture [s]."""
-
-EVENT_TIMER = 0.005
-"""Time after which each device sends its values again [s]."""
-
 _FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
+_CONFIG: "pytest.StashKey[BenchConfig]" = pytest.StashKey()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -64,8 +61,14 @@ def pytest_configure(config: pytest.Config) -> None:
     """Register the markers, and refuse options that cannot be meant.
 
     Raises:
-        pytest.UsageError: workers of pytest-xdist would share one SocketCAN interface.
+        pytest.UsageError: --hil-config is no bench, or workers of pytest-xdist would share one
+            SocketCAN interface.
     """
+    config.addinivalue_line(
+        "markers",
+        "hil(**tables): tables of bench.toml for one test, over those of --hil-config: "
+        "hil(plant={'axis1': {'moving_mass_kg': 50}})",
+    )
     config.addinivalue_line(
         "markers", "hil_hardware: needs the physical bench; skipped without --hil-interface"
     )
@@ -78,6 +81,46 @@ def pytest_configure(config: pytest.Config) -> None:
     if bus != "hub" and "{worker}" not in bus and config.getoption("numprocesses", None):
         raise pytest.UsageError(
             f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
+        )
+    if path_option(config, "config"):
+        config.stash[_CONFIG] = _load_config(config)
+        _warn_of_a_moved_rootdir(config)
+
+
+def _load_config(config: pytest.Config) -> "BenchConfig":
+    """Return the bench that the options name.
+
+    Raises:
+        pytest.UsageError: there is none, or it is wrong.
+    """
+    from hil_bench.config import load_config
+    from hil_bench.errors import ConfigError
+
+    path = config.getoption("hil_config") or path_option(config, "config")
+    seed = option(config, "seed")
+    try:
+        return load_config(path, seed=None if seed is None else int(seed))
+    except ConfigError as error:
+        raise pytest.UsageError(f"--hil-config: {error}") from None
+    except ValueError:
+        raise pytest.UsageError(f"--hil-seed {seed}: give an integer, 0 or more") from None
+
+
+def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
+    """Say so where pytest has taken the file of ``--hil-config FILE`` for one of its tests.
+
+    It looks for its ini file before it knows the options of plugins, above all that might be a
+    path.
+    """
+    given = config.invocation_params
+    if "--hil-config" in given.args and config.inipath is None and config.rootpath != given.dir:
+        path = config.getoption("hil_config")
+        config.issue_config_time_warning(
+            pytest.PytestConfigWarning(
+                f"rootdir is {config.rootpath}: pytest counts the file of --hil-config among its "
+                f"tests; write --hil-config={path}"
+            ),
+            stacklevel=2,
         )
 
 
@@ -120,38 +163,58 @@ def pytest_runtest_makereport(
 @pytest.fixture(scope="session")
 def hil_config(pytestconfig: pytest.Config) -> "BenchConfig":
     """The configuration of the bench, from --hil-config and --hil-seed."""
-    from hil_bench.config import load_config
+    if _CONFIG not in pytestconfig.stash:
+        pytestconfig.stash[_CONFIG] = _load_config(pytestconfig)
+    return pytestconfig.stash[_CONFIG]
 
-    seed = option(pytestconfig, "seed")
-    return load_config(option(pytestconfig, "config"), seed=None if seed is None else int(seed))
+
+@pytest.fixture
+def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> "BenchConfig":
+    """The configuration of the bench of one test: with the tables of its `hil` markers."""
+    markers = list(request.node.iter_markers("hil"))
+    if not markers:
+        return hil_config
+    if option(request.config, "interface"):
+        pytest.skip("@pytest.mark.hil needs the virtual bench, which --hil-interface turns off")
+    from hil_bench.config import load_config
+    from hil_bench.config.document import merge
+    from hil_bench.errors import ConfigError
+
+    tables: Mapping[str, object] = {}
+    for marker in reversed(markers):  # the closest one last, so that it wins
+        if marker.args:
+            pytest.fail(f"@pytest.mark.hil takes tables by name, not {marker.args[0]!r}")
+        tables = merge(tables, marker.kwargs)
+    try:
+        return load_config(hil_config.path, seed=hil_config.seed, tables=tables)
+    except ConfigError as error:
+        pytest.fail(f"@pytest.mark.hil: {error}", pytrace=False)
 
 
 @pytest.fixture
 def bench(
     request: pytest.FixtureRequest,
-    hil_config: "BenchConfig",
+    _bench_config: "BenchConfig",
     hil_realtime: bool,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> "Iterator[VirtualBench | PhysicalBench]":
     """A fresh bench in virtual time; in real time with --hil-realtime, or on a physical bus."""
-    request.node.user_properties.extend(_properties(request.config, hil_config))
+    request.node.user_properties.extend(_properties(request.config, _bench_config))
     if option(request.config, "interface"):
         from hil_bench.pytest_plugin.physical import PhysicalBench
 
-        yield PhysicalBench(hil_config)
+        yield PhysicalBench(_bench_config)
         return
     from hil_bench.pytest_plugin.recording import make_recording_path
     from hil_bench.realtime.clock import MonotonicClock
     from hil_bench.realtime.pacer import Pacer
     from hil_bench.virtual_bench import NO_RECORDING, VirtualBench
 
-    directory = option(request.config, "artifacts")
-    request.node.stash[_ARTIFACTS] = lambda: (
-        Path(directory) if directory else tmp_path_factory.mktemp("hil-bench")
-    )
-    pacer = Pacer(MonotonicClock(), hil_config.tick_ns) if hil_realtime else None
+    directory = path_option(request.config, "artifacts")
+    request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")
+    pacer = Pacer(MonotonicClock(), _bench_config.tick_ns) if hil_realtime else None
     path = make_recording_path(request.node)
-    with VirtualBench(hil_config, pacer=pacer, record=path or NO_RECORDING) as virtual:
+    with VirtualBench(_bench_config, pacer=pacer, record=path or NO_RECORDING) as virtual:
         yield virtual
 
 
@@ -230,6 +293,7 @@ def network(
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat."""
     from drivers import Network
+    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
 
     path = None
@@ -247,12 +311,13 @@ def network(
 
 @pytest.fixture
 def _networks(
-    request: pytest.FixtureRequest, network: "Network", hil_config: "BenchConfig"
+    request: pytest.FixtureRequest, network: "Network", _bench_config: "BenchConfig"
 ) -> "Iterator[Networks]":
     """The networks of all buses, that of the first among them, pumped together."""
     from contextlib import ExitStack
 
     from drivers import Network
+    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
     from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.transports.opening import open_can_bus
 
@@ -261,7 +326,7 @@ def _networks(
 
         def make(name: str) -> Network:
             if option(request.config, "interface"):
-                bus = hil_config.buses[name]
+                bus = _bench_config.buses[name]
                 settings = (bus.interface, bus.channel, bus.bitrate, bus.options)
                 made = Network(stack.enter_context(open_can_bus(*settings)[0]))
             else:
@@ -270,65 +335,57 @@ def _networks(
             made.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
             return made
 
-        first = next(iter(hil_config.buses))
-        networks = Networks(first, network, make, hil_config.tick_ns * 1e-9)
+        first = next(iter(_bench_config.buses))
+        networks = Networks(first, network, make, _bench_config.tick_ns * 1e-9)
         bench.pump = networks.pump
         yield networks
 
 
 @pytest.fixture
-def valve(_networks: "Networks", hil_config: "BenchConfig") -> "Iterator[ProportionalValve]":
+def device(_networks: "Networks", _bench_config: "BenchConfig") -> "Iterator[Devices]":
+    """The driver of any node by its name, set up and sending: ``device("pressure_b")``."""
+    from contextlib import ExitStack
+
+    from hil_bench.pytest_plugin.devices import Devices
+
+    with ExitStack() as stack:
+        yield Devices(_bench_config, _networks, stack)
+
+
+@pytest.fixture
+def valve(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "ProportionalValve":
     """The driver of the first axis' valve, ready for `enable`; disabled at the end."""
-    from drivers import ProportionalValve
-
-    node = _node(hil_config, lambda node: node.profile == "valve_408", "valve_408")
-    network = _networks.on(node.bus)
-    with ProportionalValve(network, node.node_id, node.eds) as driver:
-        driver.setup(
-            transmission_type=254,
-            event_timer=EVENT_TIMER,
-            command_timeout=0.0,
-            heartbeat_timeout=4 * HEARTBEAT_PERIOD,
-        )
-        _start(network, driver, node.node_id)
-        yield driver
+    node = _node(_bench_config, lambda node: node.profile == "valve_408", "valve_408")
+    driver: ProportionalValve = request.getfixturevalue("device")(node.name)
+    return driver
 
 
 @pytest.fixture
-def pressure(_networks: "Networks", hil_config: "BenchConfig") -> "PressureSensor":
+def pressure(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "PressureSensor":
     """The driver of the first axis' pressure transducer at port A, sending."""
-    from drivers import PressureSensor
-
-    node = _node(hil_config, lambda node: getattr(node, "source", "") == "P_A", "pressure at P_A")
-    network = _networks.on(node.bus)
-    driver = PressureSensor(network, node.node_id, node.eds)
-    driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
-    _start(network, driver, node.node_id)
+    what = "pressure at P_A"
+    node = _node(_bench_config, lambda node: getattr(node, "source", "") == "P_A", what)
+    driver: PressureSensor = request.getfixturevalue("device")(node.name)
     return driver
 
 
 @pytest.fixture
-def position(_networks: "Networks", hil_config: "BenchConfig") -> "PositionSensor":
+def position(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "PositionSensor":
     """The driver of the first axis' position sensor, sending."""
-    from drivers import PositionSensor
-
-    node = _node(hil_config, lambda node: node.profile == "encoder_406", "encoder_406")
-    network = _networks.on(node.bus)
-    driver = PositionSensor(network, node.node_id, node.eds)
-    driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
-    _start(network, driver, node.node_id)
+    node = _node(_bench_config, lambda node: node.profile == "encoder_406", "encoder_406")
+    driver: PositionSensor = request.getfixturevalue("device")(node.name)
     return driver
 
 
 @pytest.fixture
-def _hil_requirements(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> None:
+def _hil_requirements(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> None:
     """Skips a test whose `hil_requires` marker the bench does not meet."""
     for marker in request.node.iter_markers("hil_requires"):
         axes = marker.kwargs.get("axes", 1)
-        if len(hil_config.axes) < axes:
-            pytest.skip(f"needs a bench of {axes} axes; this one has {len(hil_config.axes)}")
+        if len(_bench_config.axes) < axes:
+            pytest.skip(f"needs a bench of {axes} axes; this one has {len(_bench_config.axes)}")
         for profile in marker.args:
-            _node(hil_config, partial(_is_of, profile), profile)
+            _node(_bench_config, partial(_is_of, profile), profile)
 
 
 def _is_of(profile: str, node: "NodeConfig") -> bool:
@@ -347,14 +404,8 @@ def _properties(config: pytest.Config, bench: "BenchConfig") -> list[tuple[str, 
     """Return what a JUnit file tells of the bench of a test."""
     bus = [option(config, name) for name in ("interface", "channel")]
     return [
-        ("hil_config", str(bench.path or "built-in bench")),
+        ("hil_config", shown_path(config, bench.path) if bench.path else "built-in bench"),
         ("hil_seed", bench.seed),
         ("hil_interface", " ".join(filter(None, bus)) or "virtual bench"),
         ("hil_versions", versions()),
     ]
-
-
-def _start(network: "Network", driver: "Device", node_id: int) -> None:
-    """Bring a device to OPERATIONAL and wait for its first values."""
-    network.start_node(node_id)
-    network.wait_until(lambda: driver.age < 1.0, 1.0, f"{driver.node}: first values")

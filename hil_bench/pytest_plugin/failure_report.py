@@ -8,6 +8,7 @@ import pytest
 from hil_bench.faults.faults import Faults
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.firmware import FirmwareBus
+from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.virtual_bench import VirtualBench
 
@@ -37,11 +38,12 @@ def attach_files(
     except (OSError, ValueError) as error:
         report.sections.append(("hil-bench files", f"could not be written: {error}"))
         return
-    item.user_properties.extend((f"hil_{what}", str(path)) for what, path in files.items())
+    shown = {what: shown_path(item.config, path) for what, path in files.items()}
+    item.user_properties.extend((f"hil_{what}", path) for what, path in shown.items())
     recording = recording_path(item)
     if recording is not None and recording.exists():
-        files["recording"] = recording
-    lines = [f"{what:9} {path}" for what, path in files.items()]
+        shown["recording"] = shown_path(item.config, recording)
+    lines = [f"{what:9} {path}" for what, path in shown.items()]
     report.sections.append(("hil-bench files", "\n".join(lines)))
 
 

@@ -1,6 +1,7 @@
 """Options of the plugin: each on the command line, or as an ini key of its name."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -41,6 +42,25 @@ def add_options(parser: pytest.Parser) -> None:
 def option(config: pytest.Config, name: str) -> str | None:
     """Return an option, else the ini key of its name, else None."""
     return config.getoption(_key(name)) or config.getini(_key(name)) or None
+
+
+def path_option(config: pytest.Config, name: str) -> Path | None:
+    """Return the path in an option, else in the ini key of its name, else None.
+
+    A relative one counts from the folder that pytest was started in; in an ini file, from the
+    file's own.
+    """
+    if given := config.getoption(_key(name)):
+        return config.invocation_params.dir / str(given)
+    written = config.getini(_key(name))
+    folder = config.inipath.parent if config.inipath else config.rootpath
+    return folder / str(written) if written else None
+
+
+def shown_path(config: pytest.Config, path: Path) -> str:
+    """Return how reports show a path: from the folder that pytest was started in."""
+    start = config.invocation_params.dir
+    return str(path.relative_to(start) if path.is_relative_to(start) else path)
 
 
 def is_on(config: pytest.Config, name: str) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers import Network
-from hil_bench.pytest_plugin.options import option
+from hil_bench.pytest_plugin.options import path_option
 from hil_bench.recording.network_tap import NetworkTap
 from hil_bench.recording.recorder import RecordingPlan
 from hil_bench.recording.recorder_process import RecorderProcess
@@ -39,7 +39,7 @@ def make_recording_path(item: pytest.Item) -> Path | None:
 
 def recording_path(item: pytest.Item) -> Path | None:
     """Return where the recording of a test is; None where none is asked for."""
-    folder = option(item.config, "record")
+    folder = path_option(item.config, "record")
     if folder is None:
         return None
-    return Path(folder) / f"{re.sub(r'[^A-Za-z0-9_.=-]+', '_', item.nodeid)}.mf4"
+    return folder / f"{re.sub(r'[^A-Za-z0-9_.=-]+', '_', item.nodeid)}.mf4"

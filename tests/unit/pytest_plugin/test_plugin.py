@@ -238,6 +238,65 @@ def test_options_may_stand_in_the_ini_file(pytester):
     result.stdout.fnmatch_lines(["*the first axis of the bench has no encoder_406*"])
 
 
+def test_a_config_that_is_not_there_is_one_usage_error(pytester):
+    pytester.makepyfile("def test_it(bench):\n    pass")
+    result = pytester.runpytest_subprocess("--hil-config=none.toml")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    wrong = "--hil-config: none.toml: cannot be read: No such file or directory; give a TOML file"
+    assert result.stderr.str().split() == f"ERROR: {wrong}".split()
+    assert "Traceback" not in result.stdout.str()
+
+
+def test_paths_of_the_ini_file_count_from_its_folder(pytester):
+    pytester.makefile(".toml", bench="[bench]\nseed = 3\n")
+    pytester.makeini("[pytest]\nhil_config = bench.toml\nhil_artifacts = left\n")
+    below = pytester.mkdir("below")
+    (below / "test_it.py").write_text(
+        "def test_it(bench, hil_config):\n    assert hil_config.seed == 3\n    assert False\n"
+    )
+    monkeypatch = pytester._monkeypatch
+    monkeypatch.chdir(below)
+    pytester.runpytest_subprocess().assert_outcomes(failed=1)
+    assert (pytester.path / "left").is_dir()
+
+
+def test_a_rootdir_that_the_config_has_moved_is_named(pytester, tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text("[bench]\nseed = 3\n")
+    pytester.makepyfile("def test_it(bench):\n    pass")
+    result = pytester.runpytest_subprocess("--hil-config", path, pytester.path)
+    result.stdout.fnmatch_lines([f"*write --hil-config={path}"])
+
+
+def test_a_test_may_have_tables_and_devices_of_its_own(pytester):
+    pytester.makepyfile(
+        "import pytest\n"
+        "@pytest.mark.hil(plant={'axis1': {'moving_mass_kg': 50}})\n"
+        "class TestHeavy:\n"
+        "    def test_mass(self, bench):\n"
+        "        assert bench.config.axes[0].parameters.m == 50\n"
+        "    @pytest.mark.hil(plant={'axis1': {'supply_pressure_bar': 80}})\n"
+        "    def test_both(self, bench, device):\n"
+        "        parameters = bench.config.axes[0].parameters\n"
+        "        assert (parameters.m, parameters.P_S) == (50, 80e5)\n"
+        "        bench.run(0.02)\n"
+        "        seen, plant = device('pressure_b').pressure, bench.values['axis1.P_B']\n"
+        "        assert abs(seen / plant - 1) < 0.02\n"
+        "        assert device('pressure_b') is device('pressure_b')\n"
+        "def test_plain(bench):\n    assert bench.config.axes[0].parameters.m == 20\n"
+        "@pytest.mark.hil(plant={'axis1': {'mass': 50}})\ndef test_wrong(bench):\n    pass\n"
+        "def test_no_such(device):\n    device('pressure_c')\n"
+    )
+    result = pytester.runpytest_subprocess("--strict-markers")
+    result.assert_outcomes(passed=3, failed=1, errors=1)
+    result.stdout.fnmatch_lines_random(
+        [
+            "*@pytest.mark.hil: built-in bench:plant.axis1.mass: unknown key;*",
+            "*device('pressure_c'): the bench has valve, pressure_a, pressure_b, position",
+        ]
+    )
+
+
 def test_it_can_be_left_out(pytester):
     pytester.makepyfile("def test_it(bench):\n    pass")
     result = pytester.runpytest_subprocess("-p", "no:hil_bench")

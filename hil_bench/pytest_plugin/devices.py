@@ -1,0 +1,78 @@
+"""The drivers of a bench's devices, each set up when a test first asks for it."""
+
+from contextlib import ExitStack
+
+import pytest
+
+from drivers import PositionSensor, PressureSensor, ProportionalValve
+from drivers.network import Network
+from hil_bench.config import BenchConfig, NodeConfig
+from hil_bench.config.choices import Profile
+from hil_bench.pytest_plugin.networks import Networks
+
+HEARTBEAT_PERIOD = 0.05
+"""Time between two heartbeats of the `network` fixture [s]."""
+
+EVENT_TIMER = 0.005
+"""Time after which each device sends its values again [s]."""
+
+Driver = PositionSensor | PressureSensor | ProportionalValve
+"""A driver that a test can have."""
+
+_DRIVERS: dict[str, type[Driver]] = {
+    Profile.VALVE_408: ProportionalValve,
+    Profile.PRESSURE_404: PressureSensor,
+    Profile.ENCODER_406: PositionSensor,
+}
+
+
+class Devices:
+    """The drivers of the nodes of a bench, by the nodes' names.
+
+    Args:
+        config: the bench.
+        networks: of its buses.
+        stack: closes the drivers that need it.
+    """
+
+    def __init__(self, config: BenchConfig, networks: Networks, stack: ExitStack) -> None:
+        self._nodes = {node.name: node for node in config.nodes}
+        self._networks = networks
+        self._stack = stack
+        self._drivers: dict[str, Driver] = {}
+
+    def __call__(self, name: str) -> Driver:
+        """Return the driver of a node, set up, OPERATIONAL and with its first values.
+
+        A valve waits for `enable`, and is disabled at the end of the test.
+        """
+        if name not in self._nodes:
+            pytest.fail(f"device({name!r}): the bench has {', '.join(self._nodes)}")
+        if name not in self._drivers:
+            self._drivers[name] = self._bind(self._nodes[name])
+        return self._drivers[name]
+
+    def _bind(self, node: NodeConfig) -> Driver:
+        driver_class = _DRIVERS.get(node.profile)
+        if driver_class is None:
+            pytest.fail(f"device({node.name!r}): there is no driver for {node.profile}")
+        network = self._networks.on(node.bus)
+        driver = driver_class(network, node.node_id, node.eds)
+        if isinstance(driver, ProportionalValve):
+            self._stack.enter_context(driver)
+            driver.setup(
+                transmission_type=254,
+                event_timer=EVENT_TIMER,
+                command_timeout=0.0,
+                heartbeat_timeout=4 * HEARTBEAT_PERIOD,
+            )
+        else:
+            driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
+        _start(network, driver, node.node_id)
+        return driver
+
+
+def _start(network: Network, driver: Driver, node_id: int) -> None:
+    """Bring a device to OPERATIONAL and wait for its first values."""
+    network.start_node(node_id)
+    network.wait_until(lambda: driver.age < 1.0, 1.0, f"{driver.node}: first values")

@@ -104,7 +104,7 @@ class _ShowVersion(argparse.Action):
 
 def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     """The parser with every verb by name, and the called one in full."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="hil-bench",
         description="A hydraulic axis behind CANopen devices, in software: a test bench.",
         epilog=_EXAMPLES,

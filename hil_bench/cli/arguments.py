@@ -27,6 +27,10 @@ def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
     add_bus_arguments(parser, group_title="bus (as in python-can)")
+    for action in parser._actions:  # noqa: SLF001 - python-can's group is out of reach otherwise
+        if action.dest == "interface":
+            action.metavar = "INTERFACE"  # or each usage line shows all two dozen of them
+            action.help = f"python-can's interface: {', '.join(map(str, action.choices or ()))}"
 
 
 def add_loop_arguments(parser: argparse.ArgumentParser) -> None:

@@ -138,12 +138,37 @@ def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
     assert cli.exit_code_of(error) is code
 
 
-@pytest.mark.parametrize("arguments", [[], ["inspect"], ["check", "--no-such-option"], ["-z"]])
-def test_wrong_usage_is_exit_code_2(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "the following arguments are required: VERB; see: hil-bench --help"),
+        (["rnu"], "argument VERB: 'rnu' is unknown; did you mean run?; see: hil-bench --help"),
+        (
+            ["run", "--locksetp"],
+            "--locksetp is unknown; did you mean --lockstep?; see: hil-bench run --help",
+        ),
+        (["check", "--qqq"], "--qqq: unknown; see: hil-bench check --help"),
+        (
+            ["run", "-i", "sockecan"],
+            (
+                "argument -i/--interface: 'sockecan' is unknown; did you mean socketcan?; "
+                "see: hil-bench run --help"
+            ),
+        ),
+        (
+            ["demo", "--sensors", "x"],
+            (
+                "argument --sensors: 'x' is unknown; canopen, modbus are right; "
+                "see: hil-bench demo --help"
+            ),
+        ),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(arguments) == 2
-    assert capsys.readouterr().err.startswith("usage: hil-bench")
+    assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,14 +1,41 @@
-"""Hardware-in-the-loop test bench in software for valve-controlled hydraulic cylinders."""
+"""Hardware-in-the-loop test bench in software for valve-controlled hydraulic cylinders.
+
+What is promised from Python, besides `drivers` and the fixtures of the pytest plugin, is what this
+package exports: other modules may change with each version. Nothing is imported before its first
+use; `__init__.pyi` has the names with their types.
+"""
+
+_MODULES = {
+    "assembly": ("embedded_bus",),
+    "config": ("BenchConfig", "load_config"),
+    "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
+    "faults.faults": ("Faults",),
+    "recording.frames": ("read_frames",),
+    "recording.signal_table": ("SignalTable", "open_recording"),
+    "virtual_bench": ("RecordingWish", "VirtualBench"),
+}
+
+__all__ = [name for names in _MODULES.values() for name in names]
 
 
-def __getattr__(name: str) -> str:
-    """Return `__version__`, looked up when it is asked for: that takes longer than all the rest.
+def __getattr__(name: str) -> object:
+    """Return a name of `__all__`, or `__version__`, looked up when it is asked for.
 
     Raises:
         AttributeError: it is another name.
     """
     if name == "__version__":
-        from importlib.metadata import version  # noqa: PLC0415 - see above
+        from importlib.metadata import version  # noqa: PLC0415 - takes longer than all the rest
 
         return version("hil-bench")
+    for module, names in _MODULES.items():
+        if name in names:
+            from importlib import import_module  # noqa: PLC0415 - see above
+
+            return getattr(import_module(f"{__name__}.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return [*__all__, "__version__"]

@@ -20,11 +20,12 @@ from hil_bench.faults.faults import Faults
 from hil_bench.lockstep import LockStep
 from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
+from hil_bench.recording.channels import Channel, ChannelRecorder
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.logged_frame import LoggedFrame
 from hil_bench.recording.recorder import RecordingPlan, RecordingReport
 from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.signal_table import SignalTable, as_table
 from hil_bench.telemetry import bench_channels, recording_heading, sample
 from hil_bench.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.transports.transport import Transport
@@ -152,9 +153,9 @@ class VirtualBench:
         return self.bench.faults
 
     @property
-    def signals(self) -> Recording:
+    def signals(self) -> SignalTable:
         """What the plant did so far, a row a tick: `time` [s] first, then the channels in SI."""
-        return self._recorder.result()
+        return as_table(self._recorder.result())
 
     @property
     def values(self) -> dict[str, float]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_bench.recording.files import RecordingFile
 from hil_bench.recording.frames import FrameFile
-from hil_bench.recording.plot import plot_result
+from hil_bench.recording.plot import Span, plot_result
 from hil_bench.virtual_bench import VirtualBench
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -15,6 +15,20 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 def file_stem(node_id: str) -> str:
     """Return a file name for a test, such as ``test_axis.py-test_holds-50``."""
     return _UNSAFE.sub("-", node_id).strip("-.")[-120:]
+
+
+def fault_spans(bench: VirtualBench) -> list[Span]:
+    """Return when which fault was there; one that has not ended lasts until now."""
+    spans: list[Span] = []
+    begun: dict[tuple[object, str], float] = {}
+    for event in bench.faults.events:
+        key, time = (event.kind, event.target), event.time * 1e-9
+        if event.is_begin:
+            begun[key] = time
+        elif key in begun:
+            spans.append(Span(begun.pop(key), time, f"{event.kind} {event.target}"))
+    now = bench.now()
+    return spans + [Span(start, now, f"{kind} {target}") for (kind, target), start in begun.items()]
 
 
 def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str, Path]:
@@ -33,5 +47,5 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
         signals.write(bench.signals)
     if find_spec("matplotlib") is not None and bench.signals.size:
         files["plot"] = directory / f"{stem}.png"
-        plot_result(bench.signals, files["plot"], title=stem)
+        plot_result(bench.signals, files["plot"], title=stem, spans=fault_spans(bench))
     return files

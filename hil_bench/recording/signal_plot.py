@@ -45,15 +45,18 @@ def plot_signals(
     Raises:
         ConfigError: there is nothing to draw.
     """
-    channels = choose_channels(recording, patterns)
-    if not channels or not len(recording):
+    if not choose_channels(recording, patterns) or not len(recording):
         raise ConfigError(f"{path}: the recording has no signals to plot")
-    save_figure(lambda: _draw(recording, channels, title), path)
+    save_figure(lambda: signal_figure(recording, patterns=patterns, title=title), path)
 
 
-def _draw(recording: Recording, channels: Sequence[Channel], title: str) -> "Figure":
+def signal_figure(
+    recording: Recording, *, patterns: Sequence[str] = (), title: str = ""
+) -> "Figure":
+    """Return signals as a figure; see `plot_signals`."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
+    channels = choose_channels(recording, patterns)
     units = list(dict.fromkeys(channel.unit for channel in channels))
     figure = Figure(figsize=(9.0, 1.0 + 2.2 * len(units)), layout="constrained")
     places = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]

@@ -42,7 +42,7 @@ def recording(*axes: str, without: tuple[str, ...] = (), spool_unit: str = "-") 
 
 def drawn(content: Recording) -> list[tuple[str, list[float]]]:
     """The label of each panel and the last value of each of its lines, row by row."""
-    figure = plot._draw(content, plot._axis_names(content), "")
+    figure = plot.result_figure(content)
     return [
         (place.get_ylabel(), [round(float(line.get_ydata()[-1]), 9) for line in place.lines])  # type: ignore[index]
         for place in figure.axes
@@ -72,15 +72,35 @@ def test_what_a_recording_lacks_is_left_out() -> None:
 
 def test_set_points_are_dashed_and_behind_the_actual_value() -> None:
     content = recording("axis1")
-    position = plot._draw(content, ["axis1"], "").axes[0]
+    position = plot.result_figure(content).axes[0]
     setpoint, actual = position.lines
 
     assert (setpoint.get_linestyle(), actual.get_linestyle()) == ("--", "-")
     assert setpoint.get_zorder() < actual.get_zorder()
 
 
+def test_a_sensor_that_errs_is_drawn_and_a_fault_is_shaded() -> None:
+    channels = [
+        Channel("a.P_A", "Pa"),
+        Channel("good.measured", "Pa"),
+        Channel("bad.measured", "Pa"),
+    ]
+    recorder = ChannelRecorder(channels, 10)
+    for tick in range(10):
+        actual = 1e5 * tick
+        recorder.append([tick * 1e-3, actual, actual + 100.0, min(actual, 3e5)])
+    spans = [plot.Span(0.004, 0.009, "freeze bad")]
+
+    (place,) = plot.result_figure(recorder.result(), spans=spans).axes
+
+    assert [line.get_label() for line in place.lines] == ["$P_A$", "bad measured"]
+    (shade,) = place.patches
+    assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((0.004, 0.009))
+    assert [text.get_text() for text in place.texts] == ["freeze bad"]
+
+
 def test_several_axes_stand_side_by_side_on_one_time_axis() -> None:
-    figure = plot._draw(recording("lift", "press"), ["lift", "press"], "")
+    figure = plot.result_figure(recording("lift", "press"))
 
     titles = [place.get_title(loc="left") for place in figure.axes]
     assert titles == ["lift", "press", *[""] * 6]

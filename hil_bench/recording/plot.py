@@ -177,9 +177,10 @@ def result_figure(recording: Recording, *, title: str = "", spans: Sequence[Span
                 place.axvspan(span.begin, span.end, color=RED, alpha=0.12, linewidth=0.0)
         for span in spans:
             column[0].annotate(
-                span.label,
-                (span.begin, 1.01),
+                f" {span.label}",
+                (span.begin, 0.04),
                 xycoords=("data", "axes fraction"),
+                rotation=90.0,
                 fontsize=8,
                 color=RED,
             )

@@ -96,7 +96,7 @@ def test_a_sensor_that_errs_is_drawn_and_a_fault_is_shaded() -> None:
     assert [line.get_label() for line in place.lines] == ["$P_A$", "bad measured"]
     (shade,) = place.patches
     assert (shade.get_x(), shade.get_x() + shade.get_width()) == pytest.approx((0.004, 0.009))
-    assert [text.get_text() for text in place.texts] == ["freeze bad"]
+    assert [text.get_text() for text in place.texts] == [" freeze bad"]
 
 
 def test_several_axes_stand_side_by_side_on_one_time_axis() -> None:

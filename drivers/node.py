@@ -248,13 +248,13 @@ class Node(canopen.RemoteNode):
             text = SdoAbortedError.CODES.get(error.code, "code unknown to CiA 301")
             raise SdoAbortError(
                 f"{what}: SDO abort 0x{error.code:08X}, {text}", error.code
-            ) from error
-        except SdoTimeout as error:
+            ) from None
+        except SdoTimeout:
             raise DriverTimeoutError(
                 f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s"
-            ) from error
+            ) from None
         except SdoCommunicationError as error:
-            raise RemoteProtocolError(f"{what}: {error}") from error
+            raise RemoteProtocolError(f"{what}: {error}") from None
 
 
 def object_name(index: int, subindex: int = 0) -> str:

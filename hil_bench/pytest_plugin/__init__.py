@@ -293,9 +293,10 @@ def network(
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat."""
     from drivers import Network
-    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
+    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD, hide_drivers_from_tracebacks
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
 
+    hide_drivers_from_tracebacks()
     path = None
     bench = request.getfixturevalue("bench")
     if option(pytestconfig, "interface"):

@@ -1,10 +1,13 @@
 """The drivers of a bench's devices, each set up when a test first asks for it."""
 
+import sys
 from contextlib import ExitStack
+from operator import methodcaller
 
 import pytest
 
 from drivers import PositionSensor, PressureSensor, ProportionalValve
+from drivers.errors import DriverError
 from drivers.network import Network
 from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.config.choices import Profile
@@ -70,6 +73,13 @@ class Devices:
             driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
         _start(network, driver, node.node_id)
         return driver
+
+
+def hide_drivers_from_tracebacks() -> None:
+    """Let pytest show the test's own line for an error that says what a device did."""
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in {"drivers", "contextlib"}:  # they raise in with blocks, too
+            vars(module)["__tracebackhide__"] = methodcaller("errisinstance", DriverError)
 
 
 def _start(network: Network, driver: Driver, node_id: int) -> None:

@@ -1,6 +1,6 @@
 """What the report of a failed test says of its bench."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -8,8 +8,10 @@ import pytest
 from hil_bench.faults.faults import Faults
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.firmware import FirmwareBus
+from hil_bench.pytest_plugin.frame_text import FrameText
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
+from hil_bench.recording.logged_frame import LoggedFrame
 from hil_bench.virtual_bench import VirtualBench
 
 SHOWN_FRAMES = 20
@@ -18,7 +20,13 @@ SHOWN_FRAMES = 20
 
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
     """Return the sections of the report: frames, and faults and firmware where there are some."""
-    sections = [(f"last {SHOWN_FRAMES} frames on the bench's bus", _trace(bench))]
+    text, frames = FrameText(bench), list(bench.frames)
+    news = list(text.news(frames))[-SHOWN_FRAMES:]
+    sections = [
+        (f"last {SHOWN_FRAMES} frames that are not cyclic", _trace(text, news)),
+        ("last cyclic frames", _trace(text, list(text.latest(frames)))),
+        ("last values", _values(bench)),
+    ]
     if bench.faults.events:
         sections.append(("faults", _fault_events(bench.faults)))
     if firmware is not None:
@@ -55,11 +63,17 @@ def _fault_events(faults: Faults) -> str:
     )
 
 
-def _trace(bench: VirtualBench) -> str:
-    """Return the latest frames as candump shows them, marked as seen from the bench."""
+def _trace(text: FrameText, frames: Sequence[LoggedFrame]) -> str:
+    """Return frames as candump shows them, with what they say in words."""
     return "\n".join(
         f"({now * 1e-9:.6f}) {f'can{frame.bus} ' if frame.bus else ''}"
-        f"{frame.can_id:03X}#{frame.data.hex().upper()} "
-        f"{'to' if is_received else 'from'} the bench"
-        for frame, now, is_received in list(bench.frames)[-SHOWN_FRAMES:]
+        f"{f'{frame.can_id:03X}#{frame.data.hex().upper()}':20} {'to' if is_received else 'from'} "
+        f"the bench  {text.name(frame)}{': ' * bool(text.meaning(frame))}{text.meaning(frame)}"
+        for frame, now, is_received in frames
     )
+
+
+def _values(bench: VirtualBench) -> str:
+    """Return the last value of each signal, in its SI unit."""
+    units = bench.signals.units
+    return "\n".join(f"{name:28} {value:.6g} {units[name]}" for name, value in bench.values.items())

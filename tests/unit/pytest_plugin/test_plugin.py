@@ -76,7 +76,12 @@ def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     name = "test_a_failed_test_shows_the_last_frames_and_leaves_its_files.py-test_fails"
     files = {what: f"left/{name}{suffix}" for what, suffix in KINDS.items()}
     result.stdout.fnmatch_lines(
-        ["*last 20 frames on the bench's bus*", "(0.001000) 701#00 from the bench"]
+        [
+            "*last 20 frames that are not cyclic*",
+            "(0.001000) 701#00 * from the bench  valve heartbeat: boot-up",
+            "*last values*",
+            "axis1.P_A * Pa",
+        ]
     )
     result.stdout.fnmatch_lines([f"{what:9} {path}" for what, path in files.items()])
     trace = (pytester.path / files["trace"]).read_text()
@@ -120,6 +125,37 @@ def test_an_error_of_the_controller_shows_the_line_of_the_test(pytester):
     late, bug = re.split(r"_{5,} test_\w+ _{5,}", result.stdout.str())[1:]
     assert re.findall(r"^\S+\.py:\d+: in (\w+)$", late, re.MULTILINE) == ["test_late"]
     assert "virtual_bench.py" in bug  # what is not ours to explain is shown whole
+
+
+def test_a_report_reads_pdos_and_leaves_out_what_is_cyclic(pytester):
+    pytester.makepyfile(
+        "def test_fails(bench, valve, position):\n"
+        "    valve.enable()\n    valve.spool_setpoint = 0.5\n    bench.run(0.5)\n"
+        "    valve.node.read(0x6040, 9)\n"
+    )
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(failed=1)
+    news, rest = result.stdout.str().split("- last cyclic frames -")
+    news = news.split("frames that are not cyclic -")[1]
+    # 50 % is 0x2000 of 0x4000; 0x0007 enables, 0x000F is ACTIVE (CiA 408).
+    assert re.search(r"201#07000020 .* to the bench  valve RPDO1: .* 0x0007, .* 8192\n", news)
+    assert re.search(r"181#0F000000 .* valve TPDO1: .* 0x000F, .* 0\n", news)
+    assert news.count("valve TPDO1") < 5
+    assert "position TPDO1" not in news
+    assert re.search(r"184#\w+ .* position TPDO1: Position value \d+, Speed value", rest)
+
+
+def test_an_error_of_a_driver_shows_the_line_of_the_test_alone(pytester):
+    pytester.makepyfile(
+        "def test_silent(bench, valve, faults):\n"
+        "    faults.silence('valve')\n    valve.node.read(0x6041)\n"
+    )
+    result = pytester.runpytest_subprocess("--tb=short")
+    result.assert_outcomes(failed=1)
+    text = result.stdout.str().split("- last 20 frames")[0]
+    assert re.findall(r"^\S+\.py:\d+: in (\w+)$", text, re.MULTILINE) == ["test_silent"]
+    assert "During handling" not in text
+    assert "direct cause" not in text
 
 
 def test_a_marker_names_what_the_bench_must_have(pytester):

@@ -69,5 +69,5 @@ def dissect(path, *fields, only="", decode_as="can.subdissector,canopen"):
         command += ["-Y", only]
     for field in fields:
         command += ["-e", field]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=50)
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     return [tuple(row.split("\t")) for row in done.stdout.splitlines()]

@@ -1,4 +1,7 @@
-"""How long tests wait for what must come."""
+"""How long tests wait for what must come. On no machine, however busy, is a test to need it."""
+
+LIMIT = 300.0
+"""After this time pytest ends a test [s]."""
 
 GUARD = 200.0
-"""Ends a wait that would never end [s], before pytest's own limit does: no test is to need it."""
+"""After this time a test gives up by itself, and says what it has waited for [s]."""

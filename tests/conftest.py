@@ -1,7 +1,16 @@
-"""How properties are tested: whatever time they take, since a loaded machine proves nothing."""
+"""How tests run: whatever time they take, since a loaded machine proves nothing."""
 
+import pytest
 from hypothesis import HealthCheck, settings
+from support.patience import LIMIT
 
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("brief", settings.get_profile("unhurried"), max_examples=10)
 settings.load_profile("unhurried")  # --hypothesis-profile=brief overrides it
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config):
+    """End what hangs: here, as pytest refuses the ini key of a plugin that is not installed."""
+    if config.pluginmanager.hasplugin("timeout") and config.option.timeout is None:
+        config.option.timeout = LIMIT

@@ -7,7 +7,6 @@ import pytest
 from support.ci_recipes import RECIPES, commands_of, run_commands
 
 
-@pytest.mark.timeout(240)  # it builds the controller and runs pytest with two workers
 @pytest.mark.skipif(
     not (shutil.which("make") and shutil.which("cc")),
     reason="no C compiler; apt-get install make gcc libc6-dev",

@@ -147,7 +147,7 @@ def is_call_of_another(value: ast.expr) -> bool:
 def test_the_tests_pass(pytester):
     tests = [block.text for block in documents.blocks("py") if "firmware(" not in block.text]
     pytester.makepyfile("\n\n".join(tests))
-    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(
+    pytester.runpytest("-p", "no:cacheprovider").assert_outcomes(
         passed=sum(text.count("def test_") for text in tests)
     )
 
@@ -163,7 +163,7 @@ def test_the_tests_of_firmware_pass(pytester):
     make = ["make", "--silent", "-C", ROOT / "examples" / "firmware", f"BUILD={build}"]
     subprocess.run(make, check=True)  # noqa: S603 - our own sources
     pytester.makepyfile(tests[0])
-    pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
+    pytester.runpytest("-p", "no:cacheprovider").assert_outcomes(passed=1)
 
 
 def test_no_example_is_left_untold():

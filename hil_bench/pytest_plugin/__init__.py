@@ -224,8 +224,8 @@ def hil_realtime(pytestconfig: pytest.Config) -> bool:
     return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
 
 
-@pytest.fixture
-def firmware(
+@pytest.fixture(name="firmware")  # the name `firmware` in here is the module's, once imported
+def _firmware(
     request: pytest.FixtureRequest,
     bench: "VirtualBench",
     hil_realtime: bool,

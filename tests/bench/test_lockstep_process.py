@@ -13,8 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-GUARD = 50.0  # [s]; never waited for, unless the test fails; the first start compiles the plant
+from support.patience import GUARD
 
 
 class Controller:
@@ -135,7 +134,6 @@ def drive(bench, *, is_suspended):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux: /proc")
-@pytest.mark.timeout(120)  # two processes that start Python, on a machine that may be busy
 def test_a_suspended_bench_goes_on_where_it_was(start):
     traces, frames = [], []
     for name, is_suspended in (("suspended", True), ("undisturbed", False)):
@@ -150,7 +148,6 @@ def test_a_suspended_bench_goes_on_where_it_was(start):
     assert traces[0].count(b"080#") == 40
 
 
-@pytest.mark.timeout(120)
 def test_a_controller_that_is_gone_leaves_time_to_the_next_one(start):
     bench = start("bench")
     first = Controller(bench.port)
@@ -170,7 +167,6 @@ def test_a_controller_that_is_gone_leaves_time_to_the_next_one(start):
     assert "node 1    valve: OPERATIONAL" in out
 
 
-@pytest.mark.timeout(120)
 def test_a_controller_on_two_buses_moves_a_bench_on_each(start):
     benches = [start(name) for name in ("left", "right")]
     buses = [Controller(bench.port) for bench in benches]

@@ -94,7 +94,7 @@ def test_the_document_shows_what_works(pytester):
     text = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
     (snippet,) = re.findall(r"^```py\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     pytester.makepyfile(snippet)
-    pytester.runpytest_subprocess().assert_outcomes(passed=1)
+    pytester.runpytest().assert_outcomes(passed=1)
 
 
 def test_the_example_tells_how_far_the_piston_was_off(capsys, monkeypatch):

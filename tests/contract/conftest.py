@@ -13,6 +13,7 @@ from typing import NamedTuple
 import can
 import pytest
 from support.any_bus import EMBEDDED, PROCESSES, AnyRig, embedded_rig, process_rig, vcan_rig
+from support.patience import GUARD
 
 from drivers import (
     ModbusExceptionError,
@@ -25,13 +26,6 @@ from drivers.modbus import ModbusClient, TcpLink
 from hil_bench.assembly import build_bench
 from hil_bench.config import load_config
 from hil_bench.transports.embedded import EmbeddedBus
-
-WAIT = 10.0
-"""Longest wait for what must come at once [s]."""
-
-MAX_AGE = 5.0
-"""Age limit of the drivers' values [s]: on a shared machine the other process may be held up."""
-
 
 MODBUS_UNITS = """
 [modbus.units.valve]
@@ -101,7 +95,7 @@ class Endpoints(NamedTuple):
     serial_port: str
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # no longer: it takes a tenth of a processor while it is there
 def bench_endpoints(tmp_path_factory) -> Iterator[Endpoints]:
     """A bench that hosts a hub, and is on Modbus TCP and RTU too."""
     path = tmp_path_factory.mktemp("bench") / "bench.toml"
@@ -119,20 +113,20 @@ def bench_endpoints(tmp_path_factory) -> Iterator[Endpoints]:
 
 def await_values(port: int) -> None:
     """Wait until the loop has begun: before that there are no values."""
-    with ModbusClient(TcpLink("127.0.0.1", port), timeout=WAIT) as client:
+    with ModbusClient(TcpLink("127.0.0.1", port), timeout=GUARD) as client:
         while True:
             with contextlib.suppress(ModbusExceptionError):
                 client.read_registers(2, "input_registers", 0, 2)
                 return
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def hub_port(bench_endpoints) -> int:
     """A bench that hosts a hub."""
     return bench_endpoints.hub_port
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def vcan_bench() -> Iterator[None]:
     """A bench on vcan0."""
     with bench_process("-i", "socketcan", "-c", "vcan0"):
@@ -173,14 +167,14 @@ def rig(connect) -> Iterator[Rig]:
         network = Network(bus, clock=clock)
         rig = Rig(
             network,
-            ProportionalValve(network, 1, max_age=MAX_AGE),
-            PressureSensor(network, 2, max_age=MAX_AGE),
-            PressureSensor(network, 3, max_age=MAX_AGE),
-            PositionSensor(network, 4, max_age=MAX_AGE),
+            ProportionalValve(network, 1, max_age=GUARD),
+            PressureSensor(network, 2, max_age=GUARD),
+            PressureSensor(network, 3, max_age=GUARD),
+            PositionSensor(network, 4, max_age=GUARD),
         )
         for device in rig.devices:
             device.node.read_device_type()  # powered on, whatever its past
-            network.reset_node(device.node.node_id, timeout=WAIT)
+            network.reset_node(device.node.node_id, timeout=GUARD)
             device.node.emergencies.clear()
         yield rig
 
@@ -195,13 +189,13 @@ def started(rig) -> Rig:
     return rig
 
 
-@pytest.fixture(
-    params=[
-        *EMBEDDED,
-        *PROCESSES,
-        *([pytest.param("vcan", marks=pytest.mark.slow)] if has_vcan() else []),
-    ]
-)
+REAL_TIME = [
+    *PROCESSES,
+    *([pytest.param("vcan", marks=pytest.mark.slow)] if has_vcan() else []),
+]
+
+
+@pytest.fixture(params=[*EMBEDDED, *REAL_TIME])
 def any_rig(request, tmp_path) -> Iterator[AnyRig]:
     """The drivers of the built-in bench, over every combination of buses; none is set up."""
     with open_rig(request, tmp_path) as opened:
@@ -210,7 +204,14 @@ def any_rig(request, tmp_path) -> Iterator[AnyRig]:
 
 @pytest.fixture(params=EMBEDDED)
 def near_rig(request, tmp_path) -> Iterator[AnyRig]:
-    """The same, where the bench is in this process."""
+    """The same, where the bench is in this process and time is virtual."""
+    with open_rig(request, tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture(params=REAL_TIME)
+def far_rig(request, tmp_path) -> Iterator[AnyRig]:
+    """The same, where the bench is in another process and time is the machine's."""
     with open_rig(request, tmp_path) as opened:
         yield opened
 

@@ -5,12 +5,11 @@ import subprocess
 
 import pytest
 from support.dissection import require_tool
+from support.patience import GUARD
 
 from drivers.modbus import ModbusClient, PositionSensor, PressureSensor, TcpLink
 
 pytestmark = pytest.mark.slow
-
-WAIT = 10.0
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -34,7 +33,7 @@ def mbpoll(request, bench_endpoints):
         command = ["mbpoll", *way, *options, *where]
         command += [place, *values] if write else [*values, place]
         done = subprocess.run(  # noqa: S603 - mbpoll, with arguments of our own
-            command, capture_output=True, text=True, timeout=50, check=False
+            command, capture_output=True, text=True, check=False
         )
         found = [
             float(value) for value in re.findall(r"^\[\d+\]:\s+(\S+)", done.stdout, re.MULTILINE)
@@ -46,7 +45,7 @@ def mbpoll(request, bench_endpoints):
 
 @pytest.fixture
 def client(bench_endpoints):
-    with ModbusClient(TcpLink("127.0.0.1", bench_endpoints.modbus_port), timeout=WAIT) as client:
+    with ModbusClient(TcpLink("127.0.0.1", bench_endpoints.modbus_port), timeout=GUARD) as client:
         yield client
 
 

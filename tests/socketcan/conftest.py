@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import can
 import pytest
-from support.can_link import START_TIMEOUT, set_link
+from support.can_link import set_link
+from support.patience import GUARD
 
 HOW_TO_GET_VCAN = (
     "no SocketCAN interface vcan0; run: python tests/socketcan/with_vcan.py pytest tests/socketcan"
@@ -67,7 +68,7 @@ class BusWatch:
             [{"can_id": can_id, "can_mask": 0x7FF, "extended": False} for can_id in can_ids]
         )
 
-    def wait_for(self, can_id, matches=lambda _: True, *, timeout=10.0):
+    def wait_for(self, can_id, matches=lambda _: True, *, timeout=GUARD):
         """Return the next frame with this identifier and matching data."""
         for message in self._read(timeout):
             if message.arbitration_id == can_id and matches(message.data):
@@ -181,20 +182,20 @@ class Program:
         """Return what the program has printed so far."""
         return self._stdout.text()
 
-    def wait_for_output(self, text, timeout=START_TIMEOUT):
+    def wait_for_output(self, text, timeout=GUARD):
         """Wait until the program has written this to its standard output."""
         self._stdout.wait_for(text, timeout)
 
-    def wait_for_error(self, text, timeout=30.0):
+    def wait_for_error(self, text, timeout=GUARD):
         """Wait until the program has written this to its standard error."""
         self._stderr.wait_for(text, timeout)
 
-    def wait(self, timeout=30.0):
+    def wait(self, timeout=GUARD):
         """Return what the program left behind once it and all that it has started have ended."""
         exit_code = self.process.wait(timeout)
         return Ended(exit_code, *(s.wait_for_end(timeout) for s in (self._stdout, self._stderr)))
 
-    def stop(self, signal_number=signal.SIGINT, timeout=30.0):
+    def stop(self, signal_number=signal.SIGINT, timeout=GUARD):
         """Return what the program left behind after a signal."""
         self.process.send_signal(signal_number)
         return self.wait(timeout)
@@ -233,7 +234,7 @@ def start_bench(start, watch, channel):
     def start_and_wait(*arguments):
         bench = start("hil-bench", "run", "-i", "socketcan", "-c", channel, *arguments)
         try:
-            watch.wait_for_all([0x700 + node_id for node_id in NODE_IDS], timeout=START_TIMEOUT)
+            watch.wait_for_all([0x700 + node_id for node_id in NODE_IDS], timeout=GUARD)
         except AssertionError:
             bench.kill()
             pytest.fail(f"the bench did not boot up: {bench.wait()}")

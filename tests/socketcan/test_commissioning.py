@@ -9,8 +9,6 @@ from support.machines import AIR, OIL, SOUND, SWAPPED, WRONG_REVISION, with_faul
 
 from hil_bench.cli import main
 
-pytestmark = pytest.mark.timeout(180)  # two processes take turns on one slow core
-
 PLAN = """
 [limits]
 position_mm = [-150, 150]

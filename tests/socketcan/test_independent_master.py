@@ -7,6 +7,7 @@ from pathlib import Path
 import canopen
 import pytest
 from support.dissection import dissect, require_tshark
+from support.patience import GUARD
 
 EDS = Path(__file__).parents[1] / "unit" / "canopen_device" / "device.eds"
 BENCH = f"""
@@ -39,8 +40,6 @@ profile = "encoder_406"
 node_id = "unconfigured"
 serial_number = 77
 """
-pytestmark = pytest.mark.timeout(180)  # silence is waited for, and the bench starts four times
-PATIENCE = 10.0  # [s]; one loaded processor may have the bench, the master and us
 DATA = bytes(number % 251 for number in range(2000))
 
 
@@ -63,7 +62,7 @@ def network(channel):
 def remote(bench, network):
     assert bench.process.poll() is None
     remote = network.add_node(5, str(EDS))
-    remote.sdo.RESPONSE_TIMEOUT = PATIENCE
+    remote.sdo.RESPONSE_TIMEOUT = GUARD
     return remote
 
 
@@ -102,14 +101,14 @@ def boot_up(remote):
     booted = threading.Event()
     remote.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
     yield
-    assert booted.wait(PATIENCE)
+    assert booted.wait(GUARD)
 
 
 def test_nmt_heartbeat_sync_and_emcy(record, remote, network, tmp_path):
     remote.sdo["Producer heartbeat time"].raw = 50
     remote.nmt.state = "OPERATIONAL"
     # Heartbeats from before the command may still be under way.
-    while remote.nmt.wait_for_heartbeat(PATIENCE) != "OPERATIONAL":
+    while remote.nmt.wait_for_heartbeat(GUARD) != "OPERATIONAL":
         pass
 
     remote.tpdo.read()
@@ -118,12 +117,12 @@ def test_nmt_heartbeat_sync_and_emcy(record, remote, network, tmp_path):
     network.sync.start(0.02)
     with contextlib.ExitStack() as stack:
         stack.callback(network.sync.stop)
-        assert all(remote.tpdo[2].wait_for_reception(PATIENCE) for _ in range(5))
+        assert all(remote.tpdo[2].wait_for_reception(GUARD) for _ in range(5))
 
     # A heartbeat that is watched with 100 ms, and comes once.
     remote.sdo["Consumer heartbeat time"][1].raw = 0x77 << 16 | 100
     network.send_message(0x777, b"\x05")
-    error = remote.emcy.wait(0x8130, PATIENCE)
+    error = remote.emcy.wait(0x8130, GUARD)
     assert error.code == 0x8130
     assert error.register == 0x11  # generic and communication
 
@@ -143,7 +142,7 @@ def test_lss_fastscan_and_a_new_node_id(record, network, tmp_path):
     remote = network.add_node(42)
     with boot_up(remote):
         network.lss.send_switch_state_global(network.lss.WAITING_STATE)
-    remote.sdo.RESPONSE_TIMEOUT = PATIENCE
+    remote.sdo.RESPONSE_TIMEOUT = GUARD
     assert remote.sdo.upload(0x1018, 4) == (77).to_bytes(4, "little")
     expect_sound(record(tmp_path / "lss.log"))
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import can
 import pytest
-from support.can_link import START_TIMEOUT
+from support.patience import GUARD
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_buses.toml"
 READ_VENDOR = bytes.fromhex("4018100100000000")  # SDO upload of 0x1018.01
@@ -34,7 +34,7 @@ def test_each_interface_has_the_nodes_of_its_bus(start, bench_file, channel, own
         can.Bus(interface="socketcan", channel=own_channel) as second,
     ):
         bench = start("hil-bench", "run", bench_file, "--quiet")
-        boots = [second.recv(START_TIMEOUT).arbitration_id for _ in range(3)]
+        boots = [second.recv(GUARD).arbitration_id for _ in range(3)]
         assert boots == [0x701, 0x702, 0x703]
         assert first.recv(10.0).arbitration_id == 0x701
         assert ask(first, 1) == ask(second, 1) == 0x581

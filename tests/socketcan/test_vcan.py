@@ -3,12 +3,13 @@
 import subprocess
 
 import can
+from support.patience import GUARD
 
 
 def test_python_can_hears_what_can_utils_sends(channel):
     with can.Bus(interface="socketcan", channel=channel) as bus:
         subprocess.run(["cansend", channel, "123#DEADBEEF"], check=True)
-        message = bus.recv(timeout=5.0)
+        message = bus.recv(timeout=GUARD)
     assert message is not None
     assert (message.arbitration_id, bytes(message.data)) == (0x123, b"\xde\xad\xbe\xef")
 
@@ -22,6 +23,6 @@ def test_candump_sees_what_python_can_sends(channel):
     ):
         # candump says nothing when it starts to listen, so the frame is repeated until it ends.
         task = bus.send_periodic(can.Message(arbitration_id=0x124, is_extended_id=False), 0.05)
-        output, _ = candump.communicate(timeout=10.0)
+        output, _ = candump.communicate(timeout=GUARD)
         task.stop()
     assert output.split()[1:] == [channel, "124#"]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import can
 import pytest
+from support.patience import GUARD
 
 from drivers import Network, PositionSensor, PressureSensor, ProportionalValve, modbus
 from drivers.interfaces import CommandedValve, Medium, PositionSource, PressureSource
@@ -16,12 +17,6 @@ from hil_bench.virtual_bench import VirtualBench
 
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4
 """Node-IDs, and unit-IDs, of the built-in bench."""
-
-WAIT = 10.0
-"""Longest wait for what must come at once [s]."""
-
-MAX_AGE = 5.0
-"""Age limit of the drivers' values [s]: on a shared machine the other process may be held up."""
 
 
 def nothing() -> None:
@@ -75,10 +70,10 @@ class AnyRig:
         self.network.sync()
         for device in self.devices:
             if not device.poll():
-                assert self.network.wait_for(lambda d=device: d.received_at > since, WAIT), device
+                assert self.network.wait_for(lambda d=device: d.received_at > since, GUARD), device
 
     def wait_until(self, condition):
-        deadline = self.network.now() + WAIT
+        deadline = self.network.now() + GUARD
         while not condition():
             assert self.network.now() < deadline
             self.network.pump_until(self.network.now() + 0.005)
@@ -89,7 +84,7 @@ class AnyRig:
 
 
 def maker(module, bus) -> Callable[[str, int], PressureSource | PositionSource]:
-    return lambda name, address: getattr(module, name)(bus, address, max_age=MAX_AGE)
+    return lambda name, address: getattr(module, name)(bus, address, max_age=GUARD)
 
 
 class _CanopenDrivers:
@@ -102,7 +97,7 @@ def canopen_rig(bus: can.BusABC, clock: Callable[[], float]) -> Iterator[AnyRig]
     with Network(bus, clock=clock) as network:
         rig = AnyRig(
             network,
-            ProportionalValve(network, VALVE, max_age=MAX_AGE),
+            ProportionalValve(network, VALVE, max_age=GUARD),
             maker(_CanopenDrivers, network),
             start=network.start_node,
             lose=lambda: network.stop_node(PRESSURE_A),
@@ -118,7 +113,7 @@ def modbus_rig(link: Link, **client_settings: object) -> Iterator[AnyRig]:
     with modbus.ModbusClient(link, **client_settings) as client:
         rig = AnyRig(
             client,
-            modbus.ProportionalValve(client, VALVE, max_age=MAX_AGE),
+            modbus.ProportionalValve(client, VALVE, max_age=GUARD),
             maker(modbus, client),
             lose=lambda: setattr(link, "is_cut", True),
             regain=lambda: setattr(link, "is_cut", False),
@@ -136,7 +131,7 @@ def mixed_rig(
         Network(bus, clock=clock) as network,
         modbus.ModbusClient(link, clock=clock, timeout=timeout) as client,
     ):
-        valve = ProportionalValve(network, VALVE, max_age=MAX_AGE)
+        valve = ProportionalValve(network, VALVE, max_age=GUARD)
         reset_nodes(network, [valve])
         rig = AnyRig(
             network,
@@ -153,7 +148,7 @@ def mixed_rig(
 def reset_nodes(network, devices):
     for device in devices:
         device.node.read_device_type()  # powered on, whatever its past
-        network.reset_node(device.node.node_id, timeout=WAIT)
+        network.reset_node(device.node.node_id, timeout=GUARD)
         device.node.emergencies.clear()
 
 
@@ -180,9 +175,9 @@ def process_rig(kind: str, endpoints, clock) -> contextlib.AbstractContextManage
     """A rig whose bench is in another process, in real time."""
     tcp = modbus.TcpLink("127.0.0.1", endpoints.modbus_port)
     if kind == "tcp":
-        return modbus_rig(tcp, timeout=WAIT)
+        return modbus_rig(tcp, timeout=GUARD)
     if kind == "rtu":
-        return modbus_rig(modbus.SerialLink(endpoints.serial_port, parity="N"), timeout=WAIT)
+        return modbus_rig(modbus.SerialLink(endpoints.serial_port, parity="N"), timeout=GUARD)
     return _hub_rig(kind, endpoints.hub_port, clock, tcp)
 
 
@@ -190,7 +185,7 @@ def process_rig(kind: str, endpoints, clock) -> contextlib.AbstractContextManage
 def _hub_rig(kind, port, clock, tcp):
     settings = {"interface": "socketcand", "channel": "can0", "host": "127.0.0.1", "port": port}
     with can.Bus(**settings) as bus:
-        rig = canopen_rig(bus, clock) if kind == "hub" else mixed_rig(bus, clock, tcp, WAIT)
+        rig = canopen_rig(bus, clock) if kind == "hub" else mixed_rig(bus, clock, tcp, GUARD)
         with rig as entered:
             yield entered
 

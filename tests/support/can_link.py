@@ -4,8 +4,7 @@ import subprocess
 
 import can
 import pytest
-
-START_TIMEOUT = 50.0  # [s]; the first start on a machine compiles the plant
+from support.patience import GUARD
 
 
 def set_link(channel, state):
@@ -20,7 +19,7 @@ def send(bus, can_id, data=b""):
 
 def await_frame(bus, can_id):
     """Return the data of the next frame with this identifier."""
-    while (message := bus.recv(timeout=START_TIMEOUT)) is not None:
+    while (message := bus.recv(timeout=GUARD)) is not None:
         if message.arbitration_id == can_id:
             return bytes(message.data)
     pytest.fail(f"no frame 0x{can_id:03X}")

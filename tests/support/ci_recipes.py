@@ -51,10 +51,12 @@ def run_commands(commands, directory):
     (tools / "sudo").chmod(0o755)
     path = os.pathsep.join([str(tools), str(Path(sys.executable).parent), os.environ["PATH"]])
     options = os.environ.get("PYTEST_ADDOPTS", "") + " -p no:cacheprovider"
+    # One worker for `-n auto`: the tests around these keep the processors busy already.
+    settings = {"PATH": path, "PYTEST_ADDOPTS": options, "PYTEST_XDIST_AUTO_NUM_WORKERS": "1"}
     return subprocess.run(  # noqa: S603 - our own recipe
         ["/bin/bash", "-euxo", "pipefail", "-c", "\n".join(commands)],
         cwd=directory,
-        env=os.environ | {"PATH": path, "PYTEST_ADDOPTS": options},
+        env=os.environ | settings,
         capture_output=True,
         text=True,
         check=False,

@@ -18,10 +18,10 @@ def require_tshark():
     require_tool("tshark")
 
 
-def require_tool(name):
+def require_tool(name, package=""):
     """Skip where there is no such program; fail in CI, whose machines must have it."""
     if shutil.which(name) is None:
-        reason = f"no {name}; apt-get install {name}"
+        reason = f"no {name}; apt-get install {package or name}"
         if os.environ.get("CI"):
             pytest.fail(reason)
         pytest.skip(reason)
@@ -69,5 +69,5 @@ def dissect(path, *fields, only="", decode_as="can.subdissector,canopen"):
         command += ["-Y", only]
     for field in fields:
         command += ["-e", field]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=50)
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     return [tuple(row.split("\t")) for row in done.stdout.splitlines()]

@@ -9,10 +9,11 @@ from pathlib import Path
 ROOT = Path(__file__).parents[3]
 
 PROGRAM = """
-import importlib.util
 import sys
 
-assert importlib.util.find_spec("hil_bench") is None, "the bench is there"
+# Nothing of this name can be imported, whatever is installed, or was once: uninstalled, the bench
+# leaves the folders that hold Numba's machine code.
+sys.modules["hil_bench"] = None
 
 import drivers
 import drivers.modbus
@@ -38,7 +39,7 @@ class Link:
 sensor = drivers.modbus.PressureSensor(drivers.modbus.ModbusClient(Link()), 2)
 sensor.poll()
 print(sensor.pressure)
-assert not [name for name in sys.modules if name.startswith("hil_bench")]
+assert [name for name in sys.modules if name.startswith("hil_bench")] == ["hil_bench"]
 """
 
 
@@ -52,7 +53,6 @@ def test_only_the_drivers_are_installed(tmp_path):
         [sys.executable, "-S", "-I", "-c", program],
         capture_output=True,
         text=True,
-        timeout=60,
         check=False,
         cwd=tmp_path,
     )

@@ -10,7 +10,8 @@ RUN_AND_PRINT_BITS = """
 import dataclasses
 import random
 import sys
-sys.modules.update({name: None for name in sys.argv[1:]})  # None: as if not installed
+steps, *missing = sys.argv[1:]
+sys.modules.update({name: None for name in missing})  # None: as if not installed
 from hil_bench.plant import *
 extended = PlantOptions(
     end_stop=EndStop(),
@@ -25,7 +26,7 @@ for solver in Solver:
     for options in (PlantOptions.paper(), PlantOptions.bench(), extended):
         plant = FullOrderPlant(paper_parameters(), options=options, solver=solver, dt=2e-5)
         source = random.Random(1)
-        for _ in range(400):
+        for _ in range(int(steps)):
             plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
         print(*(value.hex() for value in (*plant.state, *plant.output, *plant.extension)))
     loads = (SpringLoad(1e4), LoadSeries((0.1, 0.4, 0.9), (0.0, 9e3, -5e3)))
@@ -34,14 +35,14 @@ for solver in Solver:
         paper_parameters(), options=options, solver=solver, dt=2e-5, delay=5e-4
     )
     source = random.Random(1)
-    for _ in range(400):
+    for _ in range(int(steps)):
         reduced.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
     print(*(value.hex() for value in reduced.output))
 """
 
 
-def run_plants(disable_jit: str, *missing: str) -> str:
-    command = [sys.executable, "-c", RUN_AND_PRINT_BITS, *missing]
+def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
+    command = [sys.executable, "-c", RUN_AND_PRINT_BITS, str(steps), *missing]
     environment = {**os.environ, "NUMBA_DISABLE_JIT": disable_jit}
     finished = subprocess.run(  # noqa: S603 - the script above
         command, env=environment, check=True, capture_output=True, text=True
@@ -55,7 +56,11 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
 
     A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
     """
-    compiled = run_plants("0")
+    compiled = run_plants(400, "0")
     assert compiled.count("\n") == 12
-    assert compiled == run_plants("1")
-    assert compiled == run_plants("0", "numba")
+    assert compiled == run_plants(400, "1")
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
+def test_without_numba_the_plant_is_interpreted() -> None:
+    assert run_plants(20, "0", "numba") == run_plants(20, "0")

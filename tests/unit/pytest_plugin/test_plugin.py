@@ -1,4 +1,8 @@
-"""The plugin in a pytest of its own, and the bench that its fixtures give."""
+"""The plugin in a pytest of its own, and the bench that its fixtures give.
+
+That pytest runs in this process, unless it starts workers. What it imports for the first time is
+dropped at its end, so what takes long to import is imported here.
+"""
 
 import re
 import subprocess
@@ -6,15 +10,18 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import matplotlib.figure
 import numpy as np
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
+from hil_bench.pytest_plugin import failure_report
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
 
 pytest_plugins = ["pytester"]
+__all__ = ["failure_report", "matplotlib"]
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 KINDS = {"trace": ".log", "signals": ".csv", "plot": ".png"}
@@ -41,7 +48,7 @@ def test_drivers_are_on_the_bus_of_their_node(pytester):
         "    assert abs(seen - plant) < 0.001\n"  # 0.1 m/s, an event timer of 5 ms
         "    assert abs(pressure.pressure / bench.values['axis1.P_A'] - 1) < 0.02\n"
     )
-    result = pytester.runpytest_subprocess(f"--hil-config={EXAMPLES / 'two_buses.toml'}")
+    result = pytester.runpytest(f"--hil-config={EXAMPLES / 'two_buses.toml'}")
     result.assert_outcomes(passed=1)
 
 
@@ -71,7 +78,7 @@ def test_the_bus_is_python_cans(can_bus):
 
 def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     pytester.makepyfile("def test_fails(bench):\n    bench.run(0.01)\n    assert False")
-    result = pytester.runpytest_subprocess("--hil-artifacts=left", "--junitxml=junit.xml")
+    result = pytester.runpytest("--hil-artifacts=left", "--junitxml=junit.xml")
     result.assert_outcomes(failed=1)
     name = "test_a_failed_test_shows_the_last_frames_and_leaves_its_files.py-test_fails"
     files = {what: f"left/{name}{suffix}" for what, suffix in KINDS.items()}
@@ -105,7 +112,7 @@ def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
 def test_the_junit_file_tells_what_a_test_ran_on(pytester, options, config, seed, interface):
     pytester.makefile(".toml", bench="[bench]\nseed = 3\n")
     pytester.makepyfile("def test_it(bench):\n    pass\ndef test_else():\n    pass")
-    pytester.runpytest_subprocess("--junitxml=junit.xml", *options)
+    pytester.runpytest("--junitxml=junit.xml", *options)
     cases = ET.parse(pytester.path / "junit.xml").iter("testcase")  # noqa: S314 - our own
     on_it, on_nothing = [
         {entry.get("name"): entry.get("value") for entry in case.iter("property")} for case in cases
@@ -118,9 +125,9 @@ def test_the_junit_file_tells_what_a_test_ran_on(pytester, options, config, seed
 def test_an_error_of_the_controller_shows_the_line_of_the_test(pytester):
     pytester.makepyfile(
         "def test_late(bench):\n    bench.run_until(lambda: False, timeout=0)\n"
-        "def test_bug(bench):\n    bench.run('long')\n"
+        "def test_bug(bench):\n    bench.run(None)\n"
     )
-    result = pytester.runpytest_subprocess("--tb=short")
+    result = pytester.runpytest("--tb=short")
     result.assert_outcomes(failed=2)
     late, bug = re.split(r"_{5,} test_\w+ _{5,}", result.stdout.str())[1:]
     assert re.findall(r"^\S+\.py:\d+: in (\w+)$", late, re.MULTILINE) == ["test_late"]
@@ -165,7 +172,7 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
         "@pytest.mark.hil_requires('io_401')\ndef test_io():\n    assert False\n"
         "@pytest.mark.hil_requires(axes=2)\ndef test_two():\n    assert False\n"
     )
-    result = pytester.runpytest_subprocess("-rs", "--strict-markers", "--hil-realtime")
+    result = pytester.runpytest("-rs", "--strict-markers", "--hil-realtime")
     result.assert_outcomes(passed=1, skipped=2)
     result.stdout.fnmatch_lines(["hil-bench: realtime; hil-bench [0-9]*, python-can [0-9]*"])
     result.stdout.fnmatch_lines_random(
@@ -173,8 +180,8 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
     )
 
 
-@pytest.mark.timeout(240)  # three processes that start Python
-def test_each_worker_has_a_bus_of_its_own(pytester):
+def test_each_worker_has_a_bus_of_its_own(pytester, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # two ticks are not worth compiling the plant
     pytester.makepyfile(
         "import pathlib, sys\n"
         "SCRIPT = 'import os, time; print(os.environ[\"HIL_BENCH_BUS\"]); time.sleep(99)'\n"
@@ -193,7 +200,7 @@ def test_each_worker_has_a_bus_of_its_own(pytester):
 
 def test_workers_are_not_to_share_an_interface(pytester):
     pytester.makepyfile("def test_it(firmware):\n    pass")
-    result = pytester.runpytest_subprocess("-n2", "--hil-firmware-bus=vcan0")
+    result = pytester.runpytest("-n2", "--hil-firmware-bus=vcan0")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(
         ["ERROR: --hil-firmware-bus vcan0: workers would share it; give vcan{worker}, one each"]
@@ -202,7 +209,7 @@ def test_workers_are_not_to_share_an_interface(pytester):
 
 def test_a_bus_that_broke_is_told_once(pytester):
     pytester.makepyfile("def test_a(can_bus):\n    pass\ndef test_b(can_bus):\n    pass")
-    result = pytester.runpytest_subprocess("-rs", "--hil-interface=none_such")
+    result = pytester.runpytest("-rs", "--hil-interface=none_such")
     result.assert_outcomes(errors=1, skipped=1)
     why = "unknown CAN interface 'none_such'; python-can has"
     result.stdout.fnmatch_lines([f"E * hil_bench.errors.BusError: {why} *"])
@@ -216,7 +223,7 @@ def test_a_failed_test_shows_its_faults(pytester):
         "        bench.run(0.02)\n"
         "        assert False\n"
     )
-    result = pytester.runpytest_subprocess()
+    result = pytester.runpytest()
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
         ["*- faults -*", "(0.001000) freeze pressure_a begins", "(0.011000) freeze pressure_a ends"]
@@ -227,7 +234,7 @@ def test_hardware_tests_are_skipped_with_the_option_that_runs_them(pytester):
     pytester.makepyfile(
         "import pytest\n@pytest.mark.hil_hardware\ndef test_it():\n    assert False"
     )
-    result = pytester.runpytest_subprocess("-rs", "--strict-markers")
+    result = pytester.runpytest("-rs", "--strict-markers")
     result.assert_outcomes(skipped=1)
     result.stdout.fnmatch_lines(["*needs the physical bench: --hil-interface names its bus*"])
 
@@ -244,7 +251,7 @@ def test_on_a_physical_bus_time_passes_and_who_looks_into_the_bench_is_skipped(p
         "def test_faults(faults):\n    assert False\n"
         "def test_firmware(firmware):\n    assert False\n"
     )
-    result = pytester.runpytest_subprocess("-rs", "--hil-interface", "virtual")
+    result = pytester.runpytest("-rs", "--hil-interface", "virtual")
     result.assert_outcomes(passed=1, skipped=3)
     why = "needs the virtual bench, which --hil-interface turns off"
     result.stdout.fnmatch_lines_random(
@@ -257,7 +264,7 @@ def test_a_physical_bus_is_opened_as_named(pytester):
     pytester.makepyfile(
         "def test_it(can_bus):\n    assert can_bus.channel_info.endswith('plugin_test')"
     )
-    result = pytester.runpytest_subprocess("--hil-interface=virtual", "--hil-channel=plugin_test")
+    result = pytester.runpytest("--hil-interface=virtual", "--hil-channel=plugin_test")
     result.assert_outcomes(passed=1)
 
 
@@ -269,7 +276,7 @@ def test_options_may_stand_in_the_ini_file(pytester):
         "    assert (valve.node.id, hil_config.seed) == (9, 5)\n"
         "def test_sensor(position):\n    pass"
     )
-    result = pytester.runpytest_subprocess("-rs")
+    result = pytester.runpytest("-rs")
     result.assert_outcomes(passed=1, skipped=1)
     result.stdout.fnmatch_lines(["*the first axis of the bench has no encoder_406*"])
 
@@ -335,7 +342,7 @@ def test_a_test_may_have_tables_and_devices_of_its_own(pytester):
 
 def test_it_can_be_left_out(pytester):
     pytester.makepyfile("def test_it(bench):\n    pass")
-    result = pytester.runpytest_subprocess("-p", "no:hil_bench")
+    result = pytester.runpytest("-p", "no:hil_bench")
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*fixture 'bench' not found*"])
 
@@ -357,7 +364,7 @@ def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
         "def test_moves(bench, valve):\n    valve.enable()\n    bench.run(0.5)\n    assert False\n"
         "def test_rests(bench):\n    bench.run(0.01)\n"
     )
-    result = pytester.runpytest_subprocess("--hil-record=results")
+    result = pytester.runpytest("--hil-record=results")
     result.assert_outcomes(failed=1, passed=1)
     result.stdout.fnmatch_lines(["*hil-bench files*", "recording results/*test_moves.mf4"])
     name = f"{test_each_test_is_recorded_and_a_failed_one_names_the_file.__name__}.py_test_"
@@ -372,7 +379,7 @@ def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
 def test_frames_of_a_physical_bus_are_recorded_by_another_process(pytester):
     pytester.makepyfile("def test_talks(network):\n    network.send(0x123, b'abc')\n")
     bus = ("--hil-interface=virtual", "--hil-channel=test_record")
-    pytester.runpytest_subprocess(*bus, "--hil-record=results").assert_outcomes(passed=1)
+    pytester.runpytest(*bus, "--hil-record=results").assert_outcomes(passed=1)
     (path,) = (pytester.path / "results").iterdir()
     sent = [logged.frame for logged in read_frames(path) if not logged.is_received]
     # The controller's boot-up message, then the test's own frame.

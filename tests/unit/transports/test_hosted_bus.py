@@ -11,6 +11,7 @@ import time
 
 import can
 import pytest
+from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -18,8 +19,6 @@ from hil_bench.transports import hosted_bus
 from hil_bench.transports.hosted_bus import MAX_CLIENTS, HostedBus
 from hil_bench.transports.socketcand_protocol import MAX_COMMAND
 from hil_bench.transports.transport import TransportCounters
-
-GUARD = 20.0  # [s]; never waited for, unless the test fails
 
 
 class Client:

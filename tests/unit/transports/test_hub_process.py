@@ -8,6 +8,7 @@ import sys
 
 import can
 import pytest
+from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -56,7 +57,7 @@ MESSAGES = [
 def test_python_cans_client_sends_and_receives_every_kind_of_data_frame(join, message):
     sender, receiver = join(), join()
     sender.send(message)
-    received = receiver.recv(10)
+    received = receiver.recv(GUARD)
     assert received.equals(
         message, timestamp_delta=None, check_channel=False, check_direction=False
     )
@@ -66,16 +67,16 @@ def test_python_cans_client_sends_and_receives_every_kind_of_data_frame(join, me
 def test_python_cans_client_does_not_hear_itself(join):
     sender, receiver = join(), join()
     sender.send(MESSAGES[0])
-    receiver.recv(10)
+    receiver.recv(GUARD)
     receiver.send(MESSAGES[1])
-    assert sender.recv(10).arbitration_id == 0x080
+    assert sender.recv(GUARD).arbitration_id == 0x080
 
 
 def test_a_burst_arrives_complete_and_in_order(join):
     sender, receiver = join(), join()
     for n in range(2_000):
         sender.send(can.Message(arbitration_id=0x123, data=n.to_bytes(8, "little")))
-    received = [int.from_bytes(receiver.recv(10).data, "little") for _ in range(2_000)]
+    received = [int.from_bytes(receiver.recv(GUARD).data, "little") for _ in range(2_000)]
     assert received == list(range(2_000))
 
 
@@ -90,7 +91,7 @@ def test_joining_a_busy_bus_works(hub, join):
             flood.sendall(b"< send 123 8 1 2 3 4 5 6 7 8 >" * 100)
             bus = join()
             flood.sendall(b"< send 124 0 >")
-            while bus.recv(10).arbitration_id != 0x124:
+            while bus.recv(GUARD).arbitration_id != 0x124:
                 pass
 
 
@@ -142,7 +143,7 @@ def test_the_hub_is_alive_within_the_block_only():
         assert hub.port > 0
     assert not hub.alive
     with pytest.raises(ConnectionRefusedError):
-        socket.create_connection((hub.host, hub.port), timeout=10)
+        socket.create_connection((hub.host, hub.port), timeout=GUARD)
 
 
 def test_a_port_in_use_is_a_bus_error(hub):
@@ -160,7 +161,7 @@ def test_a_bad_channel_name_is_a_bus_error():
 def test_ctrl_c_is_left_to_the_parent():
     with HubProcess(port=0) as hub:
         os.kill(hub._child.pid, signal.SIGINT)
-        with socket.create_connection((hub.host, hub.port), timeout=10) as client:
+        with socket.create_connection((hub.host, hub.port), timeout=GUARD) as client:
             assert client.recv(256) == b"< hi >"
 
 
@@ -182,7 +183,7 @@ def test_the_hub_dies_with_a_parent_that_is_killed(tmp_path):
         [sys.executable, str(program)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     port = int(parent.stdout.readline())
-    with socket.create_connection(("127.0.0.1", port), timeout=30) as client:
+    with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as client:
         assert client.recv(256) == b"< hi >"
         parent.kill()
         assert client.recv(256) == b""  # the end of the connection is the end of the hub

@@ -5,6 +5,7 @@ import socket
 import threading
 
 import pytest
+from support.patience import GUARD
 
 from drivers import (
     BusLostError,
@@ -205,7 +206,7 @@ def test_a_device_behind_a_real_connection_that_breaks():
         thread = threading.Thread(target=serve, args=(listener,))
         thread.start()
         link = TcpLink("127.0.0.1", listener.getsockname()[1])
-        with ModbusClient(link, timeout=10.0) as client:
+        with ModbusClient(link, timeout=GUARD) as client:
             assert read(client) == [1, 2]
             with pytest.raises(BusLostError):
                 read(client)

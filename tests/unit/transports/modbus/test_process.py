@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.modbus_loop import make_binding, ticking
+from support.patience import GUARD
 
 from hil_bench.errors import BusError
 from hil_bench.transports.modbus.process import ModbusProcess
@@ -17,9 +18,9 @@ READ = bytes.fromhex("0001 0000 0006 02 04 0000 0004")
 
 
 def ask(port, request, size):
-    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
         connection.sendall(request)
-        connection.settimeout(30)
+        connection.settimeout(GUARD)
         data = b""
         while len(data) < size and (piece := connection.recv(size - len(data))):
             data += piece
@@ -106,7 +107,7 @@ def test_the_server_ends_with_its_parent(tmp_path):
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as parent:
         port = int(parent.stdout.readline())
-        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
             parent.kill()
-            connection.settimeout(30)
+            connection.settimeout(GUARD)
             assert connection.recv(1) == b""  # closed, as the process is gone

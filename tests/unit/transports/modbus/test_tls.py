@@ -8,6 +8,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 from support.certificates import Authority
 from support.modbus_loop import make_binding, ticking
+from support.patience import GUARD
 
 from drivers import BusLostError, DriverTimeoutError
 from drivers.errors import ModbusExceptionError
@@ -18,7 +19,6 @@ from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.modbus.tls import role_of, server_context
 
 OPERATOR = b"\x0c\x08operator"  # UTF8String, length, text
-WAIT = 30.0  # a shared machine may hold the server up
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def port(tmp_path, authority, server_files):
 
 def open_client(port, files, ca):
     link = TlsLink("127.0.0.1", port, certificate=files.certificate, key=files.key, ca=ca)
-    return ModbusClient(link, timeout=WAIT)
+    return ModbusClient(link, timeout=GUARD)
 
 
 def test_a_client_with_the_role_reads_and_writes(port, authority):
@@ -71,7 +71,7 @@ def test_a_strangers_certificate_and_plain_tcp_get_nothing(port, tmp_path, autho
     stranger = Authority(tmp_path, "stranger").sign("operator", role=OPERATOR)
     for client in (
         open_client(port, stranger, authority.ca),
-        ModbusClient(TcpLink("127.0.0.1", port), timeout=WAIT),
+        ModbusClient(TcpLink("127.0.0.1", port), timeout=GUARD),
     ):
         with client, pytest.raises((BusLostError, DriverTimeoutError)):
             PressureSensor(client, 2).poll()

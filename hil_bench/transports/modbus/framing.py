@@ -49,14 +49,15 @@ class TcpFraming:
         """Remove the next frame from the buffer and return it; None while it is not whole.
 
         Raises:
-            FramingError: what stands there is no header.
+            FramingError: the bytes there are not a header.
         """
         if len(buffer) < _MBAP.size:
             return None
         transaction, protocol, length, unit_id = _MBAP.unpack_from(buffer)
         # The length counts the unit-ID, and a PDU has at least its function code.
         if protocol != 0 or not 2 <= length <= LONGEST_PDU + 1:
-            raise FramingError
+            header = buffer[: _MBAP.size].hex(" ")
+            raise FramingError(f"{header} is not the header of a Modbus TCP frame")
         end = _MBAP.size - 1 + length
         if len(buffer) < end:
             return None

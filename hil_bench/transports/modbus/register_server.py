@@ -10,6 +10,7 @@ Exceptions, as the specification names them (MODBUS Application Protocol V1.1b3,
     11 there is no such unit
 """
 
+import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
@@ -25,6 +26,8 @@ from hil_bench.transports.modbus.pdu import (
     encode_response,
     identify,
 )
+
+logger = logging.getLogger(__name__)
 
 ANSWER_TIMEOUT = 1.0
 """Longest wait for the loop to take a write [s]."""
@@ -137,7 +140,7 @@ class RegisterServer:
                 self._mailbox.withdraw(write.number)
                 code = ExceptionCode.SERVER_DEVICE_FAILURE
             self._pending.popleft()
-            write.reply(_write_response(write.request, code))
+            _deliver(write, code)
 
     def _answer(self, unit_id: int, pdu: bytes, reply: Reply) -> bytes | None:
         unit = self._units.get(unit_id)
@@ -191,6 +194,14 @@ class RegisterServer:
 
 def _do_nothing() -> None:
     """Nobody wants to know."""
+
+
+def _deliver(write: _PendingWrite, code: int) -> None:
+    """Reply to one write; what fails in that must not keep the other writes from their replies."""
+    try:
+        write.reply(_write_response(write.request, code))
+    except Exception:
+        logger.exception("modbus: a write got no response")
 
 
 def _write_response(request: Request, code: int) -> bytes:

@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from hil_bench.modbus.unit_image import Assignment
+from hil_bench.modbus.assignment import Assignment
 
 SLOTS: Final = 16
 """Orders that may wait for the loop."""
@@ -23,8 +23,8 @@ MOST_ASSIGNMENTS: Final = 128
 """Values of one order: a request carries at most 123 registers; coils are refused beyond that."""
 
 _HEAD: Final = struct.Struct("<QII")  # number, count or code, check sum of number, count and body
-_PAIR: Final = struct.Struct("<Hd")
-_SLOT: Final = _HEAD.size + MOST_ASSIGNMENTS * _PAIR.size
+_ASSIGNMENT: Final = struct.Struct("<Hd?")
+_SLOT: Final = _HEAD.size + MOST_ASSIGNMENTS * _ASSIGNMENT.size
 _NUMBER: Final = struct.Struct("<Q")
 
 
@@ -99,7 +99,7 @@ class Mailbox:
         if body is None:
             return None
         self._taken += 1
-        return Order(self._taken, [Assignment(*pair) for pair in _PAIR.iter_unpack(body)])
+        return Order(self._taken, list(map(Assignment._make, _ASSIGNMENT.iter_unpack(body))))
 
     def answer(self, number: int, code: int) -> None:
         """Leave the answer to an order: 0, or an exception code."""
@@ -114,7 +114,7 @@ class Mailbox:
         offset = number % SLOTS * _SLOT
         _, count, check_sum = _HEAD.unpack_from(self._orders, offset)
         start = offset + _HEAD.size
-        body = memoryview(self._orders)[start : start + count * _PAIR.size].tobytes()
+        body = memoryview(self._orders)[start : start + count * _ASSIGNMENT.size].tobytes()
         if count > MOST_ASSIGNMENTS or check_sum != _check_sum(number, count, body):
             return None
         return body
@@ -131,7 +131,7 @@ class Mailbox:
                 yield number
 
     def _write_order(self, number: int, assignments: Sequence[Assignment]) -> None:
-        body = b"".join(_PAIR.pack(*assignment) for assignment in assignments)
+        body = b"".join(_ASSIGNMENT.pack(*assignment) for assignment in assignments)
         offset = number % SLOTS * _SLOT
         struct.pack_into(f"{len(body)}s", self._orders, offset + _HEAD.size, body)
         count = len(assignments)

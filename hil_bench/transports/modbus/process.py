@@ -137,7 +137,7 @@ def _run(
     """Serve in this process, which is the child; tell the parent where, or why not."""
     logging.basicConfig(level=level, format="hil-bench: %(message)s")
     mailbox.resume()
-    server = RegisterServer(units, rows, mailbox, time.monotonic)
+    server = RegisterServer(units, rows, mailbox, time.monotonic, default_unit=config.default_unit)
     try:
         asyncio.run(serve(config, server, connection))
     except BusError as error:

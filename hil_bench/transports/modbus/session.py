@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 
 from hil_bench.modbus.exceptions import ExceptionCode
+from hil_bench.modbus.rivals import ClientMemory
 from hil_bench.transports.modbus.framing import (
     Frame,
     Framing,
@@ -65,6 +66,7 @@ class ModbusSession:
         self._server = server
         self._write = write
         self._on_failure = on_failure
+        self._memory = ClientMemory()
         self._buffer = bytearray()
         self._unanswered: Frame | None = None
         self._response: bytes | None = None
@@ -133,7 +135,7 @@ class ModbusSession:
             refusal = encode_exception(frame.pdu[0], ExceptionCode.ILLEGAL_FUNCTION)
             self._reply(frame, refusal)
             return
-        self._server.handle(frame.unit_id, frame.pdu, partial(self._reply, frame))
+        self._server.handle(frame.unit_id, frame.pdu, partial(self._reply, frame), self._memory)
 
     def _reply(self, frame: Frame, pdu: bytes) -> None:
         if frame is self._unanswered:
@@ -160,7 +162,7 @@ class SerialSession(ModbusSession):
         units = self._server.unit_ids
         if frame.unit_id == _BROADCAST:
             for unit_id in units:
-                self._server.handle(unit_id, frame.pdu, _discard)
+                self._server.handle(unit_id, frame.pdu, _discard, self._memory)
         elif frame.unit_id in units:
             super()._hand_over(frame)
 

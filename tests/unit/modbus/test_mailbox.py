@@ -4,18 +4,24 @@ import ctypes
 
 import pytest
 
+from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.mailbox import MOST_ASSIGNMENTS, SLOTS, Mailbox
-from hil_bench.modbus.unit_image import Assignment
 
 
 def test_an_order_goes_over_and_its_answer_comes_back():
     box = Mailbox()
     assert box.take() is None
-    number = box.post([Assignment(3, 0.5), Assignment(700, -1e300)])
+    number = box.post(
+        [Assignment(3, 0.5), Assignment(700, -1e300), Assignment(1, 7.0, is_mask=True)]
+    )
     assert box.answer_of(number) is None
     order = box.take()
     assert order.number == number
-    assert order.assignments == [Assignment(3, 0.5), Assignment(700, -1e300)]
+    assert order.assignments == [
+        Assignment(3, 0.5),
+        Assignment(700, -1e300),
+        Assignment(1, 7.0, is_mask=True),
+    ]
     assert box.take() is None
     box.answer(number, 3)
     assert box.answer_of(number) == 3
@@ -63,8 +69,8 @@ def test_more_than_fits_is_refused():
 def test_a_half_written_order_is_not_there_yet(damaged):
     box = Mailbox()
     box.post([Assignment(1, 2.0)])
-    # The first order stands in the second slot, of 16 head bytes and 10 a value.
-    position = 16 + 10 * MOST_ASSIGNMENTS + damaged
+    # The first order stands in the second slot, of 16 head bytes and 11 a value.
+    position = 16 + 11 * MOST_ASSIGNMENTS + damaged
     memory = (ctypes.c_uint8 * ctypes.sizeof(box._orders)).from_buffer(box._orders)
     memory[position] ^= 0x40
     assert box.take() is None
@@ -90,7 +96,7 @@ def successor(box):
 def poke(box, number, offset):
     """Damage a byte of an order's slot."""
     memory = (ctypes.c_uint8 * ctypes.sizeof(box._orders)).from_buffer(box._orders)
-    memory[number % SLOTS * (16 + 10 * MOST_ASSIGNMENTS) + offset] ^= 0x40
+    memory[number % SLOTS * (16 + 11 * MOST_ASSIGNMENTS) + offset] ^= 0x40
 
 
 @pytest.mark.parametrize("before", [0, 1, SLOTS - 1, SLOTS, 3 * SLOTS + 5])

@@ -80,7 +80,7 @@ class ModbusSession:
     @property
     def is_idle(self) -> bool:
         """Whether every whole request has its response."""
-        return not self._is_working and self._unanswered is None and self._response is None
+        return self._unanswered is None and self._response is None
 
     def receive(self, data: bytes | bytearray | memoryview) -> None:
         """Take what came."""

@@ -152,6 +152,16 @@ def test_a_line_goes_on_after_an_error(rig, written, monkeypatch):
     assert written == [rtu(1, "04 04 00010002")]
 
 
+def test_garbage_behind_a_write_costs_a_line_nothing(rig, line, written):
+    line.receive(rtu(1, "06 0000 0005") + b"GARBAGE")
+    for _ in range(2):
+        rig.tick()
+        rig.server.poll()
+    assert written == [rtu(1, "06 0000 0005")]
+    line.receive(rtu(1, "04 0000 0002"))
+    assert written[1:] == [rtu(1, "04 04 00010002")]
+
+
 def test_a_line_answers_for_its_own_units_only(line, written):
     line.receive(rtu(9, "04 0000 0002"))
     assert written == []

@@ -1,11 +1,10 @@
-"""Joins a bench with its Modbus units: publishes their values each tick, and takes writes.
+"""Joins a bench with its Modbus units: what stands behind each register.
 
 The loop's part of Modbus is `ModbusBinding.exchange`, at the end of each tick: one row of values is
-published, then at most one write request is obeyed. It never waits, and does the same whether the
-server is in another process or in this one.
+published, then at most one write request is obeyed.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from hil_bench.bench import Bench
@@ -21,9 +20,9 @@ from hil_bench.devices.quantities import (
     valve_quantities,
 )
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.errors import ConfigError, SdoAbort
-from hil_bench.modbus.exceptions import ExceptionCode
-from hil_bench.modbus.mailbox import Mailbox, Order
+from hil_bench.errors import ConfigError
+from hil_bench.modbus.exchange import Entry, Exchange
+from hil_bench.modbus.mailbox import Mailbox
 from hil_bench.modbus.register_map import Access, Register
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
@@ -33,7 +32,7 @@ from hil_bench.recording.snapshot import Snapshot
 _SAMPLE = "sample"
 _SAMPLES = 1 << 32
 _OBJECT_PREFIX = "0x"
-_VALUE_ABORTS = range(0x06090030, 0x0609003A)
+_CONTROL = (0x604F, 0)
 
 
 class ModbusPlan(NamedTuple):
@@ -71,7 +70,6 @@ class ModbusBinding:
         if config.modbus is None:
             raise ConfigError("modbus: there is no such table; give [modbus]")
         self._sample = 0
-        self._obeyed: tuple[int, int] | None = None  # an order, and its answer
         nodes = dict(zip((node.name for node in config.nodes), bench.nodes, strict=True))
         profiles = {node.name: node.profile for node in config.nodes}
         valves = {
@@ -79,54 +77,35 @@ class ModbusBinding:
             for axis in bench.axes
             if isinstance(axis.valve, ValveDevice)
         }
-        self._quantities: list[Quantity] = []
+        entries: list[Entry] = []
         channels: list[Channel] = []
         units: dict[int, UnitImage] = {}
         for unit in config.modbus.units:
-            registers, first = unit.register_map, len(self._quantities)
+            registers, first = unit.register_map, len(entries)
             node = nodes[unit.node]
-            known = unit_quantities(profiles[unit.node], node, valves.get(id(node)))
+            valve = valves.get(id(node))
+            if valve is not None:
+                valve.local.watchdog = round(unit.watchdog * 1e9)
+            known = unit_quantities(profiles[unit.node], node, valve)
             known[_SAMPLE] = Quantity("-", lambda: float(self._sample % _SAMPLES))
-            self._quantities += bind_registers(unit, known, node)
+            entries += _entries(unit, bind_registers(unit, known, node))
             channels += (
                 Channel(f"{unit.name}.{r.table}.{r.name}", "-") for r in registers.registers
             )
-            units[unit.unit_id] = UnitImage(registers, first, commands=unit.commands)
-        self._readers: list[Callable[[], float]] = [quantity.read for quantity in self._quantities]
+            units[unit.unit_id] = UnitImage(
+                registers, first, commands=unit.commands, holes=unit.holes
+            )
         self.plan = ModbusPlan(config.modbus.server, units, Snapshot(channels), Mailbox())
+        self._exchange = Exchange(entries, self.plan.rows, self.plan.mailbox)
 
     def exchange(self, _bench: Bench, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.
-
-        It is answered after the next row, so that who reads then sees what became of it.
 
         Args:
             now: time of the tick [ns].
         """
         self._sample += 1
-        self.plan.rows.write([read() for read in self._readers])
-        mailbox = self.plan.mailbox
-        if self._obeyed is not None:
-            mailbox.answer(*self._obeyed)
-        order = mailbox.take()
-        self._obeyed = order and (order.number, self._obey(order, now))
-
-    def _obey(self, order: Order, now: int) -> int:
-        """Return 0, or the exception code of the first value that its device refuses."""
-        for position, value in order.assignments:
-            write = self._quantities[position].write
-            if write is None:
-                return ExceptionCode.ILLEGAL_DATA_ADDRESS
-            try:
-                write(value, now)
-            except SdoAbort as abort:
-                is_value = abort.code in _VALUE_ABORTS
-                return (
-                    ExceptionCode.ILLEGAL_DATA_VALUE
-                    if is_value
-                    else ExceptionCode.SERVER_DEVICE_FAILURE
-                )
-        return 0
+        self._exchange.exchange(now)
 
 
 def unit_quantities(profile: Profile, node: Node, valve: ValveDevice | None) -> dict[str, Quantity]:
@@ -163,6 +142,20 @@ def bind_registers(
     if problems:
         raise ConfigError("\n".join(problems))
     return quantities
+
+
+def _entries(unit: ModbusUnitConfig, quantities: Sequence[Quantity]) -> Iterator[Entry]:
+    """Yield what stands behind each register of a unit."""
+    for register, quantity in zip(unit.register_map.registers, quantities, strict=True):
+        source = register.source
+        place = parse_object(source) if source.startswith(_OBJECT_PREFIX) else None
+        yield Entry(
+            register,
+            quantity.read,
+            None if register.access is Access.READ else quantity.write,
+            is_setting=place is not None,
+            is_first=place == _CONTROL,
+        )
 
 
 def _bind(register: Register, known: Mapping[str, Quantity], node: Node) -> Quantity:

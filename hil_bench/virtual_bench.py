@@ -267,7 +267,13 @@ class VirtualBench:
         if self._modbus is None:
             raise ConfigError("modbus: there is no such table; give [modbus]")
         plan, period = self._modbus.plan, self.config.tick_ns * 1e-9
-        server = RegisterServer(plan.units, plan.rows, plan.mailbox, self.now)
+        server = RegisterServer(
+            plan.units,
+            plan.rows,
+            plan.mailbox,
+            self.now,
+            default_unit=plan.server.default_unit,
+        )
         return EmbeddedLink(
             server,
             self.run,

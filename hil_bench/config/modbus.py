@@ -9,13 +9,22 @@ from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.choices import Profile
 from hil_bench.config.document import Document, give, read_named_sections, read_section
 from hil_bench.config.records import ModbusConfig, ModbusUnitConfig
-from hil_bench.config.register_maps import load_register_map
+from hil_bench.config.register_maps import HIGHEST_ADDRESS, copy_inputs, load_register_map
 from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import boolean, choice, describe, find_nearest, integer, text
+from hil_bench.config.values import (
+    boolean,
+    choice,
+    describe,
+    find_nearest,
+    integer,
+    number,
+    text,
+)
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.register_map import Holes
 from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
-from hil_bench.units import Unit
+from hil_bench.units import MILLISECOND, Unit
 
 HIGHEST_UNIT_ID = 247
 """Of a device (MODBUS over Serial Line V1.02, 2.2); higher ones are reserved."""
@@ -28,6 +37,7 @@ MODBUS_KEYS = (
     Key("host", text, "127.0.0.1"),
     Key("port", integer(0, 65535), 5020),
     Key("connections", integer(1, 1000), 64),
+    Key("default_unit", text),
     Key("serial_port", text),
     Key("baud_rate", integer(300, 4_000_000), 19200, _BIT_RATE),
     Key("parity", choice(Parity), Parity.EVEN),
@@ -46,7 +56,11 @@ UNIT_KEYS = (
     Key("registers", text),
     Key("word_order", choice(WordOrder)),
     Key("commands", boolean, False),
+    Key("watchdog_ms", number(MILLISECOND, low=0, high=65535), 1000, MILLISECOND),
+    Key("holes", choice(Holes), Holes.REFUSE),
+    Key("inputs_also_at", integer(0, HIGHEST_ADDRESS)),
 )
+_OF_VALVES = ("commands", "watchdog_ms")
 
 
 class ModbusSettings(NamedTuple):
@@ -105,6 +119,7 @@ def resolve_modbus(
     for name, unit in modbus.units.items():
         _resolve_unit(name, unit, nodes, base, problems)
     _check_unit_ids(modbus.units, problems)
+    _resolve_default_unit(modbus, problems)
 
 
 def build_modbus(
@@ -120,12 +135,14 @@ def build_modbus(
     ]
     certificate, tls_key, client_ca = (values.pop(key) for key in _TLS_FILES)
     writer_role = values.pop("tls_writer_role")
+    default_unit = values.pop("default_unit")
+    default_id = modbus.units[default_unit]["unit_id"].value if default_unit else None
     tls = None
     if certificate and tls_key and client_ca:
         tls = TlsConfig(Path(certificate), Path(tls_key), Path(client_ca), writer_role)
     line = None if serial_port is None else SerialConfig(port=serial_port, **serial)
     return ModbusConfig(
-        server=ServerConfig(is_on_tcp=tcp, serial=line, tls=tls, **values),
+        server=ServerConfig(is_on_tcp=tcp, serial=line, tls=tls, default_unit=default_id, **values),
         units=tuple(unit for unit in units if unit is not None),
     )
 
@@ -171,9 +188,10 @@ def _resolve_unit(
         problems.add(problems.place(table, "registers"), f"{wrong}; give a register map")
     path = REGISTERS / f"{profile}.toml" if registers is None else base / registers
     unit["registers"] = unit["registers"]._replace(value=str(path))
-    if unit["commands"].value and profile is not Profile.VALVE_408:
-        wrong = f"true is for {Profile.VALVE_408}, and {wanted} is {profile}"
-        problems.add(problems.place(table, "commands"), f"{wrong}; leave it out")
+    for key in _OF_VALVES:
+        if unit[key].value != unit[key].key.default and profile is not Profile.VALVE_408:
+            wrong = f"only {Profile.VALVE_408} has it, and {wanted} is {profile}"
+            problems.add(problems.place(table, key), f"{wrong}; leave it out")
 
 
 def _resolve_unit_id(table: str, unit: Settings, node: Settings, problems: Problems) -> None:
@@ -200,6 +218,18 @@ def _check_unit_ids(units: Mapping[str, Settings], problems: Problems) -> None:
             problems.add(place, f"{unit_id} is taken by modbus.units.{owner}; {right}")
 
 
+def _resolve_default_unit(modbus: ModbusSettings, problems: Problems) -> None:
+    """Fill in the only unit where none is named, and note a name that is not a unit's."""
+    setting = modbus.server["default_unit"]
+    if setting.value is None:
+        only = next(iter(modbus.units)) if len(modbus.units) == 1 else None
+        modbus.server["default_unit"] = setting._replace(value=only)
+    elif setting.value not in modbus.units and modbus.units:
+        right = f"the nearest is {find_nearest(setting.value, modbus.units)}"
+        place = problems.place("modbus", "default_unit")
+        problems.add(place, f"there is no unit {describe(setting.value)}; {right}")
+
+
 def _build_unit(
     name: str, unit: Settings, profile: Profile, problems: Problems
 ) -> ModbusUnitConfig | None:
@@ -208,6 +238,9 @@ def _build_unit(
         register_map = load_register_map(
             Path(unit["registers"].value), word_order=unit["word_order"].value
         )
+        if unit["inputs_also_at"].value is not None:
+            place = problems.place(f"modbus.units.{name}", "inputs_also_at")
+            register_map = copy_inputs(register_map, unit["inputs_also_at"].value)
     except ConfigError as error:
         for line in str(error).splitlines():
             problems.add(place, line)
@@ -222,4 +255,6 @@ def _build_unit(
         register_map=register_map,
         commands=unit["commands"].value,
         word_order=unit["word_order"].value,
+        watchdog=MILLISECOND.to_si(unit["watchdog_ms"].value),
+        holes=unit["holes"].value,
     )

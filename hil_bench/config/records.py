@@ -17,7 +17,7 @@ from hil_bench.config.settings import Setting
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.register_map import RegisterMap
+from hil_bench.modbus.register_map import Holes, RegisterMap
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
@@ -236,6 +236,8 @@ class ModbusUnitConfig:
         register_map: what stands where.
         commands: whether clients may command the device.
         word_order: takes the place of the map's own, None where it does not.
+        watchdog: of a valve, longest time between two commands at power-on [s]; 0 for any.
+        holes: what an address is where the map has nothing.
     """
 
     name: str
@@ -244,6 +246,8 @@ class ModbusUnitConfig:
     register_map: RegisterMap
     commands: bool
     word_order: WordOrder | None
+    watchdog: float
+    holes: Holes
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 from hil_bench.config.choices import Profile
@@ -49,7 +49,7 @@ UNITS: Mapping[str, tuple[Unit, ...]] = {
 """Units that a register may have, by the SI unit of its quantity."""
 
 _KNOWN_UNITS = {unit.symbol: unit for units in UNITS.values() for unit in units}
-_HIGHEST_ADDRESS = 0xFFFF
+HIGHEST_ADDRESS = 0xFFFF
 _LONGEST_TEXT = 64
 
 
@@ -102,7 +102,7 @@ _DEVICE_KEYS = (
 )
 
 _REGISTER_KEYS = (
-    Key("address", integer(0, _HIGHEST_ADDRESS), example="0"),
+    Key("address", integer(0, HIGHEST_ADDRESS), example="0"),
     Key("source", text, example='"pressure"'),
     Key("access", choice(Access), Access.READ),
     Key("description", text, ""),
@@ -143,7 +143,7 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
         for table, sections in tables.items()
         for name, settings in sections.items()
     ]
-    registers.sort(key=lambda register: (list(Table).index(register.table), register.address))
+    registers.sort(key=_order)
     _check_addresses(registers, problems)
     problems.raise_any()
     names = [item.name for item in fields(Identification)]
@@ -153,6 +153,47 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
         identification=Identification(**{name: device[name].value for name in names}),
         registers=tuple(registers),
     )
+
+
+def copy_inputs(register_map: RegisterMap, start: int) -> RegisterMap:
+    """Return the map with its input registers among the holding registers too, read-only.
+
+    Many masters know function 3 alone.
+
+    Args:
+        register_map: the map.
+        start: address of the holding register that shows input register 0.
+
+    Raises:
+        ConfigError: they do not fit there.
+    """
+    holding = register_map.table(Table.HOLDING_REGISTERS)
+    copies = [
+        replace(
+            register,
+            name=f"input_{register.name}",
+            table=Table.HOLDING_REGISTERS,
+            address=start + register.address,
+            access=Access.READ,
+        )
+        for register in register_map.table(Table.INPUT_REGISTERS)
+    ]
+    free = max((register.address + register.count for register in holding), default=0)
+    end = max((copy.address + copy.count for copy in copies), default=0)
+    if end > HIGHEST_ADDRESS + 1:
+        right = f"give at most {start - (end - HIGHEST_ADDRESS - 1)}"
+        raise ConfigError(f"{start} leaves no room for all input registers; {right}")
+    taken = {register.address + part for register in holding for part in range(register.count)}
+    for copy in copies:
+        if not taken.isdisjoint(range(copy.address, copy.address + copy.count)):
+            raise ConfigError(f"{start} puts {copy.name} on a holding register; {free} is free")
+    return replace(
+        register_map, registers=tuple(sorted([*register_map.registers, *copies], key=_order))
+    )
+
+
+def _order(register: Register) -> tuple[int, int]:
+    return list(Table).index(register.table), register.address
 
 
 def _read_registers(document: Document, table: Table, problems: Problems) -> dict[str, Settings]:
@@ -191,8 +232,8 @@ def _check_addresses(registers: list[Register], problems: Problems) -> None:
     """Note values that overlap, or reach beyond the last address."""
     for before, register in zip([None, *registers], registers, strict=False):
         place = problems.place(f"{register.table}.{register.name}", "address")
-        if register.address + register.count > _HIGHEST_ADDRESS + 1:
-            right = f"give at most {_HIGHEST_ADDRESS + 1 - register.count}"
+        if register.address + register.count > HIGHEST_ADDRESS + 1:
+            right = f"give at most {HIGHEST_ADDRESS + 1 - register.count}"
             problems.add(place, f"{register.address} leaves no room for the value; {right}")
         if before is None or before.table is not register.table:
             continue

@@ -24,7 +24,7 @@ class LocalCommand:
 
     control_word: int = 0
     setpoint: int = 0
-    watchdog: int = 100_000_000
+    watchdog: int = 1_000_000_000
     received_at: int = 0
 
     def restart(self) -> None:

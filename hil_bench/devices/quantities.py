@@ -101,7 +101,11 @@ def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Quan
 
 
 def valve_quantities(valve: ValveDevice) -> Mapping[str, Quantity]:
-    """Return the quantities of a proportional valve (CiA 408); commands need 0x604F = 1."""
+    """Return the quantities of a proportional valve (CiA 408).
+
+    Commands need 0x604F = 1. Without it what is passive anyway (0) is taken and does nothing, since
+    a controller may write all its outputs in each cycle.
+    """
     od = valve.node.object_dictionary
     actual, demand, reference = od.variable(0x6301, 1), od.find(0x6310, 1), od.find(0x6311, 1)
     local = valve.local
@@ -117,26 +121,46 @@ def valve_quantities(valve: ValveDevice) -> Mapping[str, Quantity]:
         "spool_setpoint": Quantity(
             "-",
             lambda: fraction(local.setpoint),
-            lambda value, now: valve.receive_local(None, value, now),
+            _command(lambda value, now: valve.receive_local(None, value, now)),
         ),
         "control_word": Quantity(
             "-",
             lambda: local.control_word,
-            lambda value, now: valve.receive_local(int(value), None, now),
+            _command(lambda value, now: valve.receive_local(int(value), None, now)),
         ),
         "enable": Quantity(
             "-",
             lambda: float(valve.state is ValveState.ACTIVE),
-            lambda value, now: valve.receive_local(_ACTIVATE if value else _DISABLE, None, now),
+            _command(partial(_enable, valve)),
         ),
         "reset": Quantity("-", lambda: 0.0, partial(_reset, valve)),
         "watchdog": Quantity("s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)),
     }
 
 
+def _command(act: Callable[[float, int], None]) -> Callable[[float, int], None]:
+    """Return a command that takes 0 where nobody may command the valve."""
+
+    def write(value: float, now: int) -> None:
+        try:
+            act(value, now)
+        except SdoAbort:
+            if value:
+                raise
+
+    return write
+
+
+def _enable(valve: ValveDevice, value: float, now: int) -> None:
+    valve.receive_local(_ACTIVATE if value else _DISABLE, None, now)
+
+
 def _reset(valve: ValveDevice, value: float, now: int) -> None:
-    """Reset a fault of the valve, which stays disabled, where a client switches the coil on."""
-    if value:
+    """Reset a fault of the valve, which stays disabled, where a client switches the coil on.
+
+    Without a fault it does nothing, so that the coil may stay on.
+    """
+    if value and valve.state in FAULT_STATES:
         # The device acts on the edge of the bit, so it must have seen it low before.
         valve.receive_local(_DISABLE, 0.0, now)
         valve.receive_local(_DISABLE | RESET_BIT, 0.0, now)
@@ -144,8 +168,17 @@ def _reset(valve: ValveDevice, value: float, now: int) -> None:
 
 
 def _set_watchdog(valve: ValveDevice, time: float, now: int) -> None:
-    valve.local.watchdog = round(time * 1e9)
-    valve.local.received_at = now
+    """Set the time between two commands; a new one counts from now.
+
+    Raises:
+        SdoAbort: it is negative.
+    """
+    if time < 0:
+        raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
+    watchdog = round(time * 1e9)
+    if watchdog != valve.local.watchdog:
+        valve.local.watchdog = watchdog
+        valve.local.received_at = now
 
 
 def _bit(variable: Variable, mask: int, *, inverted: bool = False) -> Quantity:

@@ -11,10 +11,10 @@ import ctypes
 import multiprocessing
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from hil_bench.modbus.unit_image import Assignment
+from hil_bench.modbus.assignment import Assignment
 
 SLOTS: Final = 16
 """Orders that may wait for the loop."""
@@ -23,8 +23,8 @@ MOST_ASSIGNMENTS: Final = 128
 """Values of one order: a request carries at most 123 registers; coils are refused beyond that."""
 
 _HEAD: Final = struct.Struct("<QII")  # number, count or code, check sum of number, count and body
-_PAIR: Final = struct.Struct("<Hd")
-_SLOT: Final = _HEAD.size + MOST_ASSIGNMENTS * _PAIR.size
+_ASSIGNMENT: Final = struct.Struct("<Hd?")
+_SLOT: Final = _HEAD.size + MOST_ASSIGNMENTS * _ASSIGNMENT.size
 _NUMBER: Final = struct.Struct("<Q")
 
 
@@ -41,7 +41,10 @@ class Order(NamedTuple):
 
 
 class Mailbox:
-    """Orders one way, answers the other; hand it to the other process as it is started."""
+    """Orders one way, answers the other; hand it to the other process as it is started.
+
+    Where the poster dies, another one can take its place after `resume`.
+    """
 
     def __init__(self) -> None:
         self._orders = multiprocessing.RawArray(ctypes.c_char, SLOTS * _SLOT)
@@ -49,6 +52,20 @@ class Mailbox:
         self._posted = 0
         self._answered = 0
         self._taken = 0
+
+    def resume(self) -> None:
+        """Go on posting where another poster left off.
+
+        What it had posted is obeyed once, as if it still lived. An order that it was writing when
+        it died is made an empty one: the loop takes the numbers in turn, and waits for each.
+        """
+        self._answered = max(self._find_answered(), default=0)
+        waiting = range(self._answered + 1, self._answered + SLOTS + 1)
+        begun = [number for number in waiting if self._number_at(number) == number]
+        self._posted = max(begun, default=self._answered)
+        for number in range(self._answered + 1, self._posted + 1):
+            if self._body_of(number) is None:
+                self._write_order(number, ())
 
     def post(self, assignments: Sequence[Assignment]) -> int | None:
         """Leave an order and return its number; None where there is no room."""
@@ -78,17 +95,11 @@ class Mailbox:
 
     def take(self) -> Order | None:
         """Return the next order, or None where there is none."""
-        number = self._taken + 1
-        offset = number % SLOTS * _SLOT
-        if _NUMBER.unpack_from(self._orders, offset)[0] != number:
+        body = self._body_of(self._taken + 1)
+        if body is None:
             return None
-        _, count, check_sum = _HEAD.unpack_from(self._orders, offset)
-        start = offset + _HEAD.size
-        body = memoryview(self._orders)[start : start + count * _PAIR.size].tobytes()
-        if count > MOST_ASSIGNMENTS or check_sum != _check_sum(number, count, body):
-            return None
-        self._taken = number
-        return Order(number, [Assignment(*pair) for pair in _PAIR.iter_unpack(body)])
+        self._taken += 1
+        return Order(self._taken, list(map(Assignment._make, _ASSIGNMENT.iter_unpack(body))))
 
     def answer(self, number: int, code: int) -> None:
         """Leave the answer to an order: 0, or an exception code."""
@@ -96,8 +107,31 @@ class Mailbox:
         check_sum = _check_sum(number, code, b"")
         _HEAD.pack_into(self._answers, offset, number, code, check_sum)
 
+    def _body_of(self, number: int) -> bytes | None:
+        """Return the assignments of an order as bytes; None where it is not there as a whole."""
+        if self._number_at(number) != number:
+            return None
+        offset = number % SLOTS * _SLOT
+        _, count, check_sum = _HEAD.unpack_from(self._orders, offset)
+        start = offset + _HEAD.size
+        body = memoryview(self._orders)[start : start + count * _ASSIGNMENT.size].tobytes()
+        if count > MOST_ASSIGNMENTS or check_sum != _check_sum(number, count, body):
+            return None
+        return body
+
+    def _number_at(self, number: int) -> int:
+        """Return the number that stands in the slot of an order."""
+        return int(_NUMBER.unpack_from(self._orders, number % SLOTS * _SLOT)[0])
+
+    def _find_answered(self) -> Iterator[int]:
+        """Yield the numbers of the answers that are there."""
+        for offset in range(0, SLOTS * _HEAD.size, _HEAD.size):
+            number, code, check_sum = _HEAD.unpack_from(self._answers, offset)
+            if number and check_sum == _check_sum(number, code, b""):
+                yield number
+
     def _write_order(self, number: int, assignments: Sequence[Assignment]) -> None:
-        body = b"".join(_PAIR.pack(*assignment) for assignment in assignments)
+        body = b"".join(_ASSIGNMENT.pack(*assignment) for assignment in assignments)
         offset = number % SLOTS * _SLOT
         struct.pack_into(f"{len(body)}s", self._orders, offset + _HEAD.size, body)
         count = len(assignments)

@@ -51,6 +51,15 @@ class Access(StrEnum):
     """Who was allowed to command the device."""
 
 
+class Holes(StrEnum):
+    """What an address is where a map has nothing."""
+
+    REFUSE = "refuse"
+    """An error: exception 2."""
+    ZERO = "zero"
+    """0, and what is written there does nothing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Register:
     """One value of a register map, in one or two registers or one bit.

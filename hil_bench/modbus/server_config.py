@@ -58,6 +58,7 @@ class ServerConfig:
         connections: most connections at a time.
         serial: the serial line, None for none.
         tls: certificates and roles for TCP; None for plain TCP.
+        default_unit: unit-ID of the device that unit-IDs 0 and 255 reach on TCP; None for none.
     """
 
     is_on_tcp: bool
@@ -66,3 +67,4 @@ class ServerConfig:
     connections: int
     serial: SerialConfig | None
     tls: TlsConfig | None = None
+    default_unit: int | None = None

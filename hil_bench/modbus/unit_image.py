@@ -1,57 +1,68 @@
 """The registers of one unit as its clients see them, filled from a row of values.
 
-A value is read whole or not at all: a request that begins or ends inside one, or that touches an
-address where nothing is, gets exception 2, "the combination of reference number and transfer length
-is invalid" (MODBUS Application Protocol V1.1b3, chapter 7). So no client can put a value together
-from two ticks.
+A value is read whole or not at all: a request that begins or ends inside one gets exception 2, "the
+combination of reference number and transfer length is invalid" (MODBUS Application Protocol
+V1.1b3, chapter 7). So no client can put a value together from two ticks. An address where nothing
+is gets the same, or reads as 0, as the unit is configured.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
+from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.modbus.register_map import Access, Register, RegisterMap, Table
+from hil_bench.modbus.register_map import Access, Holes, Register, RegisterMap, Table
+from hil_bench.modbus.rivals import find_rivals
 
-
-class Assignment(NamedTuple):
-    """A value that a client wrote.
-
-    Attributes:
-        position: of the value in the row of all values.
-        value: in SI, or as the object counts it.
-    """
-
-    position: int
-    value: float
+_ADDRESSES = 1 << 16
 
 
 class _TableImage:
     """One table of one unit: its words in the order of addresses, without gaps."""
 
-    def __init__(self, registers: Sequence[tuple[int, Register]]) -> None:
+    def __init__(self, registers: Sequence[tuple[int, Register]], holes: Holes) -> None:
         self._registers = registers
+        self._has_zeros = holes is Holes.ZERO
         self._places: dict[int, int] = {}
         self.entries: dict[int, tuple[int, Register]] = {}
-        self._ends: set[int] = set()
         for position, register in registers:
             for part in range(register.count):
                 self._places[register.address + part] = len(self._places)
             self.entries[register.address] = (position, register)
-            self._ends.add(register.address + register.count)
         self._sequence = -1
         self._words: list[int] = []
 
     def read(self, address: int, count: int, sequence: int, row: Sequence[float]) -> list[int]:
         end = address + count
-        if address not in self.entries or end not in self._ends:
+        if self._cuts(address) or self._cuts(end) or end > _ADDRESSES:
             raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
-        first, last = self._places[address], self._places[end - 1]
-        if last - first != count - 1:
+        if not self._has_zeros and not self._covers(address, end):
             raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         if sequence != self._sequence:
             self._fill(row)
             self._sequence = sequence
-        return self._words[first : last + 1]
+        if self._has_zeros:
+            return [self._word_at(place) for place in range(address, end)]
+        first = self._places[address]
+        return self._words[first : first + count]
+
+    def is_hole(self, address: int) -> bool:
+        """Return whether nothing is at an address, and that is no error."""
+        return self._has_zeros and address not in self._places and address < _ADDRESSES
+
+    def _cuts(self, address: int) -> bool:
+        """Return whether a value begins before an address and goes on there."""
+        return address in self._places and address not in self.entries
+
+    def _covers(self, address: int, end: int) -> bool:
+        """Return whether there is a value everywhere between two addresses."""
+        places = self._places
+        if address not in places or end - 1 not in places:
+            return False
+        return places[end - 1] - places[address] == end - 1 - address
+
+    def _word_at(self, address: int) -> int:
+        place = self._places.get(address)
+        return 0 if place is None else self._words[place]
 
     def _fill(self, row: Sequence[float]) -> None:
         self._words = [
@@ -68,14 +79,27 @@ class UnitImage:
         register_map: what it shows.
         first: position of its first value in the row; the others follow in the map's order.
         commands: whether clients may write what commands the device.
+        holes: what an address is where the map has nothing.
+
+    Attributes:
+        identification: what the device says of itself.
+        rivals: the registers that give the same command, as of `find_rivals`.
     """
 
-    def __init__(self, register_map: RegisterMap, first: int, *, commands: bool) -> None:
+    def __init__(
+        self,
+        register_map: RegisterMap,
+        first: int,
+        *,
+        commands: bool,
+        holes: Holes = Holes.REFUSE,
+    ) -> None:
         self.identification = register_map.identification
         self._writable = {Access.WRITE, Access.COMMAND} if commands else {Access.WRITE}
         numbered = list(enumerate(register_map.registers, first))
+        self.rivals = find_rivals(numbered)
         self._tables = {
-            table: _TableImage([entry for entry in numbered if entry[1].table is table])
+            table: _TableImage([entry for entry in numbered if entry[1].table is table], holes)
             for table in Table
         }
 
@@ -96,23 +120,42 @@ class UnitImage:
     def parse_write(self, table: Table, address: int, words: Sequence[int]) -> list[Assignment]:
         """Return what a write request assigns.
 
+        `ModbusException` 2 where something cannot be written there, or is not there as a whole; 3
+        where a value is out of range.
+
         Args:
             table: where it writes.
             address: of the first register or bit.
             words: the new contents, one or more.
-
-        Raises:
-            ModbusException: 2, something there cannot be written, or is not there as a whole; 3, a
-                value makes no sense.
         """
-        entries = self._tables[table].entries
+        image = self._tables[table]
         assignments = []
         while words:
-            position, register = entries.get(address, (0, None))
-            if register is None or register.access not in self._writable:
-                raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
-            if len(words) < register.count:
-                raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+            if image.is_hole(address):
+                address, words = address + 1, words[1:]
+                continue
+            position, register = self._find_writable(table, address, len(words))
             assignments.append(Assignment(position, register.decode(words[: register.count])))
             address, words = address + register.count, words[register.count :]
         return assignments
+
+    def parse_mask(self, address: int, and_mask: int, or_mask: int) -> list[Assignment]:
+        """Return what a mask write to a holding register assigns.
+
+        `ModbusException` 2 where it cannot be written, or is half of a value.
+        """
+        if self._tables[Table.HOLDING_REGISTERS].is_hole(address):
+            return []
+        position, _ = self._find_writable(Table.HOLDING_REGISTERS, address, 1)
+        return [Assignment(position, and_mask << 16 | or_mask, is_mask=True)]
+
+    def _find_writable(self, table: Table, address: int, room: int) -> tuple[int, Register]:
+        """Return what can be written at an address, and its position in the row.
+
+        Raises:
+            ModbusException: 2, nothing can, or it takes more than `room` registers.
+        """
+        position, register = self._tables[table].entries.get(address, (0, None))
+        if register is None or register.access not in self._writable or room < register.count:
+            raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
+        return position, register

@@ -5,6 +5,7 @@ mode of the protocol is spoken as python-can's `socketcand` interface and socket
 """
 
 import asyncio
+import contextlib
 import errno
 import socket
 import time
@@ -144,7 +145,8 @@ class _Client(asyncio.Protocol):
             self._drop()
         elif _QUICKACK is not None:
             # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
-            self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+            with contextlib.suppress(OSError):  # it has gone meanwhile
+                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
 
     def deliver(self, data: bytes) -> None:
         """Send frames to this client."""

@@ -15,6 +15,7 @@ from hil_bench.modbus_binding import ModbusBinding
 UNITS = """
 [modbus.units.valve]
 commands = true
+watchdog_ms = 100
 [modbus.units.pressure_a]
 [modbus.units.pressure_b]
 [modbus.units.position]
@@ -161,6 +162,135 @@ def test_commands_without_control_are_refused(side):
     assert side.coil(ENABLE, 1) == 4
     assert side.setpoint(0.1) == 4
     assert side.status() == INIT
+
+
+@pytest.mark.parametrize(
+    ("table", "address", "words"),
+    [
+        (Table.COILS, 0, [0, 0, 0]),  # control, enable, reset
+        (Table.COILS, ENABLE, [0]),
+        (Table.COILS, RESET, [0]),
+        (Table.HOLDING_REGISTERS, 0, [0, 0]),  # set-point 0.0
+        (Table.HOLDING_REGISTERS, 0, [0x8000, 0]),  # set-point -0.0
+        (Table.HOLDING_REGISTERS, 2, [0]),  # control word
+        (Table.HOLDING_REGISTERS, 4, [0]),  # set-point as an integer
+        (Table.HOLDING_REGISTERS, 5, [0]),  # control
+        (Table.HOLDING_REGISTERS, 0, [0, 0, 0, 500, 0, 0]),  # all of them, watchdog 500 ms
+    ],
+)
+def test_what_is_passive_anyway_may_be_written_without_control(side, table, address, words):
+    assert side.write(VALVE, table, address, *words) == 0
+    assert side.status() == INIT
+
+
+@pytest.mark.parametrize(
+    ("table", "address", "words"),
+    [
+        (Table.COILS, 0, [0, 1, 0]),
+        (Table.HOLDING_REGISTERS, 2, [7]),
+        (Table.HOLDING_REGISTERS, 4, [1]),
+    ],
+)
+def test_what_is_a_command_needs_control(side, table, address, words):
+    assert side.write(VALVE, table, address, *words) == 4
+    assert side.status() == INIT
+
+
+def test_the_watchdog_may_be_set_before_control_is_taken(side):
+    assert side.write(VALVE, Table.HOLDING_REGISTERS, 3, 40) == 0
+    assert (side.coil(CONTROL, 1), side.coil(ENABLE, 1)) == (0, 0)
+    side.tick(count=38)  # the command came two ticks ago
+    assert side.status() == ACTIVE | LOCAL
+    side.tick(count=2)
+    assert side.status() == FAULT_HOLD | LOCAL
+
+
+def test_a_watchdog_that_is_written_again_as_it_was_is_no_command(active):
+    for _ in range(49):
+        assert active.write(VALVE, Table.HOLDING_REGISTERS, 3, 100) == 0
+    assert active.status() == ACTIVE | LOCAL
+    # By now 100 ms have passed since the valve was enabled.
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 3, 100) == 0
+    assert active.status() == FAULT_HOLD | LOCAL
+
+
+def test_a_negative_watchdog_is_an_illegal_value(tmp_path):
+    (tmp_path / "map.toml").write_text(
+        '[device]\nprofile = "valve_408"\nvendor_name = "m"\nproduct_code = "c"\nrevision = "1"\n'
+        '[holding_registers.watchdog]\naddress = 0\ntype = "int16"\nunit = "ms"\n'
+        'source = "watchdog"\naccess = "rw"\n'
+    )
+    path = tmp_path / "bench.toml"
+    path.write_text('[modbus.units.valve]\nregisters = "map.toml"\n')
+    side = ModbusSide(load_config(path))
+    assert side.write(VALVE, Table.HOLDING_REGISTERS, 0, 0xFFFF) == 3
+    assert side.write(VALVE, Table.HOLDING_REGISTERS, 0, 5) == 0
+
+
+def test_control_is_taken_before_what_needs_it_in_the_same_request(side):
+    # Set-point 50 %, control word 7, control: the register of control is the last one.
+    assert side.write(VALVE, Table.HOLDING_REGISTERS, 2, 7, 500, 5000, 1) == 0
+    assert side.status() == ACTIVE | LOCAL
+    side.tick(count=20)
+    position = side.read(VALVE, Table.INPUT_REGISTERS, "spool_position_scaled")
+    assert position == pytest.approx(50.0, abs=0.1)
+
+
+@pytest.mark.parametrize("percent", [-100.0, -0.01, 0.0, 33.33, 100.0])
+def test_the_set_point_as_an_integer(active, percent):
+    raw = round(percent * 100) & 0xFFFF
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 4, raw) == 0
+    assert active.read(VALVE, Table.HOLDING_REGISTERS, "spool_setpoint") == pytest.approx(
+        percent / 100,
+        abs=0.5 / 16384,  # the device counts in 1/16384 of full opening
+    )
+
+
+@pytest.mark.parametrize("raw", [10001, 0x8000, -10001 & 0xFFFF])
+def test_a_set_point_beyond_full_opening_is_an_illegal_value(active, raw):
+    assert active.write(VALVE, Table.HOLDING_REGISTERS, 4, raw) == 3
+
+
+def test_a_reset_without_a_fault_does_nothing(active):
+    assert active.setpoint(0.25) == 0
+    assert active.coil(RESET, 1) == 0
+    assert active.status() == ACTIVE | LOCAL
+    assert active.read(VALVE, Table.HOLDING_REGISTERS, "spool_setpoint") == 0.25
+
+
+def test_a_mask_changes_the_bits_that_it_has(side):
+    image, registers = side.plan.units[PRESSURE_A], Table.HOLDING_REGISTERS
+    assert side.write(PRESSURE_A, registers, 1, 0x12) == 0
+    # The example of the specification, 6.16: 0x12, AND 0xF2, OR 0x25 is 0x17.
+    number = side.plan.mailbox.post(image.parse_mask(1, 0xF2, 0x25))
+    side.tick(count=2)
+    assert side.plan.mailbox.answer_of(number) == 0
+    assert side.read(PRESSURE_A, registers, "filter_constant") == 0x17
+
+
+def test_a_mask_that_makes_an_illegal_value_is_refused(side):
+    image, registers = side.plan.units[PRESSURE_A], Table.HOLDING_REGISTERS
+    number = side.plan.mailbox.post(image.parse_mask(1, 0, 0))  # 0 samples are none
+    side.tick(count=2)
+    assert side.plan.mailbox.answer_of(number) == 3
+    assert side.read(PRESSURE_A, registers, "filter_constant") == 1
+
+
+def test_a_block_that_holds_a_setting_as_it_is_does_not_set_it_again(side):
+    # The mean over 200 samples stands for 200 ms. Each write to the filter's objects starts it
+    # again with the next sample: a master that writes all it has each 100 ms would never get one.
+    repeating_average = 2
+    assert side.write(PRESSURE_A, Table.HOLDING_REGISTERS, 0, repeating_average, 200) == 0
+    side.tick(count=2)
+    before = side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure")
+    with side.bench.faults.offset("pressure_a", 10e5):
+        assert side.write(PRESSURE_A, Table.HOLDING_REGISTERS, 0, repeating_average, 200) == 0
+        side.tick(count=2)
+        assert side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure") == before
+        assert side.write(PRESSURE_A, Table.HOLDING_REGISTERS, 1, 200) == 0
+        side.tick(count=2)
+        after = side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure")
+    assert after == pytest.approx(before + 10.0, abs=0.01)
 
 
 def test_the_bus_cannot_command_while_modbus_does(active):

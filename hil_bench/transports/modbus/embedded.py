@@ -7,7 +7,6 @@ time; a write takes what the bench needs to obey it, during which its ticks run.
 from collections.abc import Callable
 from typing import Any
 
-from hil_bench.transports.modbus.framing import FramingError
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import ModbusSession, serial_session, tcp_session
 
@@ -46,6 +45,7 @@ class EmbeddedLink:
         self._make_session = serial_session if is_serial else tcp_session
         self._session: ModbusSession | None = None
         self._received = bytearray()
+        self._reason = ""
 
     def open(self, timeout: float) -> None:  # noqa: ARG002 - it opens at once or not at all
         """Open it.
@@ -55,40 +55,48 @@ class EmbeddedLink:
         """
         if self.is_cut:
             raise ConnectionRefusedError("the link is cut")
-        self._session = self._make_session(self._server, self._received.extend)
+        self._session = self._make_session(
+            self._server, self._received.extend, on_failure=self._take_reason
+        )
         self._received.clear()
 
     def close(self) -> None:
-        """Close it."""
-        self._session = None
+        """Close it; a response that is still to come is lost."""
+        if self._session is not None:
+            self._session.end()
+            self._session = None
 
     def send(self, data: bytes) -> None:
-        """Hand a request to the server.
-
-        Raises:
-            ConnectionResetError: the link is cut or closed, or this was no request.
-        """
-        if self.is_cut or self._session is None:
-            raise ConnectionResetError("the link is cut")
-        try:
-            self._session.receive(data)
-        except FramingError:
-            self.close()
-            raise ConnectionResetError("the server has ended the connection") from None
+        """Hand a request to the server; `ConnectionResetError` where the link is closed by it."""
+        self._check_open().receive(data)
+        self._check_open()
 
     def receive(self, timeout: float) -> bytes:
         """Return what came, letting ticks run for up to `timeout` seconds until there is something.
 
-        Raises:
-            ConnectionResetError: the link is cut.
+        `ConnectionResetError` where the link is cut or closed.
         """
         waited = 0.0
         while not self._received and waited < timeout:
-            if self.is_cut:
-                raise ConnectionResetError("the link is cut")
+            self._check_open()
             self.wait(self._period)
             self._server.poll()
             waited += self._period
         data = bytes(self._received)
         self._received.clear()
         return data
+
+    def _check_open(self) -> ModbusSession:
+        """Return the open session.
+
+        Raises:
+            ConnectionResetError: there is none.
+        """
+        if self.is_cut or self._session is None:
+            raise ConnectionResetError("the link is cut")
+        if self._session.is_over:
+            raise ConnectionResetError(f"the server has closed the connection: {self._reason}")
+        return self._session
+
+    def _take_reason(self, reason: str) -> None:
+        self._reason = reason

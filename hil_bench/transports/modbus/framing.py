@@ -49,14 +49,15 @@ class TcpFraming:
         """Remove the next frame from the buffer and return it; None while it is not whole.
 
         Raises:
-            FramingError: what stands there is no header.
+            FramingError: the bytes there are not a header.
         """
         if len(buffer) < _MBAP.size:
             return None
         transaction, protocol, length, unit_id = _MBAP.unpack_from(buffer)
         # The length counts the unit-ID, and a PDU has at least its function code.
         if protocol != 0 or not 2 <= length <= LONGEST_PDU + 1:
-            raise FramingError
+            header = buffer[: _MBAP.size].hex(" ")
+            raise FramingError(f"{header} is not the header of a Modbus TCP frame")
         end = _MBAP.size - 1 + length
         if len(buffer) < end:
             return None
@@ -114,18 +115,21 @@ def _crc_of_byte(crc: int) -> int:
 _CRC_TABLE: Final = tuple(_crc_of_byte(byte) for byte in range(256))
 
 
+_LENGTHS: Final = (
+    dict.fromkeys((1, 2, 3, 4, 5, 6, 8), 8)
+    | {22: 10, 43: 7}
+    | dict.fromkeys((7, 11, 12, 17), 4)  # not supported, but known, so that they get an exception
+)
+"""Length of a request frame of fixed length [byte], by its function code."""
+
+_COUNTED: Final = {15: (6, 9), 16: (6, 9), 23: (10, 13)}
+"""Where the others have their byte count, and how many bytes it does not count."""
+
+
 def _request_length(buffer: bytearray, start: int) -> int:
     """Return the length [byte] of a request frame by its function code; 0 while it is not known."""
-    match buffer[start + 1]:
-        case 1 | 2 | 3 | 4 | 5 | 6:
-            return 8
-        case 15 | 16:
-            return buffer[start + 6] + 9 if len(buffer) > start + 6 else 0
-        case 43:
-            return 7
-        case 7 | 11 | 12 | 17:  # known to have no data, so that their refusal finds its frame
-            return 4
-        case 8:
-            return 8
-        case _:
-            return 0
+    function = buffer[start + 1]
+    if function in _COUNTED:
+        place, others = _COUNTED[function]
+        return buffer[start + place] + others if len(buffer) > start + place else 0
+    return _LENGTHS.get(function, 0)

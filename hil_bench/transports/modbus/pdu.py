@@ -21,8 +21,10 @@ from pymodbus.pdu.bit_message import (
 )
 from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 from pymodbus.pdu.register_message import (
+    MaskWriteRegisterResponse,
     ReadHoldingRegistersResponse,
     ReadInputRegistersResponse,
+    ReadWriteMultipleRegistersResponse,
     WriteMultipleRegistersResponse,
     WriteSingleRegisterResponse,
 )
@@ -42,12 +44,21 @@ _TABLES: Final = {
     6: Table.HOLDING_REGISTERS,
     15: Table.COILS,
     16: Table.HOLDING_REGISTERS,
+    22: Table.HOLDING_REGISTERS,
+    23: Table.HOLDING_REGISTERS,
 }
 _READS: Final = frozenset({1, 2, 3, 4})
 WRITES: Final = frozenset({5, 6, 15, 16, 22, 23})
-"""Functions that write, among them two that this server does not have."""
+"""Functions that write."""
+MASK_WRITE: Final = 22
+READ_WRITE: Final = 23
 _SINGLE_WRITES: Final = frozenset({5, 6})
 _COIL_VALUES: Final = (b"\x00\x00", b"\xff\x00")
+
+_MOST: Final = {1: 2000, 2: 2000, 3: 125, 4: 125, 15: 1968, 16: 123, 23: 121}
+"""Largest count of each function; of function 23, what it writes."""
+_MOST_READ_BESIDE: Final = 125
+"""Largest count that function 23 reads."""
 
 _BASIC: Final = 3
 _REGULAR: Final = 7
@@ -64,9 +75,11 @@ class Request:
     Attributes:
         function: function code.
         table: what it reads or writes.
-        address: first register or bit.
+        address: first register or bit; of function 23, the first that it writes.
         count: how many.
-        words: what it writes; empty for a read.
+        words: what it writes, or its two masks; empty for a read.
+        read_address: first register that function 23 reads.
+        read_count: how many function 23 reads.
     """
 
     function: int
@@ -74,6 +87,8 @@ class Request:
     address: int
     count: int
     words: Sequence[int] = ()
+    read_address: int = 0
+    read_count: int = 0
 
     @property
     def is_read(self) -> bool:
@@ -98,6 +113,13 @@ def decode_request(pdu: bytes) -> Request:
         raise ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE)
     if function in _READS:
         return Request(function, table, message.address, message.count)
+    if function == MASK_WRITE:
+        return Request(function, table, message.address, 1, (message.and_mask, message.or_mask))
+    if function == READ_WRITE:
+        return Request(
+            *(function, table, message.write_address, message.write_count),
+            *(message.write_registers, message.read_address, message.read_count),
+        )
     words = [int(word) for word in (message.bits if table.holds_bits else message.registers)]
     count = 1 if function in _SINGLE_WRITES else message.count
     return Request(function, table, message.address, count, words[:count])
@@ -108,7 +130,7 @@ def encode_response(request: Request, words: Sequence[int]) -> bytes:
 
     Args:
         request: the request.
-        words: what was read; for a write it does not matter.
+        words: what was read; for a pure write it does not matter.
     """
     return _encode(_response(request, words))
 
@@ -160,19 +182,30 @@ def _identification_objects(identification: Identification) -> dict[int, bytes]:
 
 def _is_well_formed(pdu: bytes) -> bool:
     """Whether length, count and byte count of a PDU are as its function says."""
-    count = int.from_bytes(pdu[3:5], "big")
-    if pdu[0] in _READS:
-        return len(pdu) == 5 and 1 <= count <= (0x7D0 if pdu[0] < 3 else 0x7D)
-    if pdu[0] in _SINGLE_WRITES:
+    function = pdu[0]
+    if function in _SINGLE_WRITES:
         return len(pdu) == 5
-    if len(pdu) < 6 or len(pdu) != 6 + pdu[5]:
+    if function == MASK_WRITE:
+        return len(pdu) == 7
+    if function == READ_WRITE:
+        read_count = int.from_bytes(pdu[3:5], "big")
+        return 1 <= read_count <= _MOST_READ_BESIDE and _is_list(pdu, 9)
+    if function in _READS:
+        return len(pdu) == 5 and 1 <= int.from_bytes(pdu[3:5], "big") <= _MOST[function]
+    return _is_list(pdu, 5)
+
+
+def _is_list(pdu: bytes, end: int) -> bool:
+    """Whether a count that ends at `end`, a byte count and the values behind it fit together."""
+    if len(pdu) <= end or len(pdu) != end + 1 + pdu[end]:
         return False
-    most, size = (0x7B0, (count + 7) // 8) if pdu[0] == 15 else (0x7B, 2 * count)
-    return 1 <= count <= most and pdu[5] == size
+    count = int.from_bytes(pdu[end - 2 : end], "big")
+    size = 2 * count if _TABLES[pdu[0]] is Table.HOLDING_REGISTERS else (count + 7) // 8
+    return 1 <= count <= _MOST[pdu[0]] and pdu[end] == size
 
 
 def _response(request: Request, words: Sequence[int]) -> ModbusPDU:
-    if request.is_read:
+    if request.is_read or request.function == READ_WRITE:
         return _read_response(request, words)
     address, count = request.address, request.count
     match request.function:
@@ -182,6 +215,9 @@ def _response(request: Request, words: Sequence[int]) -> ModbusPDU:
             return WriteSingleRegisterResponse(address=address, registers=request.words)
         case 15:
             return WriteMultipleCoilsResponse(address=address, count=count)
+        case 22:
+            and_mask, or_mask = request.words
+            return MaskWriteRegisterResponse(address=address, and_mask=and_mask, or_mask=or_mask)
         case _:
             return WriteMultipleRegistersResponse(address=address, count=count)
 
@@ -194,6 +230,8 @@ def _read_response(request: Request, words: Sequence[int]) -> ModbusPDU:
             return ReadDiscreteInputsResponse(bits=[bool(word) for word in words])
         case 3:
             return ReadHoldingRegistersResponse(registers=words)
+        case 23:
+            return ReadWriteMultipleRegistersResponse(registers=words)
         case _:
             return ReadInputRegistersResponse(registers=words)
 

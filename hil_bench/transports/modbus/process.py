@@ -1,12 +1,18 @@
-"""The Modbus server in a process of its own: nothing a client does can hold a tick up."""
+"""The Modbus server in a process of its own: nothing a client does can hold a tick up.
+
+A server that died can be started again: the orders and the values are in shared memory, which is
+the loop's. Clients find the new one at the same TCP port.
+"""
 
 import asyncio
 import contextlib
 import errno
+import logging
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from multiprocessing.connection import Connection
-from typing import NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 from hil_bench.errors import BusError
 from hil_bench.modbus.mailbox import Mailbox
@@ -15,7 +21,8 @@ from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports.child_process import ChildProcess
 from hil_bench.transports.modbus.connections import ConnectionPool
 from hil_bench.transports.modbus.register_server import RegisterServer, RowSource
-from hil_bench.transports.modbus.tls import server_context
+
+logger = logging.getLogger(__name__)
 
 _POLL = 0.0005
 """Time between two looks for the loop's answer to a write [s]."""
@@ -75,12 +82,8 @@ class ModbusProcess:
 
     def __init__(self, plan: Plan) -> None:
         self.endpoints = Endpoints(None, None)
-        self._child = ChildProcess(
-            _run,
-            (plan.server, plan.units, plan.rows, plan.mailbox),
-            name="hil-bench-modbus",
-            label="modbus",
-        )
+        self._plan = plan
+        self._child = self._make_child(plan.server)
 
     @property
     def alive(self) -> bool:
@@ -100,16 +103,41 @@ class ModbusProcess:
     def __exit__(self, *_: object) -> None:
         self._child.stop()
 
+    def restart(self) -> None:
+        """Start the server again after its process has ended, and wait until clients may connect.
+
+        It listens on the TCP port that it had; a pseudo-terminal is a new one, see `endpoints`. A
+        write that the loop had not answered stays an order, and is obeyed at most once; its client
+        lost the connection. `BusError` where the server cannot serve.
+        """
+        self._child.stop()
+        port, config = self.endpoints.port, self._plan.server
+        self._child = self._make_child(config if port is None else replace(config, port=port))
+        self.endpoints = Endpoints(*self._child.start())
+
+    def _make_child(self, config: ServerConfig) -> ChildProcess:
+        plan = self._plan
+        level = logging.getLogger().getEffectiveLevel()
+        return ChildProcess(
+            _run,
+            (config, plan.units, plan.rows, plan.mailbox, level),
+            name="hil-bench-modbus",
+            label="modbus",
+        )
+
 
 def _run(
     config: ServerConfig,
     units: Mapping[int, UnitImage],
     rows: RowSource,
     mailbox: Mailbox,
+    level: int,
     connection: Connection,
 ) -> None:
     """Serve in this process, which is the child; tell the parent where, or why not."""
-    server = RegisterServer(units, rows, mailbox, time.monotonic)
+    logging.basicConfig(level=level, format="hil-bench: %(message)s")
+    mailbox.resume()
+    server = RegisterServer(units, rows, mailbox, time.monotonic, default_unit=config.default_unit)
     try:
         asyncio.run(serve(config, server, connection))
     except BusError as error:
@@ -117,7 +145,8 @@ def _run(
 
 
 async def serve(config: ServerConfig, server: RegisterServer, connection: Connection) -> None:
-    """Serve until the process ends; `BusError` where the port cannot be had."""
+    """Serve until the process ends; `BusError` where a port is not free."""
+    asyncio.get_running_loop().set_exception_handler(_log_error)
     pool = ConnectionPool(server, config.connections, config.tls)
     port = await _listen(config, pool) if config.is_on_tcp else None
     connection.send((port, _open_line(config.serial, server) if config.serial else None))
@@ -133,6 +162,12 @@ async def serve(config: ServerConfig, server: RegisterServer, connection: Connec
             await asyncio.wait_for(write_waits.wait(), _WATCH)
 
 
+def _log_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Log what went wrong beside all requests, such as an accept without a free descriptor."""
+    error = context.get("exception")
+    logger.error("modbus server: %s: %r", context["message"], error, exc_info=error)
+
+
 def _open_line(config: SerialConfig, server: RegisterServer) -> str:
     """Serve the serial line and return its device file."""
     from hil_bench.transports.modbus.serial_line import SerialLine  # noqa: PLC0415 - POSIX alone
@@ -144,13 +179,12 @@ async def _listen(config: ServerConfig, pool: ConnectionPool) -> int:
     """Listen on TCP and return the port.
 
     Raises:
-        BusError: it cannot be had.
+        BusError: the port is not free, or not allowed.
     """
     loop = asyncio.get_running_loop()
-    tls = None if config.tls is None else server_context(config.tls)
     try:
         listener = await loop.create_server(
-            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG, ssl=tls
+            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG
         )
     except OSError as error:
         reason = _REASONS.get(error.errno or 0, f"cannot be had: {error.strerror or error}")

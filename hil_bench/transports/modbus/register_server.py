@@ -10,15 +10,20 @@ Exceptions, as the specification names them (MODBUS Application Protocol V1.1b3,
     11 there is no such unit
 """
 
+import logging
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
 from hil_bench.modbus.mailbox import MOST_ASSIGNMENTS, Mailbox
+from hil_bench.modbus.register_map import Table
+from hil_bench.modbus.rivals import ClientMemory
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports.modbus.pdu import (
     IDENTIFY,
+    MASK_WRITE,
+    READ_WRITE,
     Request,
     decode_request,
     encode_exception,
@@ -26,8 +31,14 @@ from hil_bench.transports.modbus.pdu import (
     identify,
 )
 
+logger = logging.getLogger(__name__)
+
 ANSWER_TIMEOUT = 1.0
 """Longest wait for the loop to take a write [s]."""
+
+_DIRECT = (0, 255)
+"""Unit-IDs with which a client on TCP means the device that it is connected to (MODBUS Messaging on
+TCP/IP Implementation Guide V1.0b, 4.4.2.3)."""
 
 Reply = Callable[[bytes], None]
 
@@ -56,12 +67,14 @@ class _PendingWrite(NamedTuple):
 
     Attributes:
         number: of the order.
+        unit: where it writes.
         request: what the client asked for.
         reply: takes the response.
         deadline: when the wait is over [s].
     """
 
     number: int
+    unit: UnitImage
     request: Request
     reply: Reply
     deadline: float
@@ -76,6 +89,7 @@ class RegisterServer:
         mailbox: where writes go.
         clock: seconds that never step back.
         stale_after: age from which the newest row is refused [s].
+        default_unit: the unit that unit-IDs 0 and 255 reach; None for none.
 
     Attributes:
         on_wait: called whenever a write begins to wait for the loop.
@@ -89,9 +103,11 @@ class RegisterServer:
         clock: Callable[[], float],
         *,
         stale_after: float = 0.5,
+        default_unit: int | None = None,
     ) -> None:
         self.on_wait: Callable[[], None] = _do_nothing
         self._units = dict(units)
+        self._aliases = {} if default_unit is None else dict.fromkeys(_DIRECT, default_unit)
         self._rows = rows
         self._mailbox = mailbox
         self._clock = clock
@@ -110,16 +126,19 @@ class RegisterServer:
         """Whether a write waits for the loop, so that `poll` has something to look for."""
         return bool(self._pending)
 
-    def handle(self, unit_id: int, pdu: bytes, reply: Reply) -> None:
+    def handle(
+        self, unit_id: int, pdu: bytes, reply: Reply, memory: ClientMemory | None = None
+    ) -> None:
         """Answer a request: a read at once, a write when the loop has taken it.
 
         Args:
             unit_id: whom it is for.
             pdu: function code and data, at least one byte.
             reply: is given the response, once.
+            memory: what the client wrote before.
         """
         try:
-            response = self._answer(unit_id, pdu, reply)
+            response = self._answer(unit_id, pdu, reply, memory or ClientMemory())
         except ModbusException as refusal:
             response = encode_exception(pdu[0], refusal.code)
         if response is not None:
@@ -137,39 +156,69 @@ class RegisterServer:
                 self._mailbox.withdraw(write.number)
                 code = ExceptionCode.SERVER_DEVICE_FAILURE
             self._pending.popleft()
-            write.reply(_write_response(write.request, code))
+            self._deliver(write, code)
 
-    def _answer(self, unit_id: int, pdu: bytes, reply: Reply) -> bytes | None:
-        unit = self._units.get(unit_id)
+    def _answer(self, unit_id: int, pdu: bytes, reply: Reply, memory: ClientMemory) -> bytes | None:
+        unit = self._units.get(self._aliases.get(unit_id, unit_id))
         if unit is None:
             raise ModbusException(ExceptionCode.GATEWAY_TARGET_FAILED)
         if pdu[0] == IDENTIFY:
             return identify(pdu, unit.identification)
         request = decode_request(pdu)
         if not request.is_read:
-            self._post(unit, request, reply)
+            self._post(unit, request, reply, memory)
             return None
-        row = self._fresh_row()
-        table, address, count = request.table, request.address, request.count
-        words = unit.read(table, address, count, row.sequence, row.values)
+        words = self._read(unit, request.table, request.address, request.count)
         return encode_response(request, words)
 
-    def _post(self, unit: UnitImage, request: Request, reply: Reply) -> None:
+    def _read(self, unit: UnitImage, table: Table, address: int, count: int) -> list[int]:
+        row = self._fresh_row()
+        return unit.read(table, address, count, row.sequence, row.values)
+
+    def _post(self, unit: UnitImage, request: Request, reply: Reply, memory: ClientMemory) -> None:
         """Leave a write for the loop.
 
         Raises:
             ModbusException: 6, there is no room.
         """
-        assignments = unit.parse_write(request.table, request.address, request.words)
+        if request.function == MASK_WRITE:
+            assignments = unit.parse_mask(request.address, *request.words)
+        else:
+            assignments = unit.parse_write(request.table, request.address, request.words)
         self._fresh_row()
+        self._read_beside(
+            unit, request
+        )  # what cannot be read is refused before anything is written
         number = None
         if len(assignments) <= MOST_ASSIGNMENTS:
-            number = self._mailbox.post(assignments)
+            number = self._mailbox.post(memory.choose(assignments, unit.rivals))
         if number is None:
             raise ModbusException(ExceptionCode.SERVER_DEVICE_BUSY)
         deadline = self._clock() + ANSWER_TIMEOUT
-        self._pending.append(_PendingWrite(number, request, reply, deadline))
+        self._pending.append(_PendingWrite(number, unit, request, reply, deadline))
         self.on_wait()
+
+    def _read_beside(self, unit: UnitImage, request: Request) -> Sequence[int]:
+        """Return what function 23 reads besides its write; nothing for the other functions."""
+        if request.function != READ_WRITE:
+            return ()
+        return self._read(unit, request.table, request.read_address, request.read_count)
+
+    def _deliver(self, write: _PendingWrite, code: int) -> None:
+        """Reply to one write; what fails here must not keep other writes from their replies."""
+        try:
+            write.reply(self._write_response(write, code))
+        except Exception:
+            logger.exception("modbus: a write got no response")
+
+    def _write_response(self, write: _PendingWrite, code: int) -> bytes:
+        request = write.request
+        if code:
+            return encode_exception(request.function, ExceptionCode(code))
+        try:
+            return encode_response(request, self._read_beside(write.unit, request))
+        except ModbusException as refusal:
+            return encode_exception(request.function, refusal.code)
 
     def _fresh_row(self) -> Row:
         """Return the newest row.
@@ -191,9 +240,3 @@ class RegisterServer:
 
 def _do_nothing() -> None:
     """Nobody wants to know."""
-
-
-def _write_response(request: Request, code: int) -> bytes:
-    if code:
-        return encode_exception(request.function, ExceptionCode(code))
-    return encode_response(request, ())

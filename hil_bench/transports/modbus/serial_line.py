@@ -1,6 +1,7 @@
 """The serial line of the Modbus server: a port, or a new pseudo-terminal.
 
-A port that is lost (its adapter was pulled out) is tried again each `RETRY` seconds.
+A port that is lost (its adapter was pulled out) is tried again each `RETRY` seconds. The line has
+no connection to close: after an error it goes on with the next frame.
 """
 
 import asyncio
@@ -12,6 +13,7 @@ from typing import Protocol
 
 from hil_bench.errors import BusError
 from hil_bench.modbus.server_config import Parity, SerialConfig
+from hil_bench.transports.modbus.complaints import Complaints
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import serial_session
 
@@ -102,7 +104,8 @@ class SerialLine:
     def __init__(self, config: SerialConfig, server: RegisterServer) -> None:
         self._config = config
         self._loop = asyncio.get_running_loop()
-        self._session = serial_session(server, self._write)
+        self._complaints = Complaints(self._loop.time)
+        self._server = server
         self._silence = max(
             3.5 * _BITS_PER_CHARACTER / config.baud_rate,
             _SHORTEST_SILENCE,
@@ -120,12 +123,14 @@ class SerialLine:
     def close(self) -> None:
         """Serve the line no longer."""
         if self._device is not None:
+            self._session.end()  # a response that is still to come was for the lost line
             self._loop.remove_reader(self._device.fileno())
             self._device.close()
             self._device = None
 
     def _open(self) -> None:
         self._device = open_serial(self._config)
+        self._session = serial_session(self._server, self._write, on_failure=self._complain)
         self._loop.add_reader(self._device.fileno(), self._read)
 
     def _read(self) -> None:
@@ -154,7 +159,11 @@ class SerialLine:
             with contextlib.suppress(OSError):
                 os.write(self._device.fileno(), response)
 
+    def _complain(self, reason: str) -> None:
+        self._complaints.add(f"on {self.name}", reason)
+
     def _lose(self) -> None:
+        self._complain(f"the serial port is lost; next attempt in {RETRY:g} s")
         self.close()
         self._loop.call_later(RETRY, self._retry)
 

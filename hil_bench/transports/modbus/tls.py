@@ -5,6 +5,7 @@ authentication; the role stands in the client's certificate, in an extension of 
 not allowed a function gets exception 1.
 """
 
+import asyncio
 import ssl
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,9 @@ from hil_bench.modbus.server_config import TlsConfig
 
 ROLE_OID: Final = "1.3.6.1.4.1.50316.802.1"
 """The extension of a certificate that holds the role, a UTF8String."""
+
+HANDSHAKE_TIME: Final = 10.0
+"""How long a client may take for the TLS handshake [s]."""
 
 _UTF8_STRING: Final = 0x0C
 _SHORT_LENGTH: Final = 0x80
@@ -43,6 +47,33 @@ def server_context(config: TlsConfig) -> ssl.SSLContext:
             f"modbus TLS: {config.client_ca} holds no certificate in PEM: {_reason(error)}"
         ) from None
     return context
+
+
+async def secure(
+    transport: asyncio.Transport, protocol: asyncio.BaseProtocol, context: ssl.SSLContext
+) -> asyncio.Transport:
+    """Do the server's part of the TLS handshake and return the transport behind it.
+
+    Args:
+        transport: a connection that nothing was read from yet.
+        protocol: takes what comes through the new transport.
+        context: as of `server_context`.
+
+    Raises:
+        ConnectionError: the handshake failed; the message says why.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        secured = await loop.start_tls(
+            *(transport, protocol, context),
+            server_side=True,
+            ssl_handshake_timeout=HANDSHAKE_TIME,
+        )
+    except OSError as error:
+        raise ConnectionError(f"TLS handshake failed: {_reason(error)}") from None
+    if secured is None:  # closed by the client, by TCP's own means
+        raise ConnectionError("TLS handshake failed: the client closed the connection")
+    return secured
 
 
 def may_write(connection: ssl.SSLObject, writer_role: str) -> bool:

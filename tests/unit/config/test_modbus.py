@@ -9,6 +9,7 @@ from device_profiles import REGISTERS
 from hil_bench.config import ModbusConfig, Origin, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.register_map import Access, Holes, Table
 from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 
 Write = Callable[[str], Path]
@@ -70,6 +71,7 @@ def test_all_keys(write: Write) -> None:
             host = "0.0.0.0"
             port = 502
             connections = 3
+            default_unit = "v"
             serial_port = "/dev/ttyUSB0"
             baud_rate = 9600
             parity = "none"
@@ -79,6 +81,9 @@ def test_all_keys(write: Write) -> None:
             unit_id = 17
             word_order = "little"
             commands = true
+            watchdog_ms = 2.5
+            holes = "zero"
+            inputs_also_at = 100
             """
         )
     )
@@ -88,11 +93,46 @@ def test_all_keys(write: Write) -> None:
         port=502,
         connections=3,
         serial=SerialConfig("/dev/ttyUSB0", 9600, Parity.NONE, 2),
+        default_unit=17,
     )
     (unit,) = config.units
     assert (unit.name, unit.node, unit.unit_id, unit.commands) == ("v", "valve", 17, True)
+    assert (unit.watchdog, unit.holes) == (0.0025, Holes.ZERO)
     orders = {register.word_order for register in unit.register_map.registers if register.count > 1}
     assert orders == {WordOrder.LITTLE}
+
+
+def test_input_registers_are_holding_registers_too(write: Write) -> None:
+    config = load(write("[modbus.units.pressure_a]\ninputs_also_at = 4\n"))
+    registers = config.units[0].register_map
+    inputs = registers.table(Table.INPUT_REGISTERS)
+    copies = registers.table(Table.HOLDING_REGISTERS)[-len(inputs) :]
+    assert [(copy.name, copy.address, copy.source) for copy in copies] == [
+        (f"input_{register.name}", register.address + 4, register.source) for register in inputs
+    ]
+    assert {copy.access for copy in copies} == {Access.READ}
+
+
+@pytest.mark.parametrize(
+    ("start", "wrong"),
+    [
+        # The holding registers of the map are 0 to 3, its input registers take eight.
+        (3, "3 puts input_pressure on a holding register; 4 is free"),
+        (65530, "65530 leaves no room for all input registers; give at most 65528"),
+    ],
+)
+def test_copies_that_do_not_fit_are_refused(write: Write, start: int, wrong: str) -> None:
+    path = write(f"[modbus.units.pressure_a]\ninputs_also_at = {start}\n")
+    assert problems(path) == [f"modbus.units.pressure_a.inputs_also_at: {wrong}"]
+
+
+def test_copies_may_end_at_the_last_address(write: Write) -> None:
+    load(write("[modbus.units.pressure_a]\ninputs_also_at = 65528\n"))
+
+
+def test_the_only_unit_is_the_default_one(write: Write) -> None:
+    assert load(write("[modbus.units.position]\n")).server.default_unit == 4
+    assert load(write("[modbus]\n")).server.default_unit is None
 
 
 def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
@@ -158,9 +198,31 @@ def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
         (
             "[modbus.units.position]\ncommands = true",
             (
-                "modbus.units.position.commands: true is for valve_408, and position is "
+                "modbus.units.position.commands: only valve_408 has it, and position is "
                 "encoder_406; leave it out"
             ),
+        ),
+        (
+            "[modbus.units.position]\nwatchdog_ms = 500",
+            (
+                "modbus.units.position.watchdog_ms: only valve_408 has it, and position is "
+                "encoder_406; leave it out"
+            ),
+        ),
+        (
+            "[modbus.units.valve]\nwatchdog_ms = -1",
+            (
+                "modbus.units.valve.watchdog_ms: -1 is out of range; "
+                "give a number in ms from 0 to 65535"
+            ),
+        ),
+        (
+            '[modbus.units.valve]\nholes = "none"',
+            'modbus.units.valve.holes: "none" is unknown; give one of "refuse", "zero"',
+        ),
+        (
+            '[modbus]\ndefault_unit = "valv"\n[modbus.units.valve]\n[modbus.units.position]',
+            'modbus.default_unit: there is no unit "valv"; the nearest is valve',
         ),
     ],
 )
@@ -198,3 +260,8 @@ def test_problems_of_a_map_name_the_map_too(write: Write) -> None:
     path = write('[modbus.units.pressure_a]\nregisters = "missing.toml"\n')
     (line,) = problems(path)
     assert line.startswith("modbus.units.pressure_a.registers: missing.toml: cannot be read")
+
+
+def test_a_valve_that_plcs_command_waits_a_second_for_them(write: Write) -> None:
+    # OpenPLC polls each 100 ms, and each of its cycles takes the time of its requests as well.
+    assert load(write("[modbus.units.valve]\n")).units[0].watchdog == 1.0

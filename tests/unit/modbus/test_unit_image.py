@@ -4,16 +4,19 @@ import pickle
 
 import pytest
 
+from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.data_types import DATA_TYPES
 from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
 from hil_bench.modbus.register_map import (
     Access,
+    Holes,
     Identification,
     Register,
     RegisterMap,
     Table,
 )
-from hil_bench.modbus.unit_image import Assignment, UnitImage
+from hil_bench.modbus.rivals import find_rivals
+from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.units import BAR, MILLISECOND
 
 FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]
@@ -57,9 +60,10 @@ FIRST = 5  # somebody else's five values stand before
 ROW = [9.0] * FIRST + [1.0, 0.0, 150e5, 150e5, 7.0, 0.5, 0.25, 3.0]
 
 
-def image(*, commands=True):
+def image(*, commands=True, holes=Holes.REFUSE):
     # As the server's process gets it.
-    return pickle.loads(pickle.dumps(UnitImage(MAP, FIRST, commands=commands)))  # noqa: S301
+    unit = UnitImage(MAP, FIRST, commands=commands, holes=holes)
+    return pickle.loads(pickle.dumps(unit))  # noqa: S301
 
 
 def refusal(act):
@@ -132,6 +136,67 @@ def test_commands_need_permission():
         code = refusal(lambda t=table, a=address, w=words: without.parse_write(t, a, w))
         assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
     assert without.parse_write(COILS, 0, [1]) == [Assignment(FIRST, 1.0)]
+
+
+def test_a_mask_changes_a_register_that_may_be_written():
+    # The masks of the specification's example, 6.16.
+    assert image().parse_mask(2, 0xF2, 0x25) == [
+        Assignment(FIRST + 6, 0xF2 << 16 | 0x25, is_mask=True)
+    ]
+
+
+@pytest.mark.parametrize("address", [0, 1, 3, 7])
+def test_a_mask_for_half_a_value_or_for_what_is_fixed_is_an_illegal_address(address):
+    code = refusal(lambda: image().parse_mask(address, 0, 0))
+    assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+
+
+def test_holes_are_zeros_where_that_is_wanted():
+    unit = image(holes=Holes.ZERO)
+    assert unit.read(INPUTS, 8, 14, 1, ROW) == [0, 0, 0x4316, 0, 15000, *[0] * 7, 7, 0]
+    assert unit.read(INPUTS, 100, 3, 1, ROW) == [0, 0, 0]
+    assert unit.read(COILS, 0, 8, 1, ROW) == [1, 0, 0, 0, 0, 0, 0, 0]
+    assert unit.read(Table.DISCRETE_INPUTS, 65528, 8, 1, ROW) == [0] * 8
+
+
+@pytest.mark.parametrize(("address", "count"), [(10, 1), (11, 1), (11, 4), (9, 2), (65535, 2)])
+def test_half_a_value_is_an_illegal_address_beside_holes_too(address, count):
+    code = refusal(lambda: image(holes=Holes.ZERO).read(INPUTS, address, count, 1, ROW))
+    assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+
+
+def test_what_is_written_into_holes_does_nothing():
+    unit = image(holes=Holes.ZERO)
+    assert unit.parse_write(COILS, 0, [0, 1, 1, 1, 1, 1, 1, 1]) == [
+        Assignment(FIRST, 0.0),
+        Assignment(FIRST + 1, 1.0),
+    ]
+    assert unit.parse_write(HOLDING, 4, [1, 2, 3]) == []
+    assert unit.parse_mask(4, 0, 1) == []
+
+
+@pytest.mark.parametrize(
+    ("address", "words"), [(0, [0x3F00]), (1, [0, 100]), (2, [100, 1]), (65535, [1, 1])]
+)
+def test_holes_make_nothing_writable_that_is_not(address, words):
+    code = refusal(lambda: image(holes=Holes.ZERO).parse_write(HOLDING, address, words))
+    assert code is ExceptionCode.ILLEGAL_DATA_ADDRESS
+
+
+def test_registers_that_give_the_same_command_are_rivals():
+    # "p" stands twice, but only to be read.
+    assert image().rivals == {}
+    registers = [
+        (10, Register(name="a", table=HOLDING, address=0, source="enable", access=Access.COMMAND)),
+        (
+            11,
+            Register(name="b", table=COILS, address=0, source="control_word", access=Access.WRITE),
+        ),
+        (12, Register(name="c", table=COILS, address=1, source="0x604f", access=Access.WRITE)),
+        (13, Register(name="d", table=COILS, address=2, source="0x604F.00", access=Access.WRITE)),
+        (14, Register(name="e", table=COILS, address=3, source="0x604F.01", access=Access.WRITE)),
+    ]
+    assert find_rivals(registers) == {10: 10, 11: 10, 12: 12, 13: 12}
 
 
 def test_the_older_notation_tells_the_table_by_its_first_digit():

@@ -1,7 +1,9 @@
 """Connections over loopback, in one event loop; nothing waits for the time to pass."""
 
 import asyncio
+import re
 import socket
+import struct
 
 import pytest
 
@@ -54,6 +56,18 @@ async def is_closed(stream):
         return await stream[0].read(1) == b""
     except ConnectionError:
         return True
+
+
+def reset(stream):
+    """Cut a connection so that the other end sees an error, not an end."""
+    connection = stream[1].get_extra_info("socket")
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    stream[1].transport.abort()
+
+
+def messages(caplog):
+    """The lines about bad clients, without their ports, which differ."""
+    return [re.sub(r"127.0.0.1:\d+", "PEER", record.message) for record in caplog.records]
 
 
 def test_requests_are_answered(rig):
@@ -184,7 +198,7 @@ def test_an_answer_that_comes_late_finds_its_client_or_nobody(rig, gone):
         while not rig.server.is_waiting:
             await asyncio.sleep(0)
         if gone:
-            stream[1].transport.abort()
+            reset(stream)
             while len(pool):
                 await asyncio.sleep(0)
         rig.tick()
@@ -213,3 +227,66 @@ def test_who_sends_on_while_a_write_waits_is_read_no_further_until_it_is_answere
         return held._is_reading
 
     assert with_pool(rig, scenario)
+
+
+WRITE = bytes.fromhex("0001 0000 0006 01 06 0000 0005")
+
+
+def test_garbage_behind_a_write_closes_its_own_connection_and_says_whose(rig, caplog):
+    async def scenario(_pool, connect):
+        good, bad = await connect(), await connect()
+        bad[1].write(WRITE + b"GARBAGE")
+        while not rig.server.is_waiting:
+            await asyncio.sleep(0)
+        rig.tick()
+        rig.server.poll()
+        assert await bad[0].readexactly(len(WRITE)) == WRITE
+        assert await is_closed(bad)
+        return await ask(good)
+
+    assert with_pool(rig, scenario) == ANSWER
+    assert messages(caplog) == [
+        "modbus client PEER: 47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
+    ]
+
+
+def test_a_connection_that_is_reset_is_named(rig, caplog):
+    async def scenario(pool, connect):
+        stream = await connect()
+        await ask(stream)
+        reset(stream)
+        while len(pool):
+            await asyncio.sleep(0)
+        return await ask(await connect())
+
+    assert with_pool(rig, scenario) == ANSWER
+    assert messages(caplog) == ["modbus client PEER: lost: Connection reset by peer"]
+
+
+def test_many_bad_clients_get_few_lines(rig, caplog):
+    async def scenario(pool, connect):
+        for _ in range(50):
+            stream = await connect()
+            stream[1].write(b"GET / HTTP/1.1\r\n\r\n")
+            assert await is_closed(stream)
+        return pool.complaints.count
+
+    assert with_pool(rig, scenario) == 50
+    assert 1 <= len(caplog.records) < 50
+
+
+def test_who_has_closed_for_requests_gets_the_responses_that_are_due(rig):
+    async def scenario(pool, connect):
+        reader, writer = await connect()
+        writer.write(WRITE + READ + READ)
+        writer.write_eof()
+        while not rig.server.is_waiting:
+            await asyncio.sleep(0)
+        rig.tick()
+        rig.server.poll()
+        received = await reader.read()
+        while len(pool):
+            await asyncio.sleep(0)
+        return received
+
+    assert with_pool(rig, scenario) == WRITE + ANSWER + ANSWER

@@ -101,6 +101,27 @@ def test_a_long_rtu_write():
     assert frames == [Frame(1, whole[1:-2])]
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "01 16 0004 00F2 0025",
+        "01 17 0003 0006 000E 0003 06 00FF 00FF 00FF",
+        "01 17 0000 007D 0000 0079 F2" + 242 * "00",
+        "01 2B 0E 01 00",
+        "01 11",
+    ],
+)
+def test_rtu_requests_of_every_length(body):
+    body = bytes.fromhex(body)
+    whole = body + crc16(body)
+    assert len(whole) <= 256
+    for cut in range(1, len(whole)):
+        buffer = bytearray(whole[:cut])
+        assert RtuFraming().take(buffer) is None
+        buffer += whole[cut:]
+        assert RtuFraming().take(buffer) == Frame(1, body[1:])
+
+
 @given(st.binary(max_size=2000))
 def test_noise_takes_no_more_room_than_a_frame(noise):
     buffer = bytearray(noise)

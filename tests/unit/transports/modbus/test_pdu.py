@@ -3,6 +3,8 @@
 MODBUS Application Protocol Specification V1.1b3, 6.1 to 6.12 and 6.21.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
@@ -18,7 +20,7 @@ from hil_bench.transports.modbus.pdu import (
 IDENTIFICATION = Identification("maker", "PT-1", "1.0", product_name="sensor")
 
 
-# The examples of the specification: 6.1, 6.2, 6.3, 6.4, 6.5, 6.6, 6.11, 6.12.
+# The examples of the specification: 6.1, 6.2, 6.3, 6.4, 6.5, 6.6, 6.11, 6.12, 6.16, 6.17.
 @pytest.mark.parametrize(
     ("pdu", "request_", "words", "response"),
     [
@@ -56,14 +58,29 @@ IDENTIFICATION = Identification("maker", "PT-1", "1.0", product_name="sensor")
             [],
             "10 0001 0002",
         ),
+        (
+            "16 0004 00F2 0025",
+            Request(22, Table.HOLDING_REGISTERS, 4, 1, [0xF2, 0x25]),
+            [],
+            "16 0004 00F2 0025",
+        ),
+        (
+            "17 0003 0006 000E 0003 06 00FF 00FF 00FF",
+            Request(23, Table.HOLDING_REGISTERS, 14, 3, [0xFF, 0xFF, 0xFF], 3, 6),
+            [0x00FE, 0x0ACD, 1, 3, 0x000D, 0x00FF],
+            "17 0C 00FE 0ACD 0001 0003 000D 00FF",
+        ),
     ],
 )
 def test_the_examples_of_the_specification(pdu, request_, words, response):
-    assert decode_request(bytes.fromhex(pdu)) == request_
+    decoded = decode_request(bytes.fromhex(pdu))
+    assert replace(decoded, words=list(decoded.words)) == replace(
+        request_, words=list(request_.words)
+    )
     assert encode_response(request_, words) == bytes.fromhex(response)
 
 
-@pytest.mark.parametrize("function", [0, 7, 8, 9, 14, 17, 20, 22, 23, 24, 65, 100, 127, 128, 255])
+@pytest.mark.parametrize("function", [0, 7, 8, 9, 14, 17, 20, 21, 24, 65, 100, 127, 128, 255])
 def test_any_other_function_is_illegal(function):
     with pytest.raises(ModbusException) as caught:
         decode_request(bytes([function, 0, 0, 0, 1]))
@@ -91,6 +108,13 @@ def test_any_other_function_is_illegal(function):
         "10 0000 0001 02",
         "10 0000 007C F8" + 248 * "00",  # 124, one more than 6.12 allows
         "10 0000",
+        "16 0004 00F2",
+        "16 0004 00F2 0025 00",
+        "17 0003 0000 000E 0001 02 00FF",  # reads none
+        "17 0003 0001 000E 0000 00",  # writes none
+        "17 0003 0001 000E 0001 04 00FF 00FF",
+        "17 0003 0001 000E 0001 02",
+        "17 0003 0001 000E",
     ],
 )
 def test_a_wrong_count_length_or_value_is_illegal(pdu):
@@ -99,10 +123,61 @@ def test_a_wrong_count_length_or_value_is_illegal(pdu):
     assert caught.value.code is ExceptionCode.ILLEGAL_DATA_VALUE
 
 
-def test_the_largest_requests_are_read():
-    assert decode_request(bytes.fromhex("03 0000 007D")).count == 125
-    assert decode_request(bytes.fromhex("02 0000 07D0")).count == 2000
-    assert len(decode_request(bytes.fromhex("10 0000 007B F6" + 246 * "00")).words) == 123
+def coils(count):
+    size = (count + 7) // 8
+    return bytes.fromhex("0F 0000") + count.to_bytes(2, "big") + bytes([size]) + bytes(size)
+
+
+def registers(count):
+    return (
+        bytes.fromhex("10 0000") + count.to_bytes(2, "big") + bytes([2 * count]) + bytes(2 * count)
+    )
+
+
+def both(read, written):
+    counts = read.to_bytes(2, "big") + bytes(2) + written.to_bytes(2, "big")
+    return bytes.fromhex("17 0000") + counts + bytes([2 * written]) + bytes(2 * written)
+
+
+def read_of(function):
+    return lambda count: bytes([function, 0, 0]) + count.to_bytes(2, "big")
+
+
+# Largest counts: 0x07D0 in 6.1 and 6.2, 0x007D in 6.3 and 6.4, 0x07B0 in 6.11, 0x007B in 6.12,
+# 0x7D read and 0x79 written in 6.17.
+@pytest.mark.parametrize(
+    ("make", "most", "field"),
+    [
+        (read_of(1), 2000, "count"),
+        (read_of(2), 2000, "count"),
+        (read_of(3), 125, "count"),
+        (read_of(4), 125, "count"),
+        (coils, 1968, "count"),
+        (registers, 123, "count"),
+        (lambda count: both(count, 1), 125, "read_count"),
+        (lambda count: both(1, count), 121, "count"),
+    ],
+    ids=["1", "2", "3", "4", "15", "16", "23 read", "23 write"],
+)
+def test_the_largest_and_the_smallest_count_of_each_function(make, most, field):
+    for count in (1, most):
+        assert getattr(decode_request(make(count)), field) == count
+    for count in (0, most + 1):
+        with pytest.raises(ModbusException) as caught:
+            decode_request(make(count))
+        assert caught.value.code is ExceptionCode.ILLEGAL_DATA_VALUE
+
+
+def test_the_largest_writes_carry_all_they_say():
+    assert len(decode_request(coils(1968)).words) == 1968
+    assert len(decode_request(registers(123)).words) == 123
+    assert len(decode_request(both(125, 121)).words) == 121
+
+
+@pytest.mark.parametrize(("function", "most", "size"), [(1, 2000, 252), (3, 125, 252)])
+def test_the_largest_responses_fit_into_a_pdu(function, most, size):
+    request = decode_request(bytes([function, 0, 0]) + most.to_bytes(2, "big"))
+    assert len(encode_response(request, [1] * most)) == size
 
 
 def test_an_exception_carries_the_function_and_the_code():

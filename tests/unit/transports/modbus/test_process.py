@@ -1,5 +1,6 @@
 """The server in its own process, behind a loop that is this test."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -47,6 +48,52 @@ def test_the_server_lives_on_where_the_loop_publishes_nothing(tmp_path):
     with ModbusProcess(binding.plan) as server:
         answer = ask(server.endpoints.port, READ, 9)
         assert answer == bytes.fromhex("0001 0000 0003 02 84 04")
+
+
+def test_garbage_behind_a_write_ends_its_connection_and_not_the_server(tmp_path, capfd):
+    side, binding = make_binding(tmp_path)
+    with ModbusProcess(binding.plan) as server, ticking(side, binding):
+        port = server.endpoints.port
+        write = bytes.fromhex("0001 0000 0006 02 05 0000 FF00")
+        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+            connection.sendall(write + b"GARBAGE")
+            name = "{}:{}".format(*connection.getsockname())
+            data = b""
+            with contextlib.suppress(ConnectionResetError):
+                while piece := connection.recv(64):
+                    data += piece
+        assert data in {write, b""}  # what closes the connection may overtake the response
+        assert len(ask(port, READ, 17)) == 17
+        assert server.alive
+    reason = "47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
+    said = capfd.readouterr().err.splitlines()
+    assert said == [f"hil-bench: modbus client {name}: {reason}"]
+
+
+def test_a_server_that_died_is_started_again_at_its_port(tmp_path):
+    side, binding = make_binding(tmp_path)
+    write = bytes.fromhex("0002 0000 0006 02 06 0001 0007")
+    with ModbusProcess(binding.plan) as server:
+        with ticking(side, binding):
+            port = server.endpoints.port
+            assert ask(port, write, 12) == write
+        # The loop stands still, so this one is under way when the server dies.
+        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+            connection.sendall(bytes.fromhex("0002 0000 0006 02 06 0001 0008"))
+            while binding.plan.mailbox._number_at(2) != 2:
+                pass
+            os.kill(server.pid, signal.SIGKILL)
+            connection.settimeout(30)
+            assert connection.recv(1) == b""
+        server.restart()
+        assert server.alive
+        assert server.endpoints.port == port
+        with ticking(side, binding):
+            assert ask(port, write, 12) == write
+            back = ask(port, bytes.fromhex("0003 0000 0006 02 03 0001 0001"), 11)
+            assert back == bytes.fromhex("0003 0000 0005 02 03 02 0007")
+        # Three writes, three orders, each obeyed once: the last one is the third.
+        assert binding.plan.mailbox._taken == 3
 
 
 def test_a_port_in_use_is_a_line(tmp_path):

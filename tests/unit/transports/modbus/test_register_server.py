@@ -2,9 +2,9 @@
 
 import pytest
 
+from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.mailbox import SLOTS
-from hil_bench.modbus.unit_image import Assignment
-from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT
+from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT, RegisterServer
 
 READ = bytes.fromhex("04 0000 0002")
 WRITE = bytes.fromhex("06 0000 FFFE")
@@ -116,3 +116,53 @@ def test_a_loop_that_stood_still_while_nobody_asked_is_found_out_too(rig):
     rig.server.poll()  # the process looks from time to time
     rig.now += 0.6
     assert ask(rig, 1, READ) == [bytes.fromhex("84 04")]
+
+
+MASK = bytes.fromhex("16 0000 00F2 0025")
+BOTH = bytes.fromhex("17 0000 0001 0000 0001 02 0009")  # writes register 0, then reads it
+
+
+def test_a_mask_write_is_the_loops_to_carry_out(rig):
+    responses = ask(rig, 1, MASK)
+    assert rig.tick().assignments == [Assignment(1, 0xF2 << 16 | 0x25, is_mask=True)]
+    rig.server.poll()
+    assert responses == [MASK]
+
+
+def test_function_23_reads_what_its_write_has_made(rig):
+    responses = ask(rig, 1, BOTH)
+    assert rig.tick(0.0, 9.0, 0.0, 0.0).assignments == [Assignment(1, 9.0)]
+    rig.server.poll()
+    assert responses == [bytes.fromhex("17 02 0009")]
+
+
+@pytest.mark.parametrize(
+    ("pdu", "response"),
+    [
+        ("17 0001 0001 0000 0001 02 0009", "97 02"),  # nothing to read there
+        ("17 0000 0001 0001 0001 02 0009", "97 02"),  # nothing to write there
+        ("16 0001 0000 0000", "96 02"),
+    ],
+)
+def test_what_is_refused_is_refused_before_anything_is_written(rig, pdu, response):
+    assert ask(rig, 1, bytes.fromhex(pdu)) == [bytes.fromhex(response)]
+    assert rig.tick() is None
+
+
+def test_a_loop_that_stops_between_the_write_and_the_read_gives_an_exception(rig):
+    responses = ask(rig, 1, BOTH)
+    rig.tick()
+    rig.now += 0.6
+    rig.row = None
+    rig.server.poll()
+    assert responses == [bytes.fromhex("97 04")]
+
+
+@pytest.mark.parametrize("unit_id", [0, 255])
+def test_the_default_unit_is_the_one_that_a_direct_connection_means(rig, unit_id):
+    assert ask(rig, unit_id, READ) == [bytes.fromhex("84 0B")]
+    server = RegisterServer(rig.server._units, rig, rig.mailbox, lambda: rig.now, default_unit=2)
+    responses = []
+    server.handle(unit_id, READ, responses.append)
+    assert responses == [bytes.fromhex("04 04 FFFF FFFF")]
+    assert server.unit_ids == {1, 2}

@@ -1,5 +1,8 @@
 """Modbus/TCP Security: who may connect, and who may write."""
 
+import asyncio
+import contextlib
+import socket
 import ssl
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from drivers.errors import ModbusExceptionError
 from drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
 from hil_bench.errors import BusError
 from hil_bench.modbus.server_config import TlsConfig
+from hil_bench.transports.modbus.connections import ConnectionPool
 from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.modbus.tls import role_of, server_context
 
@@ -32,15 +36,26 @@ def server_files(authority):
 
 
 @pytest.fixture
-def port(tmp_path, authority, server_files):
-    """The port of a server that asks for certificates."""
-    side, binding = make_binding(
+def binding(tmp_path, authority, server_files):
+    """A bench, and its binding to a server that asks for certificates."""
+    return make_binding(
         tmp_path,
         extra=f'tls_certificate = "{server_files.certificate}"\ntls_key = "{server_files.key}"\n'
         f'tls_client_ca = "{authority.ca}"',
     )
+
+
+@contextlib.contextmanager
+def running(side, binding):
     with ModbusProcess(binding.plan) as server, ticking(side, binding):
         yield server.endpoints.port
+
+
+@pytest.fixture
+def port(binding):
+    """The port of such a server."""
+    with running(*binding) as port:
+        yield port
 
 
 def open_client(port, files, ca):
@@ -65,6 +80,48 @@ def test_a_client_without_the_role_only_reads(port, authority):
         with pytest.raises(ModbusExceptionError) as refusal:
             client.write_registers(2, 1, [7])
         assert refusal.value.code == 1  # illegal function, as the specification has it
+
+
+def test_a_handshake_that_fails_is_named(capfd, binding, authority):
+    with running(*binding) as port:
+        with socket.create_connection(("127.0.0.1", port), timeout=WAIT) as connection:
+            name = "{}:{}".format(*connection.getsockname())
+            connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
+            with contextlib.suppress(ConnectionResetError):
+                while connection.recv(64):
+                    pass
+        with open_client(port, authority.sign("viewer"), authority.ca) as client:
+            PressureSensor(client, 2).poll()
+    assert capfd.readouterr().err.splitlines() == [
+        f"hil-bench: modbus client {name}: TLS handshake failed: HTTP_REQUEST"
+    ]
+
+
+def test_connections_that_never_shake_hands_count(rig, authority, server_files):
+    certificate, key = server_files
+    config = TlsConfig(certificate, key, authority.ca, "operator")
+
+    async def run():
+        pool = ConnectionPool(rig.server, 4, config)
+        loop = asyncio.get_running_loop()
+        listener = await loop.create_server(pool.make_connection, "127.0.0.1", 0)
+        address = listener.sockets[0].getsockname()
+        with contextlib.ExitStack() as stack:
+            silent = [
+                stack.enter_context(socket.create_connection(address, timeout=WAIT))
+                for _ in range(6)
+            ]
+            # The first two make room for the last two, and are closed.
+            for connection in silent[:2]:
+                assert await asyncio.to_thread(connection.recv, 1) == b""
+            assert len(pool) == 4
+            pool.close()
+            for connection in silent[2:]:
+                assert await asyncio.to_thread(connection.recv, 1) == b""
+        listener.close()
+        await listener.wait_closed()
+
+    asyncio.run(run())
 
 
 def test_a_strangers_certificate_and_plain_tcp_get_nothing(port, tmp_path, authority):

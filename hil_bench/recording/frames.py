@@ -64,6 +64,10 @@ class FrameFile:
         """Close the file."""
         self._sink.close()
 
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._sink.abandon()
+
     def __enter__(self) -> Self:
         return self
 
@@ -98,6 +102,9 @@ class _TextSink:
         finally:
             self._file.close()
 
+    def abandon(self) -> None:
+        self._file.abandon()
+
     def _append(self) -> None:
         text = self._text.getvalue()
         self._text.seek(0)
@@ -116,9 +123,8 @@ class _BlfSink:
     """Has python-can write containers into memory, and appends them to the file as one block."""
 
     def __init__(self, path: Path) -> None:
-        self._file = OutputFile(path)
         self._writer = _BlockBlfWriter()
-        self._file.append(self._writer.take_head(0))
+        self._file = OutputFile(path, self._writer.take_head(0))
 
     def write(self, messages: Iterable[can.Message]) -> None:
         for message in messages:
@@ -133,6 +139,9 @@ class _BlfSink:
             self._append()
         finally:
             self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
 
     def _append(self) -> None:
         self._file.append(self._writer.take_containers())

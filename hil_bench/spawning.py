@@ -1,22 +1,175 @@
-"""How a process is started that shares the terminal with this one."""
+"""Processes beside this one: they share its terminal, leave signals to it and end with it."""
 
+import multiprocessing
 import signal
+import sys
+import traceback
+from collections.abc import Callable
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
+from multiprocessing.util import Finalize
+from typing import Any, NamedTuple
+
+SHIELDED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+"""Signals by which a terminal, a session or a service manager ends all its processes at once."""
+
+_NOTHING = object()
+_WANT_OF_MEMORY = ", by somebody or for want of memory"
+
+
+class Failure(NamedTuple):
+    """What a helper says where an exception has ended it.
+
+    Attributes:
+        text: the exception in a line.
+        trace: where it came from.
+    """
+
+    text: str
+    trace: str
+
+
+class HelperProcess:
+    """A process that works for this one.
+
+    It gets a connection as its last argument, whose end says that this process has let go of it or
+    is gone. An exception there becomes a `Failure`, not a traceback on the terminal.
+
+    Args:
+        target: what it runs; a function of a module.
+        arguments: those before the connection.
+        name: of the process.
+    """
+
+    def __init__(
+        self, target: Callable[..., None], arguments: tuple[object, ...], *, name: str
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        # No lock and no event: what a killed process holds or waits for, others wait for in vain.
+        self._connection, self._child_connection = context.Pipe()
+        self._process = context.Process(
+            target=_run,
+            args=(target, *arguments, self._child_connection),
+            name=name,
+            daemon=True,
+        )
+        self._failure: Failure | None = None
+        # Before multiprocessing waits for its children at the end of a program that let go of none.
+        Finalize(self, self._connection.close, exitpriority=0)
+
+    @property
+    def pid(self) -> int | None:
+        """Its process-ID, None before `start`."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it runs."""
+        return self.pid is not None and self._process.is_alive()
+
+    def start(self) -> None:
+        """Start it."""
+        start_shielded(self._process)
+        self._child_connection.close()
+
+    def send(self, message: object) -> None:
+        """Send it something; nothing happens where it is gone."""
+        try:
+            self._connection.send(message)
+        except OSError:
+            return
+
+    def receive(self, timeout: float) -> Any:  # noqa: ANN401 - what the helper has to say
+        """Return the next thing it says.
+
+        Args:
+            timeout: longest wait for it [s].
+
+        Raises:
+            TimeoutError: it says nothing in time.
+            EOFError: it has ended, or says by a `Failure` that it is about to.
+        """
+        try:
+            message = self._connection.recv() if self._connection.poll(timeout) else _NOTHING
+        except OSError as error:
+            raise EOFError from error
+        if message is _NOTHING:
+            raise TimeoutError
+        if isinstance(message, Failure):
+            self._failure = message
+            raise EOFError(message.text)  # noqa: TRY004 - it has ended
+        return message
+
+    def ending(self) -> str | None:
+        """Return how it ended, as in "was killed (SIGKILL)"; None while it runs."""
+        code = self._process.exitcode
+        if code is None:
+            return None
+        try:
+            while self._failure is None:
+                self.receive(0)
+        except (EOFError, TimeoutError):
+            pass
+        if self._failure is not None:
+            return f"ended by an error of hil-bench ({self._failure.text})"
+        if code < 0:
+            why = _WANT_OF_MEMORY if -code == getattr(signal, "SIGKILL", None) else ""
+            return f"was killed ({_name_of(-code)}{why})"
+        return f"ended with exit code {code}"
+
+    @property
+    def trace(self) -> str:
+        """Where the exception came from that ended it; empty where none did."""
+        return "" if self._failure is None else self._failure.trace
+
+    def stop(self, timeout: float) -> None:
+        """Let go of it, and kill it where it does not end in time [s]."""
+        self._connection.close()
+        if self._process.pid is None:
+            return
+        self._process.join(timeout)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
 
 
 def start_shielded(process: BaseProcess) -> None:
-    """Start a process that never hears Ctrl-C, not even while it imports what it needs.
+    """Start a process that never hears Ctrl-C and the like, not even while it imports.
 
-    A terminal sends SIGINT to every process on it; what follows is this process's to decide. The
-    other one inherits that SIGINT is blocked.
+    A terminal sends signals to every process on it; what follows is this process's to decide. The
+    other one inherits that they are blocked.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         process.start()
         return
-    resource_tracker.ensure_running()  # when it is started, it lets SIGINT through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    resource_tracker.ensure_running()  # when it is started, it lets signals through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _shielded())
     try:
         process.start()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _shielded() -> set[int]:
+    return {getattr(signal, name) for name in SHIELDED if hasattr(signal, name)}
+
+
+def _name_of(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+def _run(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
+    for number in _shielded():
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        target(*arguments)
+    except Exception as error:  # the parent is to say it, in a line
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        try:
+            arguments[-1].send(Failure(text, traceback.format_exc()))
+        except OSError:
+            traceback.print_exc()  # nobody else is left to say it
+        sys.exit(1)

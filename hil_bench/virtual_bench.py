@@ -23,8 +23,9 @@ from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.recorder import RecordingPlan, RecordingReport
+from hil_bench.recording.recorder import RecordingPlan
 from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.report import RecordingReport
 from hil_bench.recording.signal_table import SignalTable, as_table
 from hil_bench.telemetry import bench_channels, recording_heading, sample
 from hil_bench.transports.embedded import EmbeddedBus, EmbeddedPort

@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import signal
 import sys
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -24,6 +23,7 @@ from hil_bench.cli.controller_side import (
     seen_from_bus,
 )
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.commissioning.measures import StepResult
 from hil_bench.commissioning.plan import (
@@ -41,8 +41,9 @@ from hil_bench.recording.channels import Channel
 from hil_bench.recording.formats import Heading
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.network_tap import NetworkTap
-from hil_bench.recording.recorder import RecordingPlan, RecordingReport
+from hil_bench.recording.recorder import RecordingPlan
 from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.report import RecordingReport
 
 _EXAMPLES = """\
 examples:
@@ -117,12 +118,14 @@ def run(args: argparse.Namespace) -> int:
         print(f"found     {finding.name}: {finding.evidence}; {finding.mend}")
     print(f"verdict   {verdict_of(found)}")
     print(f"report    {paths[0]}, {paths[1]}")
-    print("\n".join(report_lines([_recording_path(args)], recorded)))
+    print("\n".join(report_lines(recorded)))
     if found.lost:
         raise BusError(found.lost)
-    if found.is_interrupted:
-        return ExitCode.INTERRUPTED
-    return ExitCode.DONE if found.passed else ExitCode.CHECK_FAILED
+    if not (found.passed or found.is_interrupted):
+        return ExitCode.CHECK_FAILED
+    if not recorded.is_complete:
+        return ExitCode.LOST
+    return ExitCode.INTERRUPTED if found.is_interrupted else ExitCode.DONE
 
 
 def check_arguments(args: argparse.Namespace) -> None:
@@ -166,7 +169,7 @@ def _commission(
         end=lambda result: None if args.quiet else _print_end(result),
     )
     channels = recorded_channels(choose_axis(plan, config).name)
-    with _recording(args, opened, channels) as (recording, origin), _sigterm_as_interrupt():
+    with _recording(args, opened, channels) as (recording, origin), interrupted_once():
         found = commission(
             opened.network, config, plan, console=console, recording=recording, origin=origin
         )
@@ -195,20 +198,6 @@ def _recording(
     finally:
         opened.network.observe = None
         recording.stop()
-
-
-@contextlib.contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """Have SIGTERM end the motion as Ctrl-C does.
-
-    Yields:
-        Nothing.
-    """
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _recording_path(args: argparse.Namespace) -> Path:

@@ -116,7 +116,9 @@ def run(args: argparse.Namespace) -> int:
     print(f"recording {signals.path}\nframes    {frames.path}")
     print(f"plot      {plot_line(recording, args.output / 'demo.png')}")
     if session.bench.recording is not None:
-        print("\n".join(report_lines(args.record, session.bench.recording)))
+        print("\n".join(report_lines(session.bench.recording)))
+        if not session.bench.recording.is_complete:
+            return ExitCode.LOST
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 

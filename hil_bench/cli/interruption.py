@@ -1,9 +1,18 @@
-"""Ctrl-C and SIGTERM as a wish that the loop asks for, so that it ends between two ticks."""
+"""Signals that ask for the end: Ctrl-C, SIGTERM, SIGQUIT, and SIGHUP of a terminal that closes.
+
+A loop asks for them between two ticks, so that it ends in order; what moves a machine is
+interrupted at once and closes the valve. SIGHUP stays ignored where `nohup` has it ignored.
+"""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from hil_bench.cli.streams import discard_lost_terminal
+
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+_Handler = Callable[[int, FrameType | None], None]
 
 
 class Interruption:
@@ -16,31 +25,64 @@ class Interruption:
     def __init__(self) -> None:
         self.requested = False
 
-    def request(self, _signal: int = 0, _frame: FrameType | None = None) -> None:
-        """Ask for the end; a second request does not wait for it.
+    def request(self, number: int = 0, _frame: FrameType | None = None) -> None:
+        """Ask for the end; a second Ctrl-C does not wait for it.
+
+        Other signals may come twice for one cause: a terminal that closes sends SIGHUP by the
+        kernel and by the shell.
 
         Raises:
-            KeyboardInterrupt: it was asked for before.
+            KeyboardInterrupt: the end was asked for before, and this is Ctrl-C.
         """
-        if self.requested:
+        if number == getattr(signal, "SIGHUP", None):
+            discard_lost_terminal()
+        if self.requested and number in {0, signal.SIGINT}:
             raise KeyboardInterrupt
         self.requested = True
+
+    def interrupt(self, number: int, _frame: FrameType | None) -> None:
+        """Ask for the end by a KeyboardInterrupt; later signals change nothing.
+
+        Raises:
+            KeyboardInterrupt: the end was not asked for before.
+        """
+        if not self.requested:
+            self.request(number)
+            raise KeyboardInterrupt
 
 
 @contextmanager
 def interruption() -> Iterator[Interruption]:
-    """Turn SIGINT and SIGTERM into requests for the time of the block.
+    """Turn signals into a wish for the time of the block.
 
     Yields:
         What the signals set.
     """
     wish = Interruption()
-    before = {number: signal.signal(number, wish.request) for number in _SIGNALS}
-    try:
+    with _handling(wish.request):
         yield wish
-    finally:
-        for number, handler in before.items():
+
+
+@contextmanager
+def interrupted_once() -> Iterator[None]:
+    """Have the first signal raise KeyboardInterrupt; no further one disturbs what it leads to.
+
+    Yields:
+        Nothing.
+    """
+    with _handling(Interruption().interrupt):
+        yield
+
+
+@contextmanager
+def _handling(handler: _Handler) -> Iterator[None]:
+    numbers = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, present in before.items():
+        if present is not signal.SIG_IGN or number == signal.SIGINT:  # as of a shell's "&"
             signal.signal(number, handler)
-
-
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+    try:
+        yield
+    finally:
+        for number, present in before.items():
+            signal.signal(number, present)

@@ -7,11 +7,12 @@ from collections.abc import Callable
 from hil_bench.bench import Bench
 from hil_bench.cli.lockstep_status import LockStepStatus
 from hil_bench.cli.loop_summary import fault_lines, frame_lines, node_lines
-from hil_bench.cli.recording_arguments import open_recording, recording_lines
+from hil_bench.cli.recording_arguments import open_recording
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.config import BenchConfig
 from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
 from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.recording.inline_recorder import RecordingSink
 from hil_bench.telemetry import record_exchange
 from hil_bench.transports.transport import Transport
 
@@ -22,13 +23,13 @@ def run_in_lockstep(
     bench: Bench,
     transport: Transport,
     stopped: Callable[[], bool],
-) -> tuple[LockStepReport, list[str]]:
+) -> tuple[LockStepReport, RecordingSink | None]:
     """Power the bench on and let SYNC move it until `stopped` or `--duration` of bench time.
 
     The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
 
     Returns:
-        What was done, and what is said of the recording.
+        What was done, and the recording, which has ended.
     """
     with open_recording(args, config, bench, is_real_time=False) as recording:
         tick: Round = bench.tick
@@ -51,7 +52,7 @@ def run_in_lockstep(
                 return stopped() or lockstep.now >= end
 
             report = run_lockstep(lockstep, transport, stopped=is_over)
-    return report, recording_lines(args.record, recording)
+    return report, recording
 
 
 def speed_line(report: LockStepReport, config: BenchConfig) -> str:

@@ -10,8 +10,9 @@ from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
 from hil_bench.recording.formats import check_suffix
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.recording.recorder import RecordingPlan, RecordingReport
+from hil_bench.recording.recorder import RecordingPlan
 from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.report import FileReport, RecordingReport
 from hil_bench.telemetry import bench_channels, recording_heading
 
 
@@ -91,17 +92,30 @@ def open_recording(
         recording.stop()
 
 
-def recording_lines(paths: list[Path], recording: RecordingSink | None) -> list[str]:
+def recording_lines(recording: RecordingSink | None) -> list[str]:
     """Return what a recording that has ended holds, a line a fact."""
-    return [] if recording is None else report_lines(paths, recording.report)
+    return [] if recording is None else report_lines(recording.report)
 
 
-def report_lines(paths: list[Path], report: RecordingReport) -> list[str]:
+def is_incomplete(recording: RecordingSink | None) -> bool:
+    """Return whether something is missing in a recording that was asked for."""
+    return recording is not None and not recording.report.is_complete
+
+
+def report_lines(report: RecordingReport) -> list[str]:
     """Return a report of a recording, a line a fact."""
-    names = ", ".join(map(str, paths))
-    lines = [f"recorded  {report.rows} rows, {report.frames} frames: {names}"]
+    lines = [line for file in report.files for line in _file_lines(file)]
     if not report.is_triggered:
-        lines.append("          nothing: its trigger never came")
+        lines.append("nothing: its trigger never came")
     if report.lost:
-        lines.append(f"          {report.lost} messages left out, the recorder was too slow")
-    return lines + [f"          {problem}" for problem in report.problems]
+        lines.append(f"{report.lost} messages left out, the recorder was too slow")
+    return [f"{'' if number else 'recorded':8}  {line}" for number, line in enumerate(lines)]
+
+
+def _file_lines(file: FileReport) -> list[str]:
+    counts = [
+        f"{count} {what}"
+        for count, what in ((file.rows, "rows"), (file.frames, "frames"))
+        if count is not None
+    ]
+    return [f"{', '.join(counts)}: {file.path}", *filter(None, [file.problem])]

@@ -59,7 +59,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--frames",
         choices=[direction.value for direction in Direction],
         default=Direction.ALL.value,
-        help="of these, as seen by who recorded them (default: %(default)s)",
+        help="of these, as seen by who recorded them; a .log does not say (default: %(default)s)",
     )
     parser.add_argument(
         "--speed", type=read_speed, default=1.0, metavar="X", help="times as fast (1), or max"
@@ -104,6 +104,11 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     """
     direction = Direction(args.frames)
     recorded = list(read_frames(args.recording))
+    if direction is not Direction.ALL and any(logged.is_received is None for logged in recorded):
+        raise ConfigError(
+            f"{args.recording}: a candump log does not say which frames were {direction.value}; "
+            "record .mf4, .blf or .asc, or leave --frames out"
+        )
     frames = [logged for logged in recorded if direction.includes(logged)]
     if not frames:
         there = f"all its {len(recorded)} are others" if recorded else "it has none at all"

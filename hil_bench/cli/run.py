@@ -33,6 +33,7 @@ from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbu
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
+    is_incomplete,
     open_recording,
     recording_lines,
 )
@@ -167,10 +168,12 @@ def run(args: argparse.Namespace) -> int:
         report = run_until_told(args, config, bench, (bus, modbus), wish, recording)
         histograms.write(report, config.tick_ns, bus.bitrate)
     lines = summary_lines(report, config, bench, bus, is_timed=math.isfinite(args.speed))
-    lines += recording_lines(args.record, recording)
+    lines += recording_lines(recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
+    if is_incomplete(recording):
+        return ExitCode.LOST
     if args.strict_timing and report.ticks.overruns:
         return ExitCode.TIMING
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
@@ -279,11 +282,13 @@ def lock_step(
         bus.check()
         return wish.requested
 
-    report, recorded = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
-    lines = lockstep_run.summary_lines(report, config, bench) + recorded
+    report, recording = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
+    lines = lockstep_run.summary_lines(report, config, bench) + recording_lines(recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
+    if is_incomplete(recording):
+        return ExitCode.LOST
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 

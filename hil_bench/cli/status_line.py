@@ -3,20 +3,19 @@
 It is a process of its own that reads a snapshot, so that the loop never waits for a terminal.
 """
 
+import contextlib
 import math
-import multiprocessing
 import shutil
-import signal
 import sys
 from collections.abc import Sequence
-from multiprocessing.synchronize import Event
+from multiprocessing.connection import Connection
 from typing import NamedTuple, Self
 
 from hil_bench.bench import Bench
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
-from hil_bench.spawning import start_shielded
+from hil_bench.spawning import HelperProcess
 from hil_bench.transports.transport import TransportCounters
 
 REFRESH = 0.1
@@ -62,49 +61,53 @@ class StatusLine:
         statistics: TickStatistics | None = None,
         wanted: bool = True,
     ) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._ended = context.Event()
-        self._process = context.Process(
-            target=show,
-            args=(snapshot, tuple(map(tuple, lines)), statistics, self._ended),
-            name="hil-bench-status",
-            daemon=True,
-        )
+        self._arguments = (snapshot, tuple(map(tuple, lines)), statistics)
+        self._helper = self._new_helper()
         self.is_shown = wanted and sys.stderr.isatty()
+
+    @property
+    def pid(self) -> int | None:
+        """Identifier of its process, None where there is none."""
+        return self._helper.pid
 
     def __enter__(self) -> Self:
         if self.is_shown:
-            start_shielded(self._process)
+            self._helper.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if not self.is_shown:
-            return
-        self._ended.set()
-        self._process.join(_END_TIMEOUT)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
+        self._helper.stop(_END_TIMEOUT)
+
+    def ending(self) -> str | None:
+        """Return how its process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        return self._helper.ending()
+
+    def restart(self) -> None:
+        """Start a new process in the place of one that has ended."""
+        self._helper.stop(_END_TIMEOUT)
+        self._helper = self._new_helper()
+        self._helper.start()
+
+    def _new_helper(self) -> HelperProcess:
+        return HelperProcess(show, self._arguments, name="hil-bench-status")
 
 
 def show(
     snapshot: Snapshot,
     lines: tuple[tuple[Field, ...], ...],
     statistics: TickStatistics | None,
-    ended: Event,
+    connection: Connection,
 ) -> None:
-    """Write the newest row until `ended` is set; signals are the parent's to act on."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    while not ended.wait(REFRESH) and parent is not None and parent.is_alive():
-        row = snapshot.read()
-        if row is not None:
-            texts = format_lines(row.values, lines) + format_health(statistics)
-            sys.stderr.write(in_place(texts, shutil.get_terminal_size().columns))
-            sys.stderr.flush()
-    sys.stderr.write(_CLEAR_BELOW)
-    sys.stderr.flush()
+    """Write the newest row until the loop lets go of the connection, or the terminal closes."""
+    with contextlib.suppress(OSError):
+        while not connection.poll(REFRESH):
+            row = snapshot.read()
+            if row is not None:
+                texts = format_lines(row.values, lines) + format_health(statistics)
+                sys.stderr.write(in_place(texts, shutil.get_terminal_size().columns))
+                sys.stderr.flush()
+        sys.stderr.write(_CLEAR_BELOW)
+        sys.stderr.flush()
 
 
 def in_place(texts: Sequence[str], columns: int) -> str:

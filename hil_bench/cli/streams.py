@@ -37,9 +37,24 @@ def flush_output() -> None:
         raise
 
 
+def discard_lost_terminal() -> None:
+    """Drop all further output to a terminal that has closed, where it would be an error."""
+    for number in (1, 2):
+        try:
+            os.write(number, b"")
+        except OSError:
+            _discard(number)
+
+
 def discard_output() -> None:
     """Drop what is still to be written, or the interpreter would complain of it at its exit."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(ValueError):
+        _discard(sys.stdout.fileno())
+
+
+def _discard(stream: int) -> None:
+    """Have all that is written to a stream, given by its number, go nowhere."""
+    with contextlib.suppress(OSError):
         number = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(number, sys.stdout.fileno())
+        os.dup2(number, stream)
         os.close(number)

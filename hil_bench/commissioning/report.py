@@ -2,13 +2,14 @@
 
 import base64
 import importlib.util
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
 from hil_bench.commissioning.identity import NodeDescription
-from hil_bench.commissioning.measures import Measure, StepResult, Verdict
+from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdict
 from hil_bench.commissioning.report_plots import plot_step
 from hil_bench.commissioning.session import Commissioning
 from hil_bench.errors import ConfigError
@@ -28,6 +29,9 @@ class ReportHead:
 
 
 Row = Sequence[str]
+
+_MARKUP = re.compile(r"[\\`\[\]]")
+"""Characters of Markdown by which text becomes code or a link, and the one that escapes them."""
 
 _TITLES = {
     "communication": "Communication",
@@ -135,20 +139,20 @@ def _measure_row(measure: Measure) -> Row:
 
 
 def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) -> str:
-    lines = [f"# {head.title}", "", f"**{verdict_of(found)}**", ""]
+    lines = [f"# {_plain(head.title)}", "", f"**{verdict_of(found)}**", ""]
     lines += _markdown_table(("", ""), list(head.facts.items()))
     for finding in found.findings:
-        lines += ["", f"- **{finding.name}**: {finding.evidence}. {finding.mend}."]
+        lines += ["", f"- {_markdown_finding(finding)}"]
     lines += ["", "## Steps", "", *_markdown_table(_SUMMARY_HEAD, list(_summary_rows(found)))]
     lines += ["", "## Nodes", "", *_markdown_table(_NODE_HEAD, list(_node_rows(found.nodes)))]
     for number, result in enumerate(found.results, start=1):
         lines += ["", f"## {number}. {_title(result)}: {result.verdict}", ""]
-        lines += [result.problem, ""] if result.problem else []
+        lines += [_plain(result.problem), ""] if result.problem else []
         for finding in result.findings:
-            lines += [f"**{finding.name}**: {finding.evidence}. {finding.mend}.", ""]
+            lines += [_markdown_finding(finding), ""]
         if result.measures:
             lines += _markdown_table(_MEASURE_HEAD, [_measure_row(m) for m in result.measures])
-        lines += ["", *(f"- {note}" for note in result.notes)] if result.notes else []
+        lines += ["", *(f"- {_plain(note)}" for note in result.notes)] if result.notes else []
         if result.kind in pictures:
             lines += ["", f"![{_title(result)}]({pictures[result.kind].name})"]
     return "\n".join(lines) + "\n"
@@ -161,7 +165,17 @@ def _markdown_table(head: Row, rows: Sequence[Row]) -> list[str]:
 
 
 def _markdown_cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+    return _plain(text).replace("|", "\\|")
+
+
+def _markdown_finding(finding: Finding) -> str:
+    return f"**{_plain(finding.name)}**: {_plain(finding.evidence)}. {_plain(finding.mend)}."
+
+
+def _plain(text: str) -> str:
+    """Return text as Markdown that shows it as it is: what a device says is no HTML and no link."""
+    escaped = escape(" ".join(text.split()), quote=False)
+    return _MARKUP.sub(r"\\\g<0>", escaped)
 
 
 def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) -> str:

@@ -1,12 +1,15 @@
 """What a run of the suite found, for people and for programs."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from html import escape
 from itertools import groupby
 
 from hil_bench.conformance.check import Impact
 from hil_bench.conformance.suite import Outcome, Result
 
+_MARKUP = re.compile(r"[\\`\[\]]")
 _MARKS = {Outcome.PASSED: "ok", Outcome.FAILED: "**FAILED**", Outcome.NOT_APPLICABLE: "–"}
 
 _ALLOWED = {
@@ -67,7 +70,8 @@ def _report(
 ) -> Iterator[str]:
     yield "# CANopen conformance report"
     yield ""
-    yield f"{device}; {_ALLOWED[allowed]}. Clauses without a document are those of CiA 301 (4.2.0)."
+    tested = f"{_plain(device)}; {_ALLOWED[allowed]}"
+    yield f"{tested}. Clauses without a document are those of CiA 301 (4.2.0)."
     yield ""
     yield f"**{summary(results)}**"
     if command:
@@ -91,4 +95,9 @@ def _report(
 
 def _cell(text: str) -> str:
     """Return text that can stand in a table."""
-    return text.replace("|", "\\|").replace("\n", " ")
+    return _plain(text).replace("|", "\\|")
+
+
+def _plain(text: str) -> str:
+    """Return text as Markdown that shows it as it is: what a device says is no HTML and no link."""
+    return _MARKUP.sub(r"\\\g<0>", escape(" ".join(text.split()), quote=False))

@@ -29,7 +29,10 @@ class BlockFile(Protocol):
         """Put on the disk what was written; see `OutputFile.flush`."""
 
     def close(self) -> None:
-        """Close the file."""
+        """Write what is left and close the file."""
+
+    def abandon(self) -> None:
+        """Close the file as it is, after an `OSError`."""
 
 
 class OutputFile:
@@ -37,6 +40,7 @@ class OutputFile:
 
     Args:
         path: the file; one that is there is replaced.
+        head: what it begins with.
 
     Attributes:
         path: as passed in.
@@ -46,13 +50,21 @@ class OutputFile:
         ConfigError: it cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, head: bytes = b"") -> None:
         self.path = path
+        self.size = 0
         try:
             self._file = path.open("wb", buffering=0)
+            self._begin(head)
         except OSError as error:
             raise ConfigError(why_unwritable(path, error)) from None
-        self.size = 0
+
+    def _begin(self, head: bytes) -> None:
+        try:
+            self.append(head)
+        except OSError:
+            self.abandon()
+            raise
 
     def append(self, data: bytes) -> int:
         """Write at the end, and return the address.
@@ -92,17 +104,25 @@ class OutputFile:
         """Close the file."""
         self._file.close()
 
+    def abandon(self) -> None:
+        """Close the file, whatever the system says to that."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
     def _write(self, address: int, data: bytes) -> None:
-        self._file.seek(address)
         view = memoryview(data)
         with naming(self.path):
+            self._file.seek(address)
             while view:
-                view = view[self._file.write(view) :]
+                written = self._file.write(view)
+                if not written:
+                    raise RecordingError("the file takes no more")
+                view = view[written:]
 
     def _is_still_there(self) -> bool:
         try:
             return os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
-        except OSError:
+        except (FileNotFoundError, NotADirectoryError):
             return False
 
 

@@ -44,8 +44,14 @@ def _draw(frames: Sequence[LoggedFrame], title: str) -> "Figure":
 
 def _draw_raster(place: "Axes", frames: Sequence[LoggedFrame], identifiers: list[int]) -> None:
     rows = {can_id: row for row, can_id in enumerate(identifiers)}
-    for is_received, colour, label in ((True, ORANGE, "received"), (False, BLUE, "sent")):
-        chosen = [logged for logged in frames if logged.is_received == is_received]
+    for is_received, colour, label in (
+        (True, ORANGE, "received"),
+        (False, BLUE, "sent"),
+        (None, BLUE, "received or sent"),
+    ):
+        chosen = [logged for logged in frames if logged.is_received is is_received]
+        if not chosen:
+            continue
         place.plot(
             [logged.now * 1e-9 for logged in chosen],
             [rows[logged.frame.can_id] for logged in chosen],

@@ -8,7 +8,7 @@ from typing import IO, Any, Self
 import can
 from can.io.asc import ASCReader, ASCWriter
 from can.io.blf import BLFReader, BLFWriter
-from can.io.canutils import CanutilsLogReader, CanutilsLogWriter
+from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
@@ -20,13 +20,16 @@ from hil_bench.recording.mdf_reader import read_mdf
 SUFFIXES = (".asc", ".blf", ".log")
 """Vector's ASC and BLF, candump's log."""
 
-_READERS: dict[str, Callable[[Any], Iterable[can.Message]]] = {
+_Reader = Callable[[Any], Iterable[can.Message]]
+
+_TEXT_READERS: dict[str, _Reader] = {
     ".asc": ASCReader,
-    ".blf": BLFReader,
     ".log": CanutilsLogReader,
 }
 
-_TEXT_WRITERS = {".asc": ASCWriter, ".log": CanutilsLogWriter}
+_DIRECTIONS = (" R", " T")
+"""How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
+damaged, so ours end with the data, as those of candump do."""
 
 
 class FrameFile:
@@ -45,16 +48,19 @@ class FrameFile:
         if suffix not in SUFFIXES:
             right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
             raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
-        self._sink: _TextSink | _BlfSink = (
-            _TextSink(path, suffix) if suffix in _TEXT_WRITERS else _BlfSink(path)
-        )
+        sinks: dict[str, type[_CandumpSink | _AscSink | _BlfSink]] = {
+            ".log": _CandumpSink,
+            ".asc": _AscSink,
+            ".blf": _BlfSink,
+        }
+        self._sink = sinks[suffix](path)
 
     def write_rows(self, rows: Recording) -> None:
         """Leave signals out: the format has no place for them."""
 
     def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
         """Append frames."""
-        self._sink.write(map(message_of, frames))
+        self._sink.write(frames)
 
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written; see `OutputFile.flush`."""
@@ -64,6 +70,10 @@ class FrameFile:
         """Close the file."""
         self._sink.close()
 
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._sink.abandon()
+
     def __enter__(self) -> Self:
         return self
 
@@ -71,20 +81,45 @@ class FrameFile:
         self.close()
 
 
-class _TextSink:
+class _CandumpSink:
+    """Appends lines as candump -L writes them."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = OutputFile(path)
+
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        self._file.append("".join(map(_candump_line, frames)).encode())
+
+    def flush(self, *, durable: bool) -> None:
+        self._file.flush(durable=durable)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
+
+
+def _candump_line(logged: LoggedFrame) -> str:
+    frame, (seconds, nanoseconds) = logged.frame, divmod(logged.now, 1_000_000_000)
+    digits = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
+    data = "R" if frame.is_remote else frame.data.hex().upper()
+    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{data}\n"
+
+
+class _AscSink:
     """Has python-can write lines into memory, and appends them to the file as one block."""
 
-    def __init__(self, path: Path, suffix: str) -> None:
+    def __init__(self, path: Path) -> None:
         self._file = OutputFile(path)
         self._text = _Text()
-        self._writer = _TEXT_WRITERS[suffix](self._text)
-        if isinstance(self._writer, ASCWriter):
-            # Its times count from its first entry, and ours from the recording's start.
-            self._writer.log_event("Start of recording", 0.0)
+        self._writer = ASCWriter(self._text)
+        # Its times count from its first entry, and ours from the recording's start.
+        self._writer.log_event("Start of recording", 0.0)
 
-    def write(self, messages: Iterable[can.Message]) -> None:
-        for message in messages:
-            self._writer(message)
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        for logged in frames:
+            self._writer(message_of(logged))
         self._append()
 
     def flush(self, *, durable: bool) -> None:
@@ -97,6 +132,9 @@ class _TextSink:
             self._append()
         finally:
             self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
 
     def _append(self) -> None:
         text = self._text.getvalue()
@@ -116,13 +154,12 @@ class _BlfSink:
     """Has python-can write containers into memory, and appends them to the file as one block."""
 
     def __init__(self, path: Path) -> None:
-        self._file = OutputFile(path)
         self._writer = _BlockBlfWriter()
-        self._file.append(self._writer.take_head(0))
+        self._file = OutputFile(path, self._writer.take_head(0))
 
-    def write(self, messages: Iterable[can.Message]) -> None:
-        for message in messages:
-            self._writer(message)
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        for logged in frames:
+            self._writer(message_of(logged))
 
     def flush(self, *, durable: bool) -> None:
         self._append()
@@ -133,6 +170,9 @@ class _BlfSink:
             self._append()
         finally:
             self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
 
     def _append(self) -> None:
         self._file.append(self._writer.take_containers())
@@ -170,7 +210,8 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
     A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
-    are left out.
+    are left out. A candump log says of no frame whether it was received, unless python-can wrote
+    it.
 
     Yields:
         The frames, in the order of the file.
@@ -182,8 +223,8 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
     if suffix == ".mf4":
         yield from read_mdf(path).frames
         return
-    if suffix not in _READERS:
-        right = f"give a file that ends in one of {' '.join(_READERS)} .mf4"
+    if suffix not in SUFFIXES:
+        right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     try:
         file = path.open("rb")
@@ -192,31 +233,43 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
             f"{path}: cannot be read: {error.strerror}; give a log of frames"
         ) from None
     with file:
-        source = file if suffix == ".blf" else _CompleteLines(file, encoding="utf-8")
-        yield from _frames(path, _messages(suffix, source))
-
-
-def _messages(suffix: str, source: IO[Any]) -> Iterator[can.Message]:
-    yield from _READERS[suffix](source)
+        if suffix == ".blf":
+            yield from map(logged_frame_of, _messages(path, BLFReader, file))
+            return
+        lines = _CompleteLines(file, encoding="utf-8")
+        for message in _messages(path, _TEXT_READERS[suffix], lines):
+            logged = logged_frame_of(message)
+            is_silent = suffix == ".log" and not lines.says_direction
+            yield logged._replace(is_received=None) if is_silent else logged
 
 
 class _CompleteLines(io.TextIOWrapper):
-    """Lines up to one that lacks its end, as a killed writer leaves it."""
+    """Lines up to one that lacks its end, as a killed writer leaves it.
+
+    Attributes:
+        says_direction: whether the last line ends as one of python-can's candump logs.
+    """
+
+    says_direction = False
 
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
         line = super().__next__()
         if not line.endswith("\n"):
             raise StopIteration
+        self.says_direction = line.rstrip().endswith(_DIRECTIONS)
         return line
 
 
-def _frames(path: Path, messages: Iterator[can.Message]) -> Iterator[LoggedFrame]:
-    """Yield frames until the end, or until what a killed writer left half written.
+def _messages(path: Path, reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+    """Yield messages until the end, or until what a killed writer left half written.
+
+    Yields:
+        Those of classical CAN.
 
     Raises:
         ConfigError: not one frame could be read.
     """
-    is_empty = True
+    messages, is_empty = _begin(reader, source), True
     while True:
         try:
             message = next(messages)
@@ -229,7 +282,11 @@ def _frames(path: Path, messages: Iterator[can.Message]) -> Iterator[LoggedFrame
             return
         is_empty = False
         if not (message.is_error_frame or message.is_fd):
-            yield logged_frame_of(message)
+            yield message
+
+
+def _begin(reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+    yield from reader(source)
 
 
 def logged_frame_of(message: can.Message) -> LoggedFrame:
@@ -252,6 +309,6 @@ def message_of(logged: LoggedFrame) -> can.Message:
         is_extended_id=frame.is_extended,
         is_remote_frame=frame.is_remote,
         data=frame.data,
-        is_rx=logged.is_received,
+        is_rx=logged.is_received is not False,
         channel=f"can{frame.bus}",
     )

@@ -6,23 +6,16 @@ from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.recorder import (
-    BLOCK_PERIOD,
-    Recorder,
-    RecordingPlan,
-    RecordingReport,
-    warn,
-)
+from hil_bench.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
+from hil_bench.recording.report import RecordingReport
 
 
 class RecordingSink(Protocol):
-    """Takes what is to be recorded: `RecorderProcess` and `InlineRecorder`.
+    """Takes what is to be recorded: `RecorderProcess` and `InlineRecorder`."""
 
-    Attributes:
-        report: what the recording holds, once it has ended.
-    """
-
-    report: RecordingReport
+    @property
+    def report(self) -> RecordingReport:
+        """What the recording holds so far."""
 
     def start(self) -> None:
         """Open the files."""
@@ -42,22 +35,22 @@ class InlineRecorder:
 
     Args:
         plan: what to record.
-
-    Attributes:
-        report: what the recording holds, once it has ended.
     """
 
     def __init__(self, plan: RecordingPlan) -> None:
         plan.check()
-        self.report = RecordingReport()
         self._plan = plan
         self._row = struct.Struct(f"<{1 + len(plan.channels)}d")
         self._block_end = BLOCK_PERIOD
 
+    @property
+    def report(self) -> RecordingReport:
+        """What the recording holds so far."""
+        return self._recorder.report
+
     def start(self) -> None:
         """Open the files."""
         self._recorder = Recorder(self._plan, durable=False, tell=warn)
-        self.report = self._recorder.report
 
     def stop(self) -> None:
         """Write what there is and close the files."""

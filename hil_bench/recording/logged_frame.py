@@ -11,9 +11,10 @@ class LoggedFrame(NamedTuple):
     Attributes:
         frame: the frame.
         now: when it was on the bus, on the recording's time base [ns].
-        is_received: whether the recording side received it; otherwise it sent it.
+        is_received: whether the recording side received it; False where it sent it, None where the
+            file does not say.
     """
 
     frame: Frame
     now: int
-    is_received: bool
+    is_received: bool | None

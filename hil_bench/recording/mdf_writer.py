@@ -48,7 +48,6 @@ class MdfFile:
         started: datetime | None = None,
     ) -> None:
         self.path = path
-        self._file = OutputFile(path)
         header = _Header(mdf.IDENTIFICATION_SIZE + len(_hd_block(0, 0, 0, 0)))
         groups = [
             header.add_frame_group(mdf.REMOTE_FRAME, mdf.REMOTE_RECORD, next_group=0),
@@ -57,7 +56,7 @@ class MdfFile:
         groups.append(header.add_signal_group(channels, groups[-1].dg))
         self._remote, self._data, self._signals = groups
         start_ns = 0 if started is None else round(started.timestamp() * 1e9)
-        self._file.append(header.finish(groups[-1].dg, start_ns, comment))
+        self._file = OutputFile(path, header.finish(groups[-1].dg, start_ns, comment))
         self._links: list[tuple[int, bytes]] = []
 
     def write_rows(self, rows: Recording) -> None:
@@ -87,6 +86,10 @@ class MdfFile:
             self._link_in()
         finally:
             self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._file.abandon()
 
     def _link_in(self) -> None:
         """Make what was appended part of the file."""

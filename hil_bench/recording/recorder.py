@@ -9,14 +9,18 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil_bench.recording.block_file import BlockFile
 from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.recording.report import Counted, Progress, RecordingReport
 from hil_bench.recording.trigger import parse_trigger
+
+if TYPE_CHECKING:
+    from hil_bench.recording.block_file import BlockFile
 
 logger = logging.getLogger(__name__)
 
@@ -50,45 +54,32 @@ class RecordingPlan:
             parse_trigger(self.trigger, self.channels)
 
 
-@dataclass(slots=True)
-class RecordingReport:
-    """What a recording holds.
-
-    Attributes:
-        rows: rows of signals.
-        frames: frames.
-        is_triggered: whether its trigger came.
-        lost: messages that the recorder was too slow for.
-        problems: why a file was given up, a line each.
-    """
-
-    rows: int = 0
-    frames: int = 0
-    is_triggered: bool = True
-    lost: int = 0
-    problems: list[str] = field(default_factory=list)
-
-
 class Recorder:
     """A recording that is being written.
 
     Args:
         plan: what to record.
         durable: have each block on the disk, not only with the system.
-        tell: told each problem, in one line, when it comes.
-
-    Attributes:
-        report: what it holds so far.
+        tell: told the number of a file that is given up and why, in one line, when it happens.
+        progress: counts what the files hold; without it one of its own.
     """
 
-    def __init__(self, plan: RecordingPlan, *, durable: bool, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        plan: RecordingPlan,
+        *,
+        durable: bool,
+        tell: Callable[[int, str], None],
+        progress: Progress | None = None,
+    ) -> None:
         plan.check()
-        self._files: list[BlockFile] = []
+        self._files: dict[int, BlockFile] = {}
         try:
-            for path in plan.paths:
-                self._files.append(open_block_file(path, plan.channels, plan.heading))
+            for number, path in enumerate(plan.paths):
+                self._files[number] = open_block_file(path, plan.channels, plan.heading)
         except BaseException:
-            self._close_files()
+            for file in self._files.values():
+                file.abandon()
             raise
         self._dtype = recording_dtype((TIME, *plan.channels))
         self._trigger = parse_trigger(plan.trigger, plan.channels) if plan.trigger else None
@@ -97,7 +88,15 @@ class Recorder:
         self._tell = tell
         self._rows: list[bytes] = []
         self._frames: list[LoggedFrame] = []
-        self.report = RecordingReport(is_triggered=self._trigger is None)
+        self._problems: dict[int, str] = {}
+        self._progress = Progress(plan.paths) if progress is None else progress
+        if self._trigger is None:
+            self._progress.trigger()
+
+    @property
+    def report(self) -> RecordingReport:
+        """What it holds so far."""
+        return self._progress.report(self._problems)
 
     def append_row(self, row: bytes) -> None:
         """Take a row: time [s] and a value a channel in its SI unit, as float64."""
@@ -118,55 +117,50 @@ class Recorder:
                 return
             rows, frames = self._history.since(float(rows[TIME.name][first]))
             self._trigger = None
-            self.report.is_triggered = True
+            self._progress.trigger()
         self._write(rows, frames)
 
     def close(self) -> RecordingReport:
         """Write the last block, close the files and return what the recording holds."""
         self.write_block()
-        self._close_files()
+        for number, file in list(self._files.items()):
+            try:
+                file.flush(durable=self._durable)  # the links of the last block
+                file.close()
+            except OSError as error:
+                self._give_up(number, error)
+        self._files.clear()
         return self.report
 
     def _write(self, rows: Recording, frames: Sequence[LoggedFrame]) -> None:
-        for file in list(self._files):
+        end = round(float(rows[TIME.name][-1]) * 1e9) if len(rows) else 0
+        counted = Counted(len(rows), end), Counted(len(frames), frames[-1].now if frames else 0)
+        for number, file in list(self._files.items()):
             try:
                 file.write_rows(rows)
                 file.write_frames(frames)
                 file.flush(durable=self._durable)
             except OSError as error:
-                self._give_up(file, error)
-        if self._files:
-            self.report.rows += len(rows)
-            self.report.frames += len(frames)
+                self._give_up(number, error)
+            else:
+                self._progress.count(number, *counted)
 
-    def _give_up(self, file: BlockFile, error: OSError) -> None:
-        reason = error.strerror or str(error)
-        problem = f"{file.path}: recording ended: {reason}; what was written before is readable"
-        self.report.problems.append(problem)
-        self._files.remove(file)
-        self._tell(problem)
-        _close(file)
-
-    def _close_files(self) -> None:
-        for file in list(self._files):
-            try:
-                file.close()
-            except OSError as error:
-                self._give_up(file, error)
-        self._files.clear()
+    def _give_up(self, number: int, error: OSError) -> None:
+        file = self._files.pop(number)
+        end, reason = self._progress.end(number), error.strerror or str(error)
+        self._problems[number] = ended_early(file.path, end, reason)
+        self._tell(number, self._problems[number])
+        file.abandon()
 
 
-def _close(file: BlockFile) -> None:
-    """Close a file that can no longer be written."""
-    try:
-        file.close()
-    except OSError:
-        return
+def ended_early(path: Path | str, end: float, reason: str) -> str:
+    """Return what to say of a file, or of several, whose recording ended at a time [s]."""
+    return f"{path}: recording ended at {end:.3f} s: {reason}; what was written before is readable"
 
 
-def warn(problem: str) -> None:
+def warn(_number: int, problem: str) -> None:
     """Tell a problem of a recording at once, in a line."""
-    logger.warning("%s", problem)
+    logger.error("%s", problem)
 
 
 class _History:

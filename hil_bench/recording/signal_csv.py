@@ -23,10 +23,9 @@ class SignalCsvFile:
 
     def __init__(self, path: Path, channels: Sequence[Channel]) -> None:
         self.path = path
-        self._file = OutputFile(path)
         names = [channel.name for channel in channels]
         units = [channel.unit for channel in channels]
-        self._file.append(_csv_text([names, units]))
+        self._file = OutputFile(path, _csv_text([names, units]))
 
     def write_rows(self, rows: Recording) -> None:
         """Append rows of the channels."""
@@ -42,6 +41,10 @@ class SignalCsvFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._file.abandon()
 
 
 def _csv_text(rows: Sequence[Sequence[object]]) -> bytes:

@@ -4,15 +4,18 @@ The child's function gets a connection as its last argument. What it sends there
 start went: an answer for the parent, or a text that says why it failed.
 """
 
+import logging
 import multiprocessing
 import os
-import signal
 import threading
 from collections.abc import Callable
+from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from hil_bench.errors import BusError
-from hil_bench.spawning import start_shielded
+from hil_bench.spawning import HelperProcess
+
+logger = logging.getLogger(__name__)
 
 _START_TIMEOUT = 30.0
 _STOP_TIMEOUT = 5.0
@@ -31,25 +34,18 @@ class ChildProcess:
     def __init__(
         self, target: Callable[..., None], arguments: tuple[object, ...], *, name: str, label: str
     ) -> None:
-        context = multiprocessing.get_context("spawn")
         self._label = label
-        self._connection, self._child_connection = context.Pipe(duplex=False)
-        self._process = context.Process(
-            target=_run,
-            args=(target, *arguments, self._child_connection),
-            name=name,
-            daemon=True,
-        )
+        self._helper = HelperProcess(_run, (target, *arguments), name=name)
 
     @property
     def alive(self) -> bool:
         """Whether the process runs."""
-        return self._process.is_alive()
+        return self._helper.alive
 
     @property
     def pid(self) -> int | None:
         """Its process-ID, None before `start`."""
-        return self._process.pid
+        return self._helper.pid
 
     def start(self) -> Any:  # noqa: ANN401 - what the child has to say
         """Start it and return its answer.
@@ -57,41 +53,45 @@ class ChildProcess:
         Raises:
             BusError: it says why it cannot serve, or it did not start.
         """
-        start_shielded(self._process)
-        self._child_connection.close()
+        self._helper.start()
         answer = self._first_answer()
         if isinstance(answer, str):
             self.stop()
             raise BusError(answer)
         return answer
 
+    def ending(self) -> str | None:
+        """Return how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        ending = self._helper.ending()
+        if self._helper.trace:
+            logger.debug("%s: %s", self._label, self._helper.trace)
+        return ending
+
     def stop(self) -> None:
         """End it."""
-        self._process.terminate()
-        self._process.join(_STOP_TIMEOUT)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self._connection.close()
+        self._helper.stop(_STOP_TIMEOUT)
 
     def _first_answer(self) -> Any:  # noqa: ANN401
         try:
-            if self._connection.poll(_START_TIMEOUT):
-                return self._connection.recv()
-        except EOFError:
-            return f"{self._label}: the process ended at once"
-        return f"{self._label}: the process did not start in {_START_TIMEOUT:g} s"
+            return self._helper.receive(_START_TIMEOUT)
+        except EOFError as end:
+            reason = f": {end}" if str(end) else ""
+            return f"{self._label}: the process ended at once{reason}"
+        except TimeoutError:
+            return f"{self._label}: the process did not start in {_START_TIMEOUT:g} s"
 
 
-def _run(target: Callable[..., None], *arguments: object) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+def _run(target: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
+    threading.Thread(target=_end_with_parent, args=(arguments[-1],), daemon=True).start()
     target(*arguments)
 
 
-def _end_with_parent() -> None:
-    """Wait for the parent's end and end this process; its daemons die only if it ends in order."""
+def _end_with_parent(connection: Connection) -> None:
+    """End this process once its parent is gone, or has let go of it.
+
+    Its daemons die only if it ends in order.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None:
-        parent.join()
+        wait([parent.sentinel, connection])
         os._exit(0)

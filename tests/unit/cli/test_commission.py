@@ -79,7 +79,7 @@ def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("hil_bench.recording.mdf_writer.MdfFile.write_rows", write_rows)
-    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 0
+    assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 5
     out = capsys.readouterr().out
     assert "verdict   passed" in out
     problem = next(line for line in out.splitlines() if "No space left on device" in line)

@@ -1,14 +1,22 @@
-"""Ctrl-C and SIGTERM as a wish."""
+"""Signals that ask for the end, and a terminal that closes."""
 
+import json
 import os
+import pty
 import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from hil_bench.cli.interruption import interruption
+from hil_bench.cli.interruption import interrupted_once, interruption
+from hil_bench.recording.files import read_recording
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_a_signal_is_a_wish(number):
     with interruption() as wish:
         assert not wish.requested
@@ -16,15 +24,73 @@ def test_a_signal_is_a_wish(number):
         assert wish.requested
 
 
-def test_a_second_signal_does_not_wait():
+def test_a_second_ctrl_c_does_not_wait():
     with interruption():
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGHUP)
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_a_closing_terminal_asks_twice_and_is_one_wish():
+    with interruption() as wish:
+        for number in (signal.SIGHUP, signal.SIGHUP, signal.SIGTERM):
+            os.kill(os.getpid(), number)
+        assert wish.requested
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_what_closes_a_valve_is_interrupted_once(number):
+    with interrupted_once():
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+        for again in SIGNALS:  # while the valve is being closed
+            os.kill(os.getpid(), again)
+
+
 def test_the_handlers_of_before_come_back():
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
-    with interruption():
+    before = [signal.getsignal(number) for number in SIGNALS]
+    with interruption(), interrupted_once():
         pass
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+    assert [signal.getsignal(number) for number in SIGNALS] == before
+
+
+def test_nohup_stays_in_force():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interruption() as wish:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not wish.requested
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+RUN_ON_A_TERMINAL = """
+import os, pty, signal, sys
+pid, master = pty.fork()
+if not pid:
+    os.execv(sys.executable, [sys.executable, "-m", "hil_bench", *sys.argv[1:]])
+text = b""
+while b"overran" not in text:  # of the status lines
+    text += os.read(master, 4096)
+os.close(master)  # and the kernel sends SIGHUP
+os.killpg(pid, signal.SIGHUP)  # as the shell does, to all on this terminal
+print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+
+
+@pytest.mark.slow  # a whole run on a terminal of its own
+@pytest.mark.skipif(not hasattr(pty, "fork"), reason="needs a pseudo-terminal")
+def test_a_terminal_that_closes_leaves_the_whole_recording(tmp_path: Path):
+    """The recorder and the status lines are on that terminal, too."""
+    path = tmp_path / "run.csv"
+    timing = tmp_path / "timing.json"
+    words = ["run", "-i", "virtual", "-c", "x", "--record", str(path), "--histograms", str(timing)]
+    ended = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", RUN_ON_A_TERMINAL, *words],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert ended.stdout == "130\n"
+    times = read_recording(path)["time"]
+    assert len(times) == json.loads(timing.read_text())["ticks"]

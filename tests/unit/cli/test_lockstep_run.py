@@ -85,8 +85,8 @@ def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
         traces.append((tmp_path / name).read_bytes())
     assert traces[0] == traces[1]
     lines = [line.split() for line in traces[0].decode().splitlines()]
-    assert lines[:4] == [["(0.000000)", "can0", f"70{n}#00", "T"] for n in (1, 2, 3, 4)]
-    assert ["(0.001000)", "can0", "601#4000100000000000", "R"] in lines
+    assert lines[:4] == [["(0.000000)", "can0", f"70{n}#00"] for n in (1, 2, 3, 4)]
+    assert ["(0.001000)", "can0", "601#4000100000000000"] in lines
     assert lines[-1][0] == "(0.002000)"
 
 

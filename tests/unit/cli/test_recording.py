@@ -1,11 +1,16 @@
 """`--record` of run and demo."""
 
+import errno
+
 import pytest
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.realtime.clock import VirtualClock
+from hil_bench.recording import block_file
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
+from hil_bench.transports.transport import TransportCounters
 
 RUN = ["run", "-i", "virtual", "-c", "test_recording", "--duration", "0.1"]
 
@@ -36,8 +41,63 @@ def test_a_demo_is_recorded_on_one_time_base(tmp_path, monkeypatch, capsys):
     signals = read_recording(path)
     assert signals.tobytes() == read_recording(tmp_path / "demo.csv").tobytes()
     frames = list(read_frames(path))
-    assert frames == list(read_frames(tmp_path / "demo.log"))
+    in_log = read_frames(tmp_path / "demo.log")  # which does not say who sent a frame
+    assert [frame._replace(is_received=None) for frame in frames] == list(in_log)
     assert f"recorded  {len(signals)} rows, {len(frames)} frames: {path}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("mode", [["--speed", "max"], ["--lockstep"]])
+def test_a_full_disk_is_said_and_the_run_ends_with_5(tmp_path, monkeypatch, capsys, mode):
+    full, sound = tmp_path / "full.csv", tmp_path / "sound.csv"
+    append = block_file.OutputFile.append
+
+    def fill(self, data):
+        if self.path == full and self.size > 1000:  # after the first block
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return append(self, data)
+
+    monkeypatch.setattr(block_file.OutputFile, "append", fill)
+    monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: SyncOnly())
+    words = ["run", "-i", "virtual", "-c", "x", "--duration", "1", *mode]
+    assert main([*words, "--record", str(full), "--record", str(sound)]) == 5
+    rows = len(read_recording(full))
+    problem = (
+        f"{full}: recording ended at {(rows - 1) * 1e-3:.3f} s: No space left on device; what was "
+        "written before is readable"
+    )
+    out, err = capsys.readouterr()
+    lines = out.splitlines()[-3:]
+    # Ticks 0 to 999, or in lock-step the boot at time 0 and 1000 SYNCs.
+    assert lines[0].startswith(f"recorded  {rows} rows: {full}")
+    assert lines[1:] == [
+        f"          {problem}",
+        f"          {len(read_recording(sound))} rows: {sound}",
+    ]
+    assert err == f"hil-bench: {problem}\n"
+
+
+class SyncOnly:
+    """A bus on which a SYNC waits whenever it is asked."""
+
+    description, has_exact_wait = "scripted", False
+
+    def wait(self, _timeout):
+        return True
+
+    def receive(self, _limit):
+        return [Frame(0x080)]
+
+    def send(self, frames):
+        pass
+
+    def listen_to(self, can_ids):
+        pass
+
+    def counters(self):
+        return TransportCounters()
+
+    def close(self):
+        pass
 
 
 @pytest.mark.parametrize(

@@ -33,14 +33,26 @@ def test_frames_go_back_on_a_bus(run_mf4, monkeypatch, capsys):
 
 
 def test_frames_of_the_other_direction_are_none(run_mf4, capsys):
-    with VirtualBench(record=run_mf4.with_name("silent.log")) as bench:
+    with VirtualBench(record=run_mf4.with_name("silent.mf4")) as bench:
         bench.run(0.01)
-    path = run_mf4.with_name("silent.log")
+    path = run_mf4.with_name("silent.mf4")
     bus = ["-i", "virtual", "-c", "test_replay"]
     assert main(["replay", str(path), *bus, "--frames", "received"]) == 2
     # Each of the four nodes has sent its boot-up message.
     assert capsys.readouterr().err == (
         f"hil-bench: error: {path}: has no received frames to play; all its 4 are others\n"
+    )
+
+
+def test_a_candump_log_does_not_say_who_sent_a_frame(run_mf4, capsys):
+    path = run_mf4.with_name("run.log")
+    with VirtualBench(record=path) as bench:
+        bench.run(0.01)
+    bus = ["-i", "virtual", "-c", "test_replay"]
+    assert main(["replay", str(path), *bus, "--frames", "received"]) == 2
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {path}: a candump log does not say which frames were received; "
+        "record .mf4, .blf or .asc, or leave --frames out\n"
     )
 
 

@@ -3,6 +3,7 @@
 import math
 import os
 import pty
+import signal
 import sys
 
 from support.bus_side import BusSide
@@ -90,6 +91,21 @@ def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
         b"\r\x1b[Jin 7  out 5\r\nbus 50.0 %\r\n"
         b"late p99 0 max 0 us  work p99 0 max 0 us  3 overran  0 skipped\x1b[A\x1b[A"
     )
+
+
+def test_one_that_was_killed_says_so_is_started_anew_and_holds_nothing_up(monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    channels, fields = bus_status()
+    with StatusLine(Snapshot(channels), [fields]) as line:
+        assert line.ending() is None
+        os.kill(line.pid, signal.SIGKILL)
+        while line.ending() is None:  # pytest-timeout ends it otherwise
+            os.sched_yield()
+        assert line.ending().startswith("was killed (SIGKILL")
+        line.restart()
+        assert line.ending() is None
+        os.kill(line.pid, signal.SIGKILL)
+    assert line.ending().startswith("was killed (SIGKILL")
 
 
 def test_no_line_is_longer_than_the_terminal_is_wide():

@@ -52,7 +52,7 @@ def no_plot(monkeypatch):
 @pytest.mark.usefixtures("no_plot")
 def test_both_say_the_same(tmp_path):
     markdown, page = write_report(tmp_path, found(), HEAD)
-    text = markdown.read_text(encoding="utf-8")
+    text = html.unescape(markdown.read_text(encoding="utf-8"))
     plain = html.unescape(re.sub(r"<[^>]+>", " ", page.read_text(encoding="utf-8")))
     for fact in (
         "Report of <axis 1>",
@@ -76,6 +76,30 @@ def test_both_say_the_same(tmp_path):
     assert "| P_A | 50 bar | 0 to 40 bar | FAIL |" in text
     assert "| plan | a\\|b.toml |" in text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "report.md"]
+
+
+@pytest.mark.usefixtures("no_plot")
+def test_what_a_device_says_is_no_markup_in_either(tmp_path):
+    hostile = "<img src=x onerror=alert(1)>|[go](http://x)`\\"
+    node = NodeDescription(4, "OPERATIONAL", False, 0x196, 1, 2, 3, 4, hostile)
+    step = StepResult("sensors", Verdict.STOPPED, problem=f"{hostile}\n# not a heading")
+    step.notes.append(hostile)
+    step.findings.append(Finding(hostile, hostile, hostile))
+    markdown, page = write_report(
+        tmp_path,
+        Commissioning("axis1", (step,), (node,), 0),
+        ReportHead(hostile, {"plan": hostile}),
+    )
+    text = markdown.read_text(encoding="utf-8")
+    # GFM: a backslash makes the next character plain; &lt; is "<" and begins no tag.
+    assert text.startswith("# &lt;img src=x onerror=alert(1)&gt;|\\[go\\](http://x)\\`\\\\\n")
+    cell = "&lt;img src=x onerror=alert(1)&gt;\\|\\[go\\](http://x)\\`\\\\"
+    assert f"| 4 | {cell} | CiA 406" in text
+    assert f"| plan | {cell} |" in text
+    for file in (text, page.read_text(encoding="utf-8")):
+        assert "<img src=x" not in file
+    assert not re.search(r"(?<!\\)[`\[\]]", text)
+    assert text.count("\n#") == 3  # Steps, Nodes, the step: none by a device
 
 
 def test_pictures_stand_in_both(tmp_path):

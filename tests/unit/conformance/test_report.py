@@ -28,6 +28,17 @@ def test_markdown_names_what_fails_before_all_else():
     assert "| 7.2.4.3.7 | this is right | **FAILED** | a \\| b; c is right |" in lines
 
 
+def test_what_a_device_says_is_no_markup():
+    text = report.markdown(
+        [result(Outcome.FAILED, "it says <b>|[x](y)\n`")],
+        device="Node 5: <script>",
+        allowed=Impact.READ,
+    )
+    assert "Node 5: &lt;script&gt;; reading only." in text
+    assert "it says &lt;b&gt;\\|\\[x\\](y) \\` |" in text
+    assert "<" not in text
+
+
 def test_markdown_of_a_device_without_failures():
     text = report.markdown(RESULTS[:1], device="d", allowed=Impact.READ, command="make it")
     assert "What fails" not in text

@@ -92,7 +92,7 @@ def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     )
     result.stdout.fnmatch_lines([f"{what:9} {path}" for what, path in files.items()])
     trace = (pytester.path / files["trace"]).read_text()
-    assert trace.startswith("(0.001000) can0 701#00 T\n")
+    assert trace.startswith("(0.001000) can0 701#00\n")
     assert len(read_recording(pytester.path / files["signals"])) == 10
     assert (pytester.path / files["plot"]).read_bytes().startswith(b"\x89PNG")
     junit = (pytester.path / "junit.xml").read_text()

@@ -1,7 +1,10 @@
+import re
+import subprocess
 from pathlib import Path
 
 import can
 import pytest
+from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
@@ -27,12 +30,77 @@ def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
             ]
         )
 
-    # candump -L of can-utils: (seconds) channel ID#DATA, then python-can's R or T: the direction.
+    # candump -L of can-utils: (seconds) channel ID#DATA.
     assert path.read_text().splitlines() == [
-        "(1.000000) can0 201#07000020 R",
-        "(1.001000) can0 181#0F00 T",
-        "(1.002000) can0 12345678#01 R",
-        "(1.003000) can0 701#R R",
+        "(1.000000) can0 201#07000020",
+        "(1.001000) can0 181#0F00",
+        "(1.002000) can0 12345678#01",
+        "(1.003000) can0 701#R",
+    ]
+
+
+def test_a_candump_log_says_a_direction_where_python_can_wrote_it(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text("(1.0) can0 181#0F00 T\n(2.0) can0 201#07 R\n\n(3.0) can0 080#\n")
+    assert [frame.is_received for frame in read_frames(path)] == [False, True, None]
+
+
+def every_kind(path: Path) -> None:
+    with FrameFile(path) as file:
+        file.write_frames(
+            [
+                logged(0x000, b"\x01\x00", 1001),
+                logged(0x080, b"", 1002),
+                logged(0x181, b"\x0f\x00\x00\x20", 1003, is_received=False),
+                LoggedFrame(Frame(0x182, bytes(8), bus=1), 1004 * MILLISECOND, False),
+                LoggedFrame(Frame(0x704, is_remote=True), 1005 * MILLISECOND, True),
+                LoggedFrame(Frame(0x12345678, b"\x01", is_extended=True), 1006 * MILLISECOND, True),
+                logged(0x704, b"\x7f", 1_001_000, is_received=False),
+            ]
+        )
+
+
+def test_wireshark_reads_a_candump_log(tmp_path: Path) -> None:
+    require_tshark()
+    path = tmp_path / "bus.log"
+    every_kind(path)
+    rows = dissect(
+        path,
+        *("frame.time_epoch", "can.id", "can.flags.rtr", "can.flags.xtd", "can.len"),
+        "_ws.malformed",
+    )
+    assert [(float(time), int(can_id), *rest) for time, can_id, *rest in rows] == [
+        (1.001, 0x000, "0", "0", "2", ""),
+        (1.002, 0x080, "0", "0", "0", ""),
+        (1.003, 0x181, "0", "0", "4", ""),
+        (1.004, 0x182, "0", "0", "8", ""),
+        (1.005, 0x704, "1", "0", "0", ""),
+        (1.006, 0x12345678, "0", "1", "1", ""),
+        (1001.0, 0x704, "0", "0", "1", ""),
+    ]
+
+
+def test_can_utils_read_a_candump_log(tmp_path: Path) -> None:
+    require_tool("log2asc")
+    path = tmp_path / "bus.log"
+    every_kind(path)
+    done = subprocess.run(  # noqa: S603 - can-utils' program
+        ["log2asc", "-I", str(path), "can0", "can1"],  # noqa: S607
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = [line.split() for line in done.stdout.splitlines() if re.match(r"\s+\d", line)]
+    # Time since the first frame, which must not be in second 0 [s], number of the interface,
+    # identifier, (Rx), kind, length, data.
+    assert [(float(row[0]), *row[1:3], *row[4:]) for row in found] == [
+        (0.0, "1", "0", "d", "2", "01", "00"),
+        (0.001, "1", "80", "d", "0"),
+        (0.002, "1", "181", "d", "4", "0F", "00", "00", "20"),
+        (0.003, "2", "182", "d", "8", *["00"] * 8),
+        (0.004, "1", "704", "r", "0"),
+        (0.005, "1", "12345678x", "d", "1", "01"),
+        (999.999, "1", "704", "d", "1", "7F"),
     ]
 
 
@@ -59,10 +127,14 @@ def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: st
         file.flush(durable=True)
         file.write_frames(frames[2:])
 
+    if suffix == ".log":  # which says of none whether it was received
+        frames = [frame._replace(is_received=None) for frame in frames]
     assert list(read_frames(path)) == frames
     with can.LogReader(path) as reader:
         found = [(m.arbitration_id, bytes(m.data), m.is_rx) for m in reader]
-    assert found == [(0x181, b"\x00", False), (0x182, b"\x01", True), (0x183, b"\x02", False)]
+    # What a file does not say, python-can takes for received.
+    sent = suffix == ".log"
+    assert found == [(0x181, b"\x00", sent), (0x182, b"\x01", True), (0x183, b"\x02", sent)]
 
 
 def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path) -> None:
@@ -106,7 +178,7 @@ def test_a_missing_log_says_so(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(("suffix", "place"), [(".log", "can1 181#2A R"), (".asc", " 2  181 ")])
+@pytest.mark.parametrize(("suffix", "place"), [(".log", "can1 181#2A\n"), (".asc", " 2  181 ")])
 def test_a_frame_of_another_bus_has_its_channel(tmp_path: Path, suffix: str, place: str) -> None:
     path = tmp_path / f"bus{suffix}"
     with FrameFile(path) as file:

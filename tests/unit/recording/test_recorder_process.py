@@ -15,8 +15,13 @@ from hil_bench.recording.channels import Channel
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
 from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.recorder_process import LOOK, RecorderProcess
 from hil_bench.recording.shared_ring import _TAKEN
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
 
 CHANNELS = (Channel("axis1.P_A", "Pa"),)
 
@@ -60,10 +65,10 @@ WRITING, WAITING = 1, 2
 @pytest.mark.parametrize("seed", [WRITING, WAITING])
 def test_a_killed_recorder_leaves_all_but_its_last_block(tmp_path, seed):
     """Blocks are of 0.25 s at most; what was taken for an earlier one is in the files."""
-    csv, mf4, log = (tmp_path / f"run{suffix}" for suffix in (".csv", ".mf4", ".log"))
+    paths = csv, mf4, log = [tmp_path / f"run{suffix}" for suffix in (".csv", ".mf4", ".log")]
     generator = random.Random(seed)  # noqa: S311 - no secret
     first, more = (generator.randrange(100, 2000) for _ in range(2))
-    with RecorderProcess(plan(csv, mf4, log)) as recorder:
+    with RecorderProcess(plan(*paths)) as recorder:
         feed(recorder, 0, first)
         wait_until_taken(recorder)
         feed(recorder, first, first + more)
@@ -72,18 +77,114 @@ def test_a_killed_recorder_leaves_all_but_its_last_block(tmp_path, seed):
             os.sched_yield()
         os.kill(recorder.pid, signal.SIGKILL)
         feed(recorder, first + more, first + more + 100)  # the loop goes on
-    assert recorder.report.problems == [
-        (
-            f"{csv}, {mf4}, {log}: recording ended early: its process was ended from outside; what "
-            "was written before is readable"
-        )
-    ]
+    held = []
     for rows in (read_recording(csv).tolist(), read_recording(mf4).tolist()):
         assert len(rows) >= first
         assert rows == [(number * 1e-3, 1e5 * number) for number in range(len(rows))]
+        held.append(len(rows))
     times = [logged.now for logged in read_frames(log)]
     assert len(times) >= first
     assert times == [number * 1_000_000 for number in range(len(times))]
+    # What is counted is in the files; a block may be there that was not yet counted.
+    counted = [file.rows or file.frames for file in recorder.report.files]
+    for file, count, in_file in zip(
+        recorder.report.files, counted, (*held, len(times)), strict=True
+    ):
+        assert first <= count <= in_file
+        assert file.problem == (
+            f"{file.path}: recording ended at {(count - 1) * 1e-3:.3f} s: the recorder's process "
+            "was killed (SIGKILL, by somebody or for want of memory); what was written before is "
+            "readable"
+        )
+
+
+class Clock:
+    """One that is due whenever it is asked."""
+
+    def __init__(self):
+        self._now = 0
+
+    def __call__(self):
+        self._now += LOOK
+        return self._now
+
+
+def feed_until_told(recorder, caplog, first):
+    """Append rows for as long as nothing is said; pytest-timeout ends it otherwise."""
+    while not caplog.messages:
+        feed(recorder, first, first + 1)
+        first += 1
+    return first
+
+
+def test_a_killed_recorder_is_said_at_once_and_once(tmp_path, caplog):
+    path = tmp_path / "run.csv"
+    with RecorderProcess(plan(path), Clock()) as recorder:
+        feed(recorder, 0, 10)
+        while recorder.report.rows < 10:
+            os.sched_yield()
+        os.kill(recorder.pid, signal.SIGKILL)
+        feed_until_told(recorder, caplog, 10)
+        assert not recorder.report.is_complete
+        feed(recorder, 100, 200)
+    (said,) = caplog.messages
+    assert said == recorder.report.problems[0]
+    assert said.startswith(f"{path}: recording ended at 0.009 s: the recorder's process was killed")
+    assert (recorder.report.rows, recorder.report.lost) == (10, 0)
+
+
+def test_an_error_in_the_recorder_is_said_in_a_line(tmp_path, caplog, capfd):
+    path = tmp_path / "run.csv"
+    with RecorderProcess(plan(path), Clock()) as recorder:
+        recorder._ring.put(1, b"half a row")  # which it cannot take apart
+        feed_until_told(recorder, caplog, 0)
+    (said,) = caplog.messages
+    assert "the recorder's process ended by an error of hil-bench (ValueError: " in said
+    assert capfd.readouterr().err == ""
+
+
+def test_a_recorder_that_is_too_slow_is_said_at_once_and_once(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("hil_bench.recording.recorder_process.CAPACITY", 1000)
+    path = tmp_path / "run.csv"
+    with RecorderProcess(plan(path), Clock()) as recorder:
+        os.kill(recorder.pid, signal.SIGSTOP)
+        feed(recorder, 0, 500)
+        os.kill(recorder.pid, signal.SIGCONT)
+    assert caplog.messages == [
+        f"{path}: the recorder is too slow, or its disk: the recording has gaps from now on"
+    ]
+    assert not recorder.report.is_complete
+
+
+@pytest.mark.skipif(resource is None, reason="limits the size of files by setrlimit")
+def test_a_full_disk_is_said_at_once_with_what_is_on_it(tmp_path, caplog):
+    """The kernel refuses to let a file grow, as where the disk is full."""
+    csv, mf4 = tmp_path / "run.csv", tmp_path / "run.mf4"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    recorder = RecorderProcess(plan(csv, mf4), Clock())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, before[1]))  # the recorder inherits it
+    try:
+        recorder.start()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    feed(recorder, 0, 100)
+    while recorder.report.rows < 100:
+        os.sched_yield()
+    feed(recorder, 100, 3000)  # as text 14 to 20 bytes a row; compressed a fraction of it
+    while not caplog.messages:
+        recorder._look()
+    recorder.stop()
+    of_csv, of_mf4 = recorder.report.files
+    rows = len(read_recording(csv))
+    assert caplog.messages == [of_csv.problem]
+    assert of_csv.problem == (
+        f"{csv}: recording ended at {(rows - 1) * 1e-3:.3f} s: File too large; what was written "
+        "before is readable"
+    )
+    assert of_csv.rows == rows >= 100
+    assert csv.stat().st_size <= 30_000
+    assert (of_mf4.rows, of_mf4.problem) == (3000, "")
+    assert len(read_recording(mf4)) == 3000
 
 
 KILLED_LOOP = """
@@ -124,7 +225,7 @@ def test_a_file_that_cannot_be_written_is_told_before_the_run(tmp_path):
 
 def test_a_loop_that_is_faster_than_the_recorder_counts_what_it_leaves_out(tmp_path, monkeypatch):
     monkeypatch.setattr("hil_bench.recording.recorder_process.CAPACITY", 1000)
-    with RecorderProcess(plan(tmp_path / "run.csv")) as recorder:
+    with RecorderProcess(plan(tmp_path / "run.mf4")) as recorder:
         os.kill(recorder.pid, signal.SIGSTOP)
         feed(recorder, 0, 500)
         os.kill(recorder.pid, signal.SIGCONT)

@@ -86,6 +86,9 @@ def build_objects(document: Document, node_id: int, source: str) -> ObjectDictio
     object_dictionary = ObjectDictionary(read_objects(document, node_id, findings), source=source)
     add_mandatory(document, object_dictionary, findings)
     settle_pdos(document, object_dictionary, findings)
+    information = document.section("DeviceInfo")
+    claim = information.text("LSS_Supported") if information else None
+    object_dictionary.claims_lss = claim not in {None, "0", "0x0"}
     object_dictionary.findings = tuple(sorted(dict.fromkeys(findings), key=_line))
     return object_dictionary
 

@@ -150,11 +150,13 @@ class ObjectDictionary:
     Attributes:
         source: the file it was read from, for messages; empty where there is none.
         findings: what is wrong in that file, and what the device has in its place.
+        claims_lss: whether that file says that the device has LSS.
     """
 
     def __init__(self, variables: Iterable[Variable], source: str = "") -> None:
         self.source = source
         self.findings: tuple[Finding, ...] = ()
+        self.claims_lss = False
         self._objects: dict[int, dict[int, Variable]] = {}
         for variable in variables:
             self.add(variable)

@@ -145,3 +145,27 @@ def test_either_abort_code_for_mapping_what_is_not_there(laboratory):
 
     laboratory.says = says
     check_all(laboratory)
+
+
+def test_an_rpdo_that_is_kept_after_the_synchronous_window(laboratory):
+    """CANopenNode does so: by CiA 301 a device may discard it."""
+
+    def hears(frame):
+        is_window = frame.can_id == 0x605 and frame.data[:4] == b"\x23\x07\x10\x00"
+        return [frame._replace(data=frame.data[:4] + bytes(4))] if is_window else [frame]
+
+    laboratory.hears = hears
+    found = check_all(laboratory)
+    assert found["an RPDO within the synchronous window acts, one after it may not"] == (
+        Outcome.PASSED,
+        "kept after the window",
+    )
+
+
+def test_lss_without_bit_timing(laboratory):
+    """CANopenNode answers the service only where the application can change its bit rate."""
+    laboratory.hears = lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x13 else [f]
+    assert check_all(laboratory)["a reserved bit timing is refused"] == (
+        Outcome.NOT_APPLICABLE,
+        "no answer: the device does not have this service",
+    )

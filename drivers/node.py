@@ -6,7 +6,6 @@ network while the caller waits. What reaches it is checked first; a malformed me
 never raised.
 """
 
-import configparser
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,14 +15,13 @@ from pathlib import Path
 import canopen
 from canopen.emcy import EMCY_STRUCT
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
-from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
+from drivers.eds import load_eds
 from drivers.emergency import Emergency
 from drivers.errors import (
     DeviceMismatchError,
     DriverTimeoutError,
-    EdsError,
     RemoteProtocolError,
     SdoAbortError,
 )
@@ -62,7 +60,6 @@ class Node(canopen.RemoteNode):
 
     Raises:
         ValueError: the node-ID is out of range.
-        EdsError: the EDS cannot be read.
     """
 
     def __init__(
@@ -71,10 +68,7 @@ class Node(canopen.RemoteNode):
         if not 1 <= node_id <= 127:
             raise ValueError(f"node-ID {node_id}: 1 to 127 is right (CiA 301)")
         self._wait_for = wait_for
-        try:
-            super().__init__(node_id, load_eds(eds, node_id) if eds else _nothing_known())
-        except KeyError as error:
-            raise EdsError(f"{eds}: a PDO lacks its mapping, {error.args[0]}") from error
+        super().__init__(node_id, load_eds(eds, node_id) if eds else _nothing_known())
         self.node_id = node_id
         self.eds = eds
         self.sdo.RESPONSE_TIMEOUT = sdo_timeout
@@ -265,20 +259,3 @@ def object_name(index: int, subindex: int = 0) -> str:
 def _nothing_known() -> ObjectDictionary:
     """Return the object dictionary of a device without EDS."""
     return ObjectDictionary()  # type: ignore[no-untyped-call]  # canopen has no types
-
-
-def load_eds(path: Path, node_id: int) -> ObjectDictionary:
-    """Return the object dictionary that an EDS or DCF describes, COB-IDs for this node-ID.
-
-    Raises:
-        EdsError: the file is missing or malformed.
-    """
-    try:
-        # canopen tells the format by the suffix, but an EDS is an EDS under any name.
-        dictionary: ObjectDictionary = import_eds(str(path), node_id)  # type: ignore[no-untyped-call]
-    except OSError as error:
-        raise EdsError(f"cannot read EDS {path}: {error.strerror}") from error
-    except (configparser.Error, ValueError, KeyError, AttributeError) as error:
-        reason = str(error).splitlines()[0].strip("'\"")
-        raise EdsError(f"{path} is no EDS that canopen can read: {reason}") from error
-    return dictionary

@@ -24,9 +24,13 @@ _RESTRICTED: Final = (
 def can_id(cob_id: int) -> int | None:
     """Return the 11-bit identifier, or None where the object does not exist.
 
-    A 29-bit identifier, which a foreign EDS may give by default, counts as not existing.
+    A 29-bit identifier and one that CiA 301 restricts, which a foreign EDS may give by default,
+    count as not existing.
     """
-    return None if cob_id & (DISABLED | _EXTENDED) else cob_id & _CAN_ID
+    identifier = cob_id & _CAN_ID
+    if cob_id & (DISABLED | _EXTENDED) or any(identifier in taken for taken in _RESTRICTED):
+        return None
+    return identifier
 
 
 def check_identifier(cob_id: int) -> None:

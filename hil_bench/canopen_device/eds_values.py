@@ -15,8 +15,18 @@ from hil_bench.canopen_device.datatypes import (
 )
 
 _SUM: Final = re.compile(
-    r"(?:\$NODEID\s*\+\s*)?(?P<number>0X[0-9A-F]+|-?[0-9]+)(?:\s*\+\s*\$NODEID)?", re.IGNORECASE
+    r"(?:\$NODEID\s*\+\s*)?(?P<number>-?(?:0X[0-9A-F]{1,40}|[0-9]{1,40}))(?:\s*\+\s*\$NODEID)?",
+    re.IGNORECASE,
 )
+_AMBIGUOUS: Final = re.compile(r"-?0+(?:[1-9][0-9]+|[89])")
+"""Decimal digits after a zero that mean another number in octal."""
+
+_LONGEST_SHOWN: Final = 40
+
+
+def shown(text: str) -> str:
+    """Return text from a file as a message quotes it: its beginning, where it is long."""
+    return repr(text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}...")
 
 
 def parse_integer(text: str, node_id: int = 0) -> int:
@@ -30,15 +40,16 @@ def parse_integer(text: str, node_id: int = 0) -> int:
         return node_id
     match = _SUM.fullmatch(stripped)
     if match is None or stripped.upper().count("$NODEID") > 1:
-        raise ValueError(f"{text!r} is no number; write 384, 0x180 or $NODEID+0x180")
+        raise ValueError(f"{shown(text)} is no number; write 384, 0x180 or $NODEID+0x180")
     digits = match["number"]
-    if re.fullmatch(r"-?0[0-9]*[1-9][0-9]*", digits):
+    if _AMBIGUOUS.fullmatch(digits):
         decimal = int(digits)
         raise ValueError(
-            f"{text!r} has a leading zero, which is octal in CiA 306 and decimal to most tools; "
-            f"write {decimal} or 0x{abs(decimal):X}"
+            f"{shown(text)} has a leading zero, which is octal in CiA 306 and decimal to most "
+            f"tools; write {decimal} or 0x{abs(decimal):X}"
         )
-    return int(digits, 0) + (node_id if "$" in stripped else 0)
+    base = 16 if "X" in digits.upper() else 10
+    return int(digits, base) + (node_id if "$" in stripped else 0)
 
 
 def parse_value(text: str, data_type: DataType, node_id: int) -> Value:
@@ -64,13 +75,13 @@ def _parse_ranged_integer(text: str, data_type: IntegerType, node_id: int) -> in
     if data_type.signed and is_pattern and value < 1 << data_type.bits:
         value = int.from_bytes(value.to_bytes(data_type.size, "little"), "little", signed=True)
     if low is None or high is None or not low <= value <= high:
-        raise ValueError(f"{text!r} is outside {data_type.name}; write {low} to {high}")
+        raise ValueError(f"{shown(text)} is outside {data_type.name}; write {low} to {high}")
     return value
 
 
 def _parse_boolean(text: str) -> bool:
     if parse_integer(text) not in {0, 1}:
-        raise ValueError(f"{text!r} is no BOOLEAN; write 0 or 1")
+        raise ValueError(f"{shown(text)} is no BOOLEAN; write 0 or 1")
     return bool(parse_integer(text))
 
 
@@ -97,19 +108,21 @@ def _parse_real(text: str, data_type: RealType) -> float:
 
 def _no_real(text: str, data_type: RealType) -> str:
     pattern = data_type.encode(1.5)[::-1].hex().upper()
-    return f"{text!r} is no {data_type.name}; write 1.5 or its bit pattern 0x{pattern}"
+    return f"{shown(text)} is no {data_type.name}; write 1.5 or its bit pattern 0x{pattern}"
 
 
 def _parse_bytes(text: str) -> bytes:
     try:
         return bytes.fromhex(text)
     except ValueError:
-        raise ValueError(f"{text!r} is no byte string; write hexadecimal pairs: 01 A2 FF") from None
+        raise ValueError(
+            f"{shown(text)} is no byte string; write hexadecimal pairs: 01 A2 FF"
+        ) from None
 
 
 def _parse_string(text: str, data_type: DataType) -> str:
     try:
         data_type.encode(text)
     except UnicodeEncodeError:
-        raise ValueError(f"{text!r} has characters outside {data_type.name}") from None
+        raise ValueError(f"{shown(text)} has characters outside {data_type.name}") from None
     return text

@@ -3,11 +3,14 @@
 import math
 from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import DataType, Value
 from hil_bench.errors import SdoAbort
+
+if TYPE_CHECKING:
+    from hil_bench.canopen_device.eds_document import Finding
 
 Check = Callable[[Any], None]
 """Told the decoded value before it is written; raises `SdoAbort` to refuse it."""
@@ -53,6 +56,8 @@ class Variable:
         low: lowest value that the bus may write, None for that of the data type.
         high: highest value that the bus may write, None for that of the data type.
         mappable: whether a PDO may carry it.
+        is_carried: whether a default mapping of the EDS carries it, which then counts for more than
+            `mappable` and `access`.
         base: default of the device with node-ID 0 (`$NODEID` in the EDS); None where the default
             does not follow the node-ID.
         value: the present value, of the data type's Python type; None where there is no data
@@ -63,7 +68,7 @@ class Variable:
 
     __slots__ = (
         *("_checks", "_hooks", "access", "base", "data_type", "default", "high", "index"),
-        *("is_plain", "low", "mappable", "name", "subindex", "value"),
+        *("is_carried", "is_plain", "low", "mappable", "name", "subindex", "value"),
     )
 
     def __init__(  # noqa: PLR0913 - one argument for each key of an EDS section
@@ -89,6 +94,7 @@ class Variable:
         self.low = low
         self.high = high
         self.mappable = mappable
+        self.is_carried = False
         self.base = base
         self.value: Any = self.default
         self.is_plain = low is None and high is None
@@ -143,18 +149,26 @@ class ObjectDictionary:
 
     Attributes:
         source: the file it was read from, for messages; empty where there is none.
+        findings: what is wrong in that file, and what the device has in its place.
+        claims_lss: whether that file says that the device has LSS.
     """
 
     def __init__(self, variables: Iterable[Variable], source: str = "") -> None:
         self.source = source
+        self.findings: tuple[Finding, ...] = ()
+        self.claims_lss = False
         self._objects: dict[int, dict[int, Variable]] = {}
         for variable in variables:
-            self._objects.setdefault(variable.index, {})[variable.subindex] = variable
+            self.add(variable)
 
     def __iter__(self) -> Iterator[Variable]:
         for index in sorted(self._objects):
             for subindex in sorted(self._objects[index]):
                 yield self._objects[index][subindex]
+
+    def add(self, variable: Variable) -> None:
+        """Add an entry."""
+        self._objects.setdefault(variable.index, {})[variable.subindex] = variable
 
     def __contains__(self, index: int) -> bool:
         return index in self._objects

@@ -9,11 +9,13 @@ from typing import Any, Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.abort_codes import AbortCode
-from hil_bench.canopen_device.datatypes import DATA_TYPES, DataType
+from hil_bench.canopen_device.datatypes import BOOLEAN, DATA_TYPES, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.errors import SdoAbort
 
 PDO_BITS: Final = 64
+BITS_OF_A_BYTE: Final = 8
+"""Length of a BOOLEAN in a PDO of a device whose mapping has the granularity of a byte."""
 _DUMMIES: Final = range(0x0001, 0x0008)
 _VALUE: Final = attrgetter("value")
 
@@ -64,13 +66,19 @@ def find_refusal(
         if entry.index not in object_dictionary:
             missing = abort_codes.NO_OBJECT
         return Refusal(missing, "does not exist")
-    if not variable.mappable:
-        return Refusal(abort_codes.NOT_MAPPABLE, "has PDOMapping=0")
-    access = variable.access
-    if not (access.in_rpdo if direction is Direction.RPDO else access.in_tpdo):
-        reason = f"has AccessType={access.value}, which no {direction.value} may carry"
+    if not variable.is_carried and (reason := reason_not_to_carry(variable, direction)):
         return Refusal(abort_codes.NOT_MAPPABLE, reason)
     return _length_refusal(entry, variable.data_type)
+
+
+def reason_not_to_carry(variable: Variable, direction: Direction) -> str | None:
+    """Return why the EDS lets no PDO of that direction carry `variable`, None where it does."""
+    if not variable.mappable:
+        return "has PDOMapping=0"
+    access = variable.access
+    if access.in_rpdo if direction is Direction.RPDO else access.in_tpdo:
+        return None
+    return f"has AccessType={access.value}, which no {direction.value} may carry"
 
 
 def _dummy_type(entry: MappingEntry) -> DataType | None:
@@ -82,6 +90,8 @@ def _dummy_type(entry: MappingEntry) -> DataType | None:
 
 def _length_refusal(entry: MappingEntry, data_type: DataType) -> Refusal | None:
     if data_type.bits and entry.bits == data_type.bits:
+        return None
+    if data_type is BOOLEAN and entry.bits == BITS_OF_A_BYTE:
         return None
     length = f"{data_type.bits} bit" if data_type.bits else "no fixed length"
     return Refusal(abort_codes.NOT_MAPPABLE, f"is {data_type.name}, which has {length}")

@@ -66,8 +66,12 @@ class PdoParameters:
 
     @property
     def transmission_type(self) -> int:
-        """0 to 240 synchronous, 252 and 253 on remote request, 254 and 255 event driven."""
-        return self._object_dictionary.number(self._index, _TRANSMISSION_TYPE)
+        """0 to 240 synchronous, 252 and 253 on remote request, 254 and 255 event driven.
+
+        Of a PDO that does not tell its type, 255.
+        """
+        number = self._object_dictionary.number
+        return number(self._index, _TRANSMISSION_TYPE, absent=EVENT_DRIVEN[-1])
 
     @property
     def inhibit_time(self) -> int:

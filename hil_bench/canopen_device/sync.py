@@ -22,6 +22,7 @@ _OVERFLOW: Final = 0x1019
 
 _MICROSECOND: Final = 1000
 _CAN_ID: Final = 0x7FF
+_PREDEFINED: Final = 0x080
 _FIRST_COUNT: Final = 1
 
 
@@ -62,10 +63,10 @@ class SyncConsumer:
 
     @property
     def can_id(self) -> int | None:
-        """The identifier of SYNC, None where the device has no 0x1005."""
-        value = self._object_dictionary.number(_COB_ID, absent=DISABLED)
+        """The identifier of SYNC; of a device without 0x1005, that of CiA 301."""
+        value = self._object_dictionary.number(_COB_ID, absent=_PREDEFINED)
         # Bit 31 of 0x1005 means nothing (CiA 301), unlike that of the other COB-IDs.
-        return can_id(value & ~DISABLED) if _COB_ID in self._object_dictionary else None
+        return can_id(value & ~DISABLED)
 
     def receive(self, data: bytes, now: int) -> int:
         """Take a SYNC and return its counter, 0 where it has none or none is asked for."""

@@ -2,17 +2,23 @@
 
 import argparse
 import json
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.eds_check import check_eds
+from hil_bench.eds_check import Finding, Severity, check_eds
 
 _EXAMPLES = """\
 examples:
   hil-bench check-eds vendor.eds
+  hil-bench check-eds *.eds --strict
   hil-bench check-eds *.eds --json
 
-exit code 1 where a file has findings
+An error is what will not work: a limit that is not kept, a PDO that is off, an object that is not
+there. A warning deviates from CiA 306, and works.
+
+exit code 1 where a file has errors, with --strict also where it has warnings
 """
 
 
@@ -26,6 +32,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="an EDS file")
+    parser.add_argument("--strict", action="store_true", help="let a warning count as an error")
     parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
     parser.set_defaults(run=run)
 
@@ -37,8 +44,23 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps({path: [f._asdict() for f in some] for path, some in found.items()}))
     else:
         for path, findings in found.items():
-            print(
-                "\n".join(f"{path}:{f.line}: [{f.section}] {f.text}" for f in findings)
-                or f"{path}: ok"
-            )
-    return ExitCode.CHECK_FAILED if any(found.values()) else ExitCode.DONE
+            print("\n".join((*(f"{path}:{f}" for f in findings), f"{path}: {_summary(findings)}")))
+    fails = any(
+        args.strict or finding.severity is Severity.ERROR
+        for findings in found.values()
+        for finding in findings
+    )
+    return ExitCode.CHECK_FAILED if fails else ExitCode.DONE
+
+
+def _summary(findings: Sequence[Finding]) -> str:
+    if not findings:
+        return "ok"
+    counts = Counter(finding.severity for finding in findings)
+    errors, warnings = counts[Severity.ERROR], counts[Severity.WARNING]
+    will_not_work = ", which will not work" if errors else ""
+    return f"{_number(errors, 'error')}{will_not_work}; {_number(warnings, 'warning')}"
+
+
+def _number(count: int, what: str) -> str:
+    return f"{count or 'no'} {what}{'' if count == 1 else 's'}"

@@ -15,6 +15,7 @@ from hil_bench.cli.controller_side import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import BenchConfig
+from hil_bench.config.eds_findings import warn_of_findings
 from hil_bench.conformance import report
 from hil_bench.conformance.check import Impact
 from hil_bench.conformance.device import DeviceUnderTest
@@ -79,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     allowed = _allowed(args)
     node_id = _node_id(args)
     objects = load_eds(_eds(args, seen), node_id)
+    if args.eds is not None:  # what bench.toml names is warned of already
+        warn_of_findings(args.eds, objects.findings)
     with open_network(args, config) as opened:
         wire = Wire(opened.network.bus, opened.network.now)
         dut = DeviceUnderTest(wire, node_id, objects, args.patience)

@@ -10,6 +10,7 @@ from hil_bench.config.buses import build_bus, check_buses, read_bus, read_furthe
 from hil_bench.config.chains import check_chains
 from hil_bench.config.choices import RealtimePolicy
 from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
+from hil_bench.config.eds_findings import warn_of_nodes
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
@@ -46,7 +47,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     An argument that is not None wins over the environment (``HIL_BENCH_CONFIG``,
     ``HIL_BENCH_SEED``), which wins over the file, which wins over the default. Whatever is wrong
     comes as one `ConfigError`, a line a problem: ``file:table.key: what is wrong; what would be
-    right``.
+    right``. What is wrong in an EDS file, and costs a part of its device, is logged as a warning.
 
     Args:
         path: `bench.toml`; without it and ``HIL_BENCH_CONFIG``, the built-in bench of one axis.
@@ -89,6 +90,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     problems.raise_any()
     built_modbus = build_modbus(served, nodes, problems) if served else None
     problems.raise_any()
+    warn_of_nodes(nodes)
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
     used = (bench, bus, *further.values(), *axes.values(), *members, *_tables(served), *read)

@@ -10,7 +10,7 @@ from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
 from hil_bench.conformance.verdicts import Deviation, NotApplicable
-from hil_bench.conformance.wire import Arrival, Wire
+from hil_bench.conformance.wire import Wire
 
 BOOT_PATIENCE = 5.0
 """Longest wait for the boot-up message [s]; a device may take its time to start."""
@@ -46,27 +46,56 @@ class DeviceUnderTest:
         self.patience = patience
         self.settling = patience / 25
         self.sdo = SdoClient(wire, REQUEST + node_id, ANSWER + node_id, patience)
+        self._sends_boot_up = True
 
     def command(self, command: NmtCommand, node_id: int | None = None) -> None:
         """Send an NMT command, to this device unless told otherwise."""
         target = self.node_id if node_id is None else node_id
         self.wire.send(Frame(0x000, bytes([command, target])))
 
-    def boot(self, command: NmtCommand = NmtCommand.RESET_COMMUNICATION) -> Arrival:
-        """Reset the device and return its boot-up message.
+    def boot(self, command: NmtCommand = NmtCommand.RESET_COMMUNICATION) -> None:
+        """Reset the device and have it in PRE-OPERATIONAL, with or without a boot-up message.
 
-        Raises:
-            Deviation: it sent none.
+        A device may start by itself (1F80h). `Deviation` where it does not answer again.
+        """
+        self.reset(command)
+        self.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        self.wire.wait(self.settling)
+
+    def reset(self, command: NmtCommand, *, insists: bool = False) -> bool:
+        """Reset the device, wait until it is there again; return whether it sent its boot-up.
+
+        Args:
+            command: which reset.
+            insists: wait for the boot-up even where it stayed out before; without that the device
+                is there as soon as it answers an SDO request, `Deviation` where it never does.
         """
         self.wire.forget()
         self.command(command)
-        boot_up = self.wire.take(
-            lambda frame: self.is_error_control(frame) and frame.data == b"\0", BOOT_PATIENCE
-        )
+        boot_up = None
+        if self._sends_boot_up or insists:
+            boot_up = self.wire.take(
+                lambda frame: self.is_error_control(frame) and frame.data == b"\0", BOOT_PATIENCE
+            )
+            self._sends_boot_up = boot_up is not None
         if boot_up is None:
-            raise Deviation(f"no boot-up message within {BOOT_PATIENCE:g} s after NMT {command}")
+            self._wait_for_answer(command)
         self.wire.wait(self.settling)  # for a device that answers before it can
-        return boot_up
+        return boot_up is not None
+
+    def _wait_for_answer(self, command: NmtCommand) -> None:
+        """Read 1000h until an answer comes.
+
+        Raises:
+            Deviation: none came.
+        """
+        self.wire.wait(self.patience)  # what still answers now may reset a moment later
+        deadline = self.wire.now() + BOOT_PATIENCE
+        while self.wire.now() < deadline:
+            self.sdo.send(upload_request(0x1000))
+            if self.sdo.answer() is not None:
+                return
+        raise Deviation(f"no boot-up message and no answer after NMT {command.name}")
 
     def number(self, index: int, subindex: int = 0) -> int:
         """Return an unsigned number that the device holds."""

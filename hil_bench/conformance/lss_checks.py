@@ -23,6 +23,21 @@ _BESIDE = 0x55AA0000
 """Turns a serial number into one that nobody on a small bus has."""
 
 
+@CHAPTER.check("CiA 306, LSS_Supported", "a device that claims LSS answers to it", Impact.WRITE)
+def claimed(dut: DeviceUnderTest) -> str:
+    """Select and identify it by its own address, where the EDS says LSS_Supported=1.
+
+    Raises:
+        Deviation: it claims LSS, and answers neither.
+    """
+    is_there = _is_available(dut, _address(dut))
+    if not is_there and dut.objects.claims_lss:
+        raise Deviation("no answer to its own address, though the EDS says LSS_Supported=1")
+    if not is_there:
+        raise NotApplicable("the EDS does not say LSS_Supported=1")
+    return "" if dut.objects.claims_lss else "though the EDS does not say LSS_Supported=1"
+
+
 @CHAPTER.check("CiA 305, switch state selective", "the device's address selects it", Impact.WRITE)
 def select(dut: DeviceUnderTest) -> None:
     """Select it by the four entries of 1018h."""
@@ -63,9 +78,19 @@ def node_id(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check("CiA 305, configure bit timing", "a reserved bit timing is refused", Impact.WRITE)
 def bit_timing(dut: DeviceUnderTest) -> None:
-    """Configure index 5 of the standard table; nothing is activated."""
+    """Configure index 5 of the standard table; nothing is activated.
+
+    Raises:
+        NotApplicable: the device has no such service, which a device of one bit rate need not have.
+        Deviation: it takes the bit timing.
+    """
     with _configuring(dut, _address(dut)):
-        answer = _exchange(dut, bytes([_CONFIGURE_BIT_TIMING, 0, 5, *bytes(5)]))
+        dut.wire.send(Frame(_REQUEST, bytes([_CONFIGURE_BIT_TIMING, 0, 5, *bytes(5)])))
+        answer = _answer(dut)
+        if answer is None:
+            raise NotApplicable("no answer: the device does not have this service")
+        if answer[:1] != bytes([_CONFIGURE_BIT_TIMING]) or len(answer) != 8:
+            raise Deviation(f"answer {shown(answer)}; {_CONFIGURE_BIT_TIMING:02X} ... is right")
         if answer[1] == 0:
             raise Deviation("error code 0 for index 5, which is reserved; 1 is right")
 
@@ -138,21 +163,26 @@ def _address(dut: DeviceUnderTest) -> tuple[int, ...]:
 
 
 def _check_available(dut: DeviceUnderTest, address: tuple[int, ...]) -> None:
-    """Find out whether the device has LSS at all.
+    """Leave a device without LSS alone; whether it should have it is judged once.
 
     Raises:
         NotApplicable: it does not answer to its own address by any service.
     """
+    if not _is_available(dut, address):
+        raise NotApplicable("the device has no LSS")
+
+
+def _is_available(dut: DeviceUnderTest, address: tuple[int, ...]) -> bool:
+    """Whether the device answers to its own address by any service."""
     _wait(dut)
     _send_address(dut, address)
     selected = _answer(dut)
     _wait(dut)
     if selected is not None:
-        return
+        return True
     vendor, product, revision, serial = address
     _send_numbers(dut, _IDENTIFY, (vendor, product, revision, revision, serial, serial))
-    if _answer(dut) is None:
-        raise NotApplicable("the device has no LSS")
+    return _answer(dut) is not None
 
 
 def _wait(dut: DeviceUnderTest) -> None:

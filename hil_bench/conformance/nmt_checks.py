@@ -3,9 +3,9 @@
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.conformance.device import BOOT_PATIENCE, DeviceUnderTest
+from hil_bench.conformance.scratch import scratch
 from hil_bench.conformance.sdo_client import upload_request
-from hil_bench.conformance.sdo_download_checks import scratch
 from hil_bench.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("NMT")
@@ -14,19 +14,19 @@ CHAPTER = Chapter("NMT")
 @CHAPTER.check("7.2.8.3.3", "reset node is followed by the boot-up message", Impact.WRITE)
 def reset_node(dut: DeviceUnderTest) -> None:
     """Send command 129."""
-    dut.boot(NmtCommand.RESET_NODE)
+    _expect_boot_up(dut, NmtCommand.RESET_NODE)
 
 
 @CHAPTER.check("7.2.8.3.3", "reset communication is followed by the boot-up message", Impact.WRITE)
 def reset_communication(dut: DeviceUnderTest) -> None:
     """Send command 130."""
-    dut.boot(NmtCommand.RESET_COMMUNICATION)
+    _expect_boot_up(dut, NmtCommand.RESET_COMMUNICATION)
 
 
 @CHAPTER.check("7.3.2.2", "the node enters PRE-OPERATIONAL after the boot-up message", Impact.WRITE)
 def after_boot_up(dut: DeviceUnderTest) -> str | None:
     """Reset, then look; 1F80h may ask for OPERATIONAL instead (CiA 302-2)."""
-    dut.boot()
+    dut.reset(NmtCommand.RESET_COMMUNICATION)
     right = NmtState.PRE_OPERATIONAL
     if 0x1F80 in dut.objects and not dut.number(0x1F80) & 4:
         right = NmtState.OPERATIONAL
@@ -124,3 +124,15 @@ def reset_restores(dut: DeviceUnderTest) -> str:
         if found != power_on:
             raise Deviation(f"{variable.name} is {found} after the reset; {power_on} is right")
         return variable.name
+
+
+def _expect_boot_up(dut: DeviceUnderTest, command: NmtCommand) -> None:
+    """Judge that a reset is followed by a boot-up message; no other check does.
+
+    Raises:
+        Deviation: none came.
+    """
+    if not dut.reset(command, insists=True):
+        raise Deviation(f"no boot-up message within {BOOT_PATIENCE:g} s after NMT {command.name}")
+    dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    dut.wire.wait(dut.settling)

@@ -66,7 +66,11 @@ def constants(dut: DeviceUnderTest) -> str:
     if not found:
         raise NotApplicable("the EDS has no constant")
     # A zero may as well be the EDS's way to say that devices differ.
-    given = [variable for variable in found if variable.default not in {0, "", b""}]
+    given = [
+        variable
+        for variable in found
+        if variable.default not in {0, "", b""} and not _is_doubtful(dut, variable)
+    ]
     _raise_any(fault for variable in given if (fault := _constant_fault(dut, variable)))
     return f"{len(given)} objects"
 
@@ -158,11 +162,22 @@ def limits(dut: DeviceUnderTest) -> str:
 
 
 def _expect_default(dut: DeviceUnderTest, index: int, subindex: int = 0) -> str:
-    right = int(dut.variable(index, subindex).default)
+    variable = dut.variable(index, subindex)
+    if _is_doubtful(dut, variable):
+        raise NotApplicable(f"what the EDS says of {place(index, subindex)} is in doubt")
+    right = int(variable.default)
     found = dut.number(index, subindex)
     if found != right:
         raise Deviation(f"{place(index, subindex)} is {found:08X}h; {right:08X}h by the EDS")
     return f"{found:08X}h"
+
+
+def _is_doubtful(dut: DeviceUnderTest, variable: Variable) -> bool:
+    """Whether the EDS has a finding about an entry, whose default then may be ours."""
+    sections = {f"{variable.index:04X}sub{variable.subindex:X}".lower()}
+    if variable.subindex == 0:
+        sections.add(f"{variable.index:04X}".lower())
+    return any(finding.section.lower() in sections for finding in dut.objects.findings)
 
 
 def _raise_any(faults: Iterable[str]) -> None:

@@ -58,13 +58,15 @@ def mapping_of_valid(dut: DeviceUnderTest) -> str:
 
 
 @CHAPTER.check(
-    "7.2.4.3.17", "mapping an object that is not there aborts with 0602 0000h", Impact.WRITE
+    "7.5.2.36",
+    "mapping an object that is not there aborts with 0602 0000h or 0604 0041h",
+    Impact.WRITE,
 )
 def no_object(dut: DeviceUnderTest) -> None:
     """Map C0DEh, and a sub-index that is not there."""
     for pdo in _each_mappable(dut):
         with _opened(dut, pdo) as mapping:
-            mapping.expect_abort(0xC0DE0008, _NO_OBJECT)
+            mapping.expect_abort(0xC0DE0008, _NO_OBJECT, _NOT_MAPPABLE)
             mapping.expect_abort(0x1018FE20, _NO_OBJECT, _NO_SUBINDEX, _NOT_MAPPABLE)
 
 
@@ -72,7 +74,12 @@ def no_object(dut: DeviceUnderTest) -> None:
 def not_mappable(dut: DeviceUnderTest) -> None:
     """Map an object that the EDS excludes."""
     variable = next(
-        (v for v in dut.objects if not v.mappable and v.data_type.bits in {8, 16, 32}), None
+        (
+            v
+            for v in dut.objects
+            if not v.mappable and not v.is_carried and v.data_type.bits in {8, 16, 32}
+        ),
+        None,
     )
     if variable is None:
         raise NotApplicable("every object can be mapped")

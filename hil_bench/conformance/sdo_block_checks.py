@@ -4,9 +4,15 @@ from binascii import crc_hqx
 
 from hil_bench.conformance.check import Chapter, Impact
 from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.conformance.scratch import (
+    expect_text,
+    long_scratch,
+    scratch,
+    unchanged,
+    write_what_fits,
+)
 from hil_bench.conformance.sdo_block_client import UNSUPPORTED, BlockDownload, BlockUpload
 from hil_bench.conformance.sdo_client import code_text, shown
-from hil_bench.conformance.sdo_download_checks import long_scratch, scratch, unchanged
 from hil_bench.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("SDO block transfer")
@@ -80,6 +86,7 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
         raise Deviation(f"{shown(request)}: answer {shown(answer)}; C6 or C2 ... is right")
     request = bytes([0xA4, 0x00, 0x10, 0, 127, 4, 0, 0])
     answer = dut.sdo.exchange(request)
+    dut.sdo.abort()
     if answer[0] >> 5 == 2 and answer[1:4] == request[1:4]:
         return "switches"
     if answer[0] >> 5 == 6:
@@ -89,25 +96,21 @@ def protocol_switch(dut: DeviceUnderTest) -> str:
 
 @CHAPTER.check("7.2.4.3.9", "a block download with CRC is taken and read back", Impact.WRITE)
 def download(dut: DeviceUnderTest) -> str:
-    """Write a long object."""
+    """Write a long object, as much as it takes."""
     with long_scratch(dut) as variable:
         client = BlockDownload(dut, (variable.index, variable.subindex))
-        client.begin(len(_DATA))
-        client.send_all(_DATA)
-        client.end(_DATA)
-        client.expect_value(_DATA)
-        return f"{client.name}, sub-blocks of {client.block_size}"
+        raw = write_what_fits(dut, variable, _DATA, client.run)
+        expect_text(dut, variable, raw)
+        return f"{client.name}, {len(raw)} bytes, sub-blocks of {client.block_size}"
 
 
 @CHAPTER.check("7.2.4.3.10", "after a lost segment the rest is asked for again", Impact.WRITE)
 def download_lost(dut: DeviceUnderTest) -> None:
-    """Leave out the third segment of a sub-block once."""
+    """Leave out the third segment of a sub-block once, or the last one of fewer."""
     with long_scratch(dut) as variable:
         client = BlockDownload(dut, (variable.index, variable.subindex))
-        client.begin(len(_DATA))
-        client.send_all(_DATA, leave_out=3)
-        client.end(_DATA)
-        client.expect_value(_DATA)
+        raw = write_what_fits(dut, variable, _DATA, lambda raw: client.run(raw, leave_out=3))
+        expect_text(dut, variable, raw)
 
 
 @CHAPTER.check("7.2.4.3.16", "a wrong CRC aborts with 0504 0004h and changes nothing", Impact.WRITE)
@@ -137,13 +140,14 @@ def shorter_than_announced(dut: DeviceUnderTest) -> str:
     "7.2.4.3.10", "segment number 0 aborts with 0504 0003h, or counts for nothing", Impact.WRITE
 )
 def segment_zero(dut: DeviceUnderTest) -> None:
-    """Send a segment without a number."""
+    """Send a segment without a number, then abort: the device may still wait for the first."""
     with scratch(dut) as variable, unchanged(dut, variable):
         client = BlockDownload(dut, (variable.index, variable.subindex))
         client.begin(variable.data_type.size)
         request = bytes(8)
         dut.sdo.send(request)
         answer = dut.sdo.answer()
+        dut.sdo.abort()
         if answer is not None:
             dut.sdo.judge_abort(request, answer, (_SEQUENCE, _SPECIFIER))
 

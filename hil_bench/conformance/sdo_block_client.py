@@ -3,9 +3,9 @@
 from binascii import crc_hqx
 
 from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.sdo_client import shown
+from hil_bench.conformance.sdo_client import code_text, shown
 from hil_bench.conformance.sdo_upload_checks import long_object
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
 
 UNSUPPORTED = (0x05040001, 0x06010000)
 """Aborts by which a device says that it has no block transfer."""
@@ -122,19 +122,22 @@ class BlockDownload:
         """Initiate; return whether the device checks the CRC.
 
         Raises:
-            NotApplicable: the device has no block download.
             Deviation: the answer is wrong.
         """
         index, subindex = self._key
         request = bytes([0xC6, index & 0xFF, index >> 8, subindex]) + size.to_bytes(4, "little")
         answer = self._dut.sdo.exchange(request)
-        if answer[0] == 0x80:
-            self._dut.sdo.judge_abort(request, answer, UNSUPPORTED)
-            raise NotApplicable("the device has no block download")
+        self._check_abort(answer)
         if answer[0] & 0xFB != 0xA0 or answer[1:4] != request[1:4] or not 1 <= answer[4] <= 127:
             raise Deviation(f"{shown(request)}: answer {shown(answer)}; A4 or A0 ... is right")
         self.block_size = answer[4]
         return bool(answer[0] & 4)
+
+    def run(self, data: bytes, *, leave_out: int = 0) -> None:
+        """Write all, as `send_all` does, with the right CRC."""
+        self.begin(len(data))
+        self.send_all(data, leave_out=min(leave_out, -(-len(data) // 7)))
+        self.end(data)
 
     def send_all(self, data: bytes, *, leave_out: int = 0) -> None:
         """Send all segments, sub-block by sub-block.
@@ -161,6 +164,7 @@ class BlockDownload:
             Deviation: the answer is wrong.
         """
         answer = self._dut.sdo.exchange(self.end_request(data, crc_hqx(data, 0)))
+        self._check_abort(answer)
         if answer[0] != 0xA1:
             raise Deviation(f"end of the download: answer {shown(answer)}; A1 is right")
 
@@ -169,18 +173,24 @@ class BlockDownload:
         unused = -len(data) % 7
         return bytes([0xC1 | unused << 2]) + crc.to_bytes(2, "little") + bytes(5)
 
-    def expect_value(self, right: bytes) -> None:
-        """Judge what the object holds.
+    def _check_abort(self, answer: bytes | None) -> None:
+        """Tell an abort that should not be.
 
         Raises:
-            Deviation: something else.
+            NotApplicable: the device has no block download.
+            Refused: it is another one.
         """
-        if self._dut.sdo.upload(*self._key) != right:
-            raise Deviation(f"{self.name}: other bytes are read than were written")
+        if answer is None or answer[0] != 0x80:
+            return
+        code = int.from_bytes(answer[4:], "little")
+        if code in UNSUPPORTED:
+            raise NotApplicable("the device has no block download")
+        raise Refused(f"{self.name}: abort {code_text(code)}", code)
 
     def _confirmed(self, right: int) -> int:
         # Half a transfer's time-out may pass until a device misses the end of a sub-block.
         answer = self._dut.sdo.answer(timeout=2.0 + self._dut.patience)
+        self._check_abort(answer)
         if answer is None or answer[0] != 0xA2 or not 1 <= answer[2] <= 127:
             raise Deviation(f"confirmation {shown(answer or b'')}; A2 ... is right")
         if answer[1] != right:

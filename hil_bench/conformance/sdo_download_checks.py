@@ -1,11 +1,16 @@
 """SDO download, expedited and segmented (CiA 301, 7.2.4.3.2 to 7.2.4.3.4)."""
 
-import contextlib
-from collections.abc import Iterator
-
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.conformance.check import Chapter, Impact
 from hil_bench.conformance.device import DeviceUnderTest, place
+from hil_bench.conformance.scratch import (
+    expect_number,
+    expect_text,
+    long_scratch,
+    scratch,
+    unchanged,
+    write_what_fits,
+)
 from hil_bench.conformance.sdo_client import (
     code_text,
     download_request,
@@ -20,9 +25,6 @@ CHAPTER = Chapter("SDO download")
 _TOGGLE_ERROR, _SPECIFIER = 0x05030000, 0x05040001
 _TOO_LONG = (0x06070010, 0x06070012)
 _TOO_SHORT = (0x06070010, 0x06070013)
-
-_HARMLESS = ((0x1017, 0), (0x1015, 0), (0x100C, 0), (0x1016, 1))
-"""Times that may be changed for a moment without anything moving."""
 
 _TRIAL = 1234
 _TEXT = b"A text of more than one segment, and then some."
@@ -39,7 +41,7 @@ def expedited(dut: DeviceUnderTest) -> str:
             raise Deviation(
                 f"{shown(request)}: answer {shown(answer)}; {shown(right)} ... is right"
             )
-        _expect(dut, variable, _TRIAL)
+        expect_number(dut, variable, _TRIAL)
         return place(variable.index, variable.subindex)
 
 
@@ -52,7 +54,7 @@ def without_size(dut: DeviceUnderTest) -> str:
         request = download_request(variable.index, variable.subindex, _raw(variable, _TRIAL))
         answer = dut.sdo.exchange(b"\x22" + request[1:])
         if answer[0] == 0x60:
-            _expect(dut, variable, _TRIAL)
+            expect_number(dut, variable, _TRIAL)
             return "taken"
         code = dut.sdo.judge_abort(request, answer, (*_TOO_LONG, 0x06070013, _SPECIFIER))
         return f"abort {code_text(code)}"
@@ -72,7 +74,7 @@ def wrong_length(dut: DeviceUnderTest) -> None:
             dut.sdo.expect_abort(download_request(*key, bytes(size + 1)), *_TOO_LONG)
         if size > 1:
             dut.sdo.expect_abort(download_request(*key, bytes(size - 1)), *_TOO_SHORT)
-        _expect(dut, variable, int.from_bytes(before, "little"))
+        expect_number(dut, variable, int.from_bytes(before, "little"))
 
 
 @CHAPTER.check("7.2.4.3.4", "a segmented download works for a short object, too", Impact.WRITE)
@@ -85,18 +87,21 @@ def segmented_short(dut: DeviceUnderTest) -> None:
                 *(variable.index, variable.subindex, raw),
                 announced=len(raw) if with_size else None,
             )
-            _expect(dut, variable, _TRIAL)
+            expect_number(dut, variable, _TRIAL)
 
 
 @CHAPTER.check("7.2.4.3.4", "a segmented download of a long object is read back", Impact.WRITE)
 def segmented_long(dut: DeviceUnderTest) -> str:
-    """Write a text of many segments to an object without a fixed length."""
+    """Write a text of many segments to an object without a fixed length, or what it takes."""
     with long_scratch(dut) as variable:
         key = variable.index, variable.subindex
-        dut.sdo.download(*key, _TEXT)
-        if dut.sdo.upload(*key) != _TEXT:
-            raise Deviation(f"{place(*key)}: other bytes are read than were written")
-        return place(*key)
+
+        def write(raw: bytes) -> None:
+            dut.sdo.download_segments(*key, raw, announced=len(raw))
+
+        raw = write_what_fits(dut, variable, _TEXT, write)
+        expect_text(dut, variable, raw)
+        return f"{place(*key)}, {len(raw)} bytes"
 
 
 @CHAPTER.check("7.2.4.3.17", "a wrong toggle bit aborts with 0503 0000h", Impact.WRITE)
@@ -119,6 +124,30 @@ def more_than_announced(dut: DeviceUnderTest) -> None:
         _begin(dut, variable, size)
         (segment,) = segments(bytes(size + 1))
         dut.sdo.expect_abort(segment, *_TOO_LONG)
+
+
+@CHAPTER.check(
+    "7.2.4.3.17", "fewer bytes than announced abort with 0607 0010h or 0013h", Impact.WRITE
+)
+def fewer_than_announced(dut: DeviceUnderTest) -> str:
+    """Announce what the object holds and send a byte less; a number, then a text if there is one.
+
+    The length of a number is known without the announcement, that of a text is not.
+    """
+    with scratch(dut) as variable, unchanged(dut, variable):
+        raw = _raw(variable, _TRIAL)
+        _begin(dut, variable, len(raw))
+        _end_early(dut, raw)
+    try:
+        with long_scratch(dut) as variable:
+            raw = dut.sdo.upload(variable.index, variable.subindex)
+            if not raw:
+                return "a number; the text is empty"
+            _begin(dut, variable, len(raw))
+            _end_early(dut, raw)
+            return f"a number, and {place(variable.index, variable.subindex)}"
+    except NotApplicable:
+        return "a number"
 
 
 @CHAPTER.check("7.2.4.3.17", "a length that is not the object's aborts", Impact.WRITE)
@@ -166,67 +195,14 @@ def further_channel(dut: DeviceUnderTest) -> None:
             raise Deviation("another device type than by the default channel")
 
 
-@contextlib.contextmanager
-def restored(dut: DeviceUnderTest, variable: Variable) -> Iterator[None]:
-    """Restore an object that is written meanwhile, whatever transfer is then under way."""
-    key = variable.index, variable.subindex
-    before = dut.sdo.upload(*key)
-    try:
-        yield
-    finally:
-        dut.sdo.abort()
-        dut.sdo.download(*key, before)
-
-
-@contextlib.contextmanager
-def scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
-    """Restore a number that is written meanwhile.
-
-    Yields:
-        One whose change moves nothing.
-
-    Raises:
-        NotApplicable: there is none.
-    """
-    for key in _HARMLESS:
-        variable = dut.objects.find(*key)
-        if variable is not None and variable.access.writable:
-            with restored(dut, variable):
-                yield variable
-            return
-    raise NotApplicable("the EDS has no time of the communication profile that can be written")
-
-
-@contextlib.contextmanager
-def long_scratch(dut: DeviceUnderTest) -> Iterator[Variable]:
-    """Restore an object without a fixed length that is written meanwhile.
-
-    Yields:
-        One.
-
-    Raises:
-        NotApplicable: there is none.
-    """
-    for variable in dut.objects:
-        if (
-            variable.data_type.size == 0
-            and variable.access.writable
-            and variable.access.readable
-            and variable.index >= 0x2000
-            and variable.data_type.name != "UNICODE_STRING"
-        ):
-            with restored(dut, variable):
-                yield variable
-            return
-    raise NotApplicable("the EDS has no string or domain that can be written")
-
-
-@contextlib.contextmanager
-def unchanged(dut: DeviceUnderTest, variable: Variable) -> Iterator[None]:
-    """Judge that an object still holds what it held."""
-    before = dut.number(variable.index, variable.subindex)
-    yield
-    _expect(dut, variable, before)
+def _end_early(dut: DeviceUnderTest, raw: bytes) -> None:
+    """Send the segments of a download but for its last byte; the last one must be aborted."""
+    *before, last = segments(raw[:-1])
+    for segment in before:
+        answer = dut.sdo.exchange(segment)
+        if answer[0] & 0xEF != 0x20:
+            raise Deviation(f"{shown(segment)}: answer {shown(answer)}; 20 or 30 ... is right")
+    dut.sdo.expect_abort(last, *_TOO_SHORT)
 
 
 def _begin(dut: DeviceUnderTest, variable: Variable, size: int) -> None:
@@ -238,10 +214,3 @@ def _begin(dut: DeviceUnderTest, variable: Variable, size: int) -> None:
 
 def _raw(variable: Variable, value: int) -> bytes:
     return value.to_bytes(variable.data_type.size, "little")
-
-
-def _expect(dut: DeviceUnderTest, variable: Variable, right: int) -> None:
-    key = variable.index, variable.subindex
-    found = dut.number(*key)
-    if found != right:
-        raise Deviation(f"{place(*key)} is {found}; {right} is right")

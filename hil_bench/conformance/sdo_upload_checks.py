@@ -1,7 +1,7 @@
 """SDO upload, expedited and segmented (CiA 301, 7.2.4.3.5 to 7.2.4.3.7)."""
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Chapter
+from hil_bench.conformance.check import Chapter, Impact
 from hil_bench.conformance.device import DeviceUnderTest
 from hil_bench.conformance.sdo_client import shown, upload_request
 from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
@@ -62,6 +62,14 @@ def segment_without_transfer(dut: DeviceUnderTest) -> None:
 def unknown_specifier(dut: DeviceUnderTest) -> None:
     """Send command specifier 7."""
     dut.sdo.expect_abort(bytes([0xE0, 0, 0x10, *bytes(5)]), _SPECIFIER)
+
+
+@CHAPTER.check("7.2.4.3.17", "the first request after a reset aborts likewise", Impact.WRITE)
+def fresh_server(dut: DeviceUnderTest) -> None:
+    """Reset, then send an unknown command specifier, and a segment, as the first request."""
+    for request in (bytes([0xE0, 0, 0x10, *bytes(5)]), bytes([0x60, *bytes(7)])):
+        dut.boot()
+        dut.sdo.expect_abort(request, _SPECIFIER)
 
 
 @CHAPTER.check("7.2.4.3.17", "an abort from the client gets no answer, and ends the transfer")

@@ -1,14 +1,15 @@
 """Store and restore parameters (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
-from hil_bench.canopen_device.nmt import NmtCommand
+from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 from hil_bench.conformance.check import Chapter, Impact
 from hil_bench.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
 from hil_bench.conformance.sdo_client import download_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("Store and restore")
 
-_STORE, _RESTORE = 0x1010, 0x1011
+_STORE, _RESTORE, _STARTUP = 0x1010, 0x1011, 0x1F80
+_NO_SELF_START = 1 << 2
 _ALL = 1
 _NOT_STORED = (0x08000020, 0x08000021, 0x08000022)
 _ON_COMMAND = 1
@@ -76,6 +77,32 @@ def restore(dut: DeviceUnderTest) -> None:
         raise Deviation(f"1017h was {at_once} before the reset; {_TRIAL_MS} is right")
 
 
+@CHAPTER.check(
+    "CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself", Impact.STORE
+)
+def self_start(dut: DeviceUnderTest) -> None:
+    """Store 1F80h with bit 2 clear, reset the node, look; then with bit 2 set."""
+    dut.writable(_STARTUP)
+    _check_ability(dut, _STORE)
+    before = dut.number(_STARTUP)
+    try:
+        for bit, right in ((0, NmtState.OPERATIONAL), (_NO_SELF_START, NmtState.PRE_OPERATIONAL)):
+            value = before & ~_NO_SELF_START | bit
+            try:
+                dut.write(_STARTUP, 0, value)
+            except Refused as refused:
+                raise NotApplicable(f"the device does not take {value:X}h: {refused}") from None
+            _command(dut, _STORE, b"save")
+            dut.reset(NmtCommand.RESET_NODE)
+            with dut.watched():
+                dut.expect_state(right, f"boot-up with 1F80h = {value:X}h")
+    finally:
+        dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        dut.wire.wait(dut.settling)
+        dut.write(_STARTUP, 0, before)
+        _command(dut, _STORE, b"save")
+
+
 def _ability(dut: DeviceUnderTest, index: int) -> str:
     dut.variable(index, _ALL)
     found = dut.number(index, _ALL)
@@ -91,6 +118,13 @@ def _check_ability(dut: DeviceUnderTest, index: int) -> None:
 
 
 def _command(dut: DeviceUnderTest, index: int, signature: bytes) -> None:
+    """Send a signature in PRE-OPERATIONAL: in OPERATIONAL a device may refuse it.
+
+    Raises:
+        Deviation: it is not confirmed.
+    """
+    dut.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    dut.wire.wait(dut.settling)
     request = download_request(index, _ALL, signature)
     dut.sdo.send(request)
     answer = dut.sdo.answer(timeout=_PATIENCE)

@@ -4,7 +4,7 @@
 ...     print(finding)
 """
 
+from hil_bench.canopen_device.eds_document import Finding, Severity
 from hil_bench.eds_check.check import check_eds
-from hil_bench.eds_check.document import Finding
 
-__all__ = ["Finding", "check_eds"]
+__all__ = ["Finding", "Severity", "check_eds"]

@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
+from hil_bench.canopen_device.eds_document import Document, Finding, Section
 from hil_bench.canopen_device.eds_values import parse_integer
-from hil_bench.eds_check.document import Document, Finding, Section
 
 _TIME: Final = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
 _DATE: Final = re.compile(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}")
@@ -76,9 +76,8 @@ def _check_dummy_usage(section: Section) -> Iterator[Finding]:
 
 
 def _check_pdo_counts(document: Document, section: Section) -> Iterator[Finding]:
-    indices = [index for index, _ in document.objects()]
     for key, parameters in _PDO_COUNTS.items():
-        there = sum(index in parameters for index in indices)
+        there = sum(index in parameters for index in document.objects)
         text = section.text(key)
         if text is None or _number(text) != there:
             first = f"0x{parameters.start:04X}"

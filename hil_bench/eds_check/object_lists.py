@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Final
 
+from hil_bench.canopen_device.eds_document import Document, Finding, Section, Severity
 from hil_bench.canopen_device.eds_values import parse_integer
-from hil_bench.eds_check.document import Document, Finding, Section
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _MANUFACTURER: Final = range(0x2000, 0x6000)
@@ -26,8 +26,8 @@ def check_lists(document: Document) -> Iterator[Finding]:
     mandatory = document.section(_LISTS[0])
     if mandatory is not None:
         yield from _check_mandatory(mandatory, listed)
-    for index, section in document.objects():
-        if index not in listed and index >= 0x1000:
+    for index, section in document.objects.items():
+        if index not in listed:
             yield Finding(section.line, section.name, "is in no list of objects; one is right")
 
 
@@ -63,8 +63,9 @@ def _check_place(
         return
     if index in listed:
         yield section.finding(key, f"0x{index:04X} is in [{listed[index]}] already; once is right")
-    if document.section(f"{index:04X}") is None:
-        yield section.finding(key, f"0x{index:04X} has no section [{index:04X}]")
+    if index not in document.objects:
+        text = f"0x{index:04X} has no section [{index:04X}]; the device does not have it"
+        yield section.finding(key, text, Severity.ERROR)
     is_manufacturers = index in _MANUFACTURER
     if is_manufacturers != (section.name.lower() == _LISTS[2].lower()):
         right = _LISTS[2] if is_manufacturers else f"{_LISTS[0]} or {_LISTS[1]}"

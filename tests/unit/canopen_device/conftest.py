@@ -58,3 +58,9 @@ def make_rig():
 @pytest.fixture
 def rig(object_dictionary):
     return Rig(object_dictionary)
+
+
+@pytest.fixture
+def rig_of():
+    """Build a rig of another EDS file than that of the other tests."""
+    return lambda path: Rig(load_eds(path, NODE_ID))

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from device_profiles import VALVE_408
 from hil_bench.cli import main
 from hil_bench.config import load_config
 
@@ -109,7 +110,67 @@ def test_a_broken_eds_is_found(
 
     # Two nodes with one file have one problem.
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("hil-bench: error: broken.eds: [DeviceInfo] ")
+    assert line.startswith("hil-bench: error: broken.eds: is no EDS file, it has no object such as")
+
+
+LOAD = """
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.one]
+node_id = 20
+eds = "vendor.eds"
+[nodes.other]
+node_id = 21
+eds = "vendor.eds"
+"""
+
+
+@pytest.mark.parametrize("command", [["check"], ["devices"], ["run", "--duration", "0.01"]])
+def test_a_deviation_of_an_eds_is_told_once(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: list[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = VALVE_408.read_text(encoding="ascii")
+    changed = text.replace("$NODEID+0x200", "0x601").replace("AccessType=const", "AccessType=co", 1)
+    Path("vendor.eds").write_text(changed, encoding="ascii")
+    Path("bench.toml").write_text(LOAD)
+    verb, *options = command
+    hub = ["--hub", "0"] if verb == "run" else []
+
+    assert main([verb, "bench.toml", *hub, *options]) == 0
+
+    lines = capsys.readouterr().err.splitlines()
+    warnings = [line for line in lines if line.startswith("hil-bench: vendor.eds:")]
+    first, second = warnings
+    # What does not work comes first.
+    assert "error: [1400sub1] DefaultValue: is 0x601, which no PDO may have; RPDO1 is off" in first
+    assert "warning: [1008] AccessType: is 'co'; one of ro" in second
+    assert main(["check", "bench.toml", "--quiet"]) == 0
+    assert "vendor.eds" not in capsys.readouterr().err
+
+
+def test_many_deviations_of_an_eds_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = VALVE_408.read_text(encoding="ascii")
+    number = text.count("AccessType=const")
+    assert number > 11
+    changed = text.replace("AccessType=const", "AccessType=co")
+    Path("vendor.eds").write_text(changed, encoding="ascii")
+    Path("bench.toml").write_text(LOAD)
+
+    assert main(["check", "bench.toml"]) == 0
+
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 11
+    assert lines[-1] == (
+        f"hil-bench: vendor.eds: and {number - 10} more; hil-bench check-eds vendor.eds shows all"
+    )
 
 
 @pytest.mark.parametrize("option", ["--fd", "--data-bitrate=2000000"])

@@ -14,14 +14,38 @@ def test_clean_files_are_told_so(capsys):
 def test_findings_have_file_and_line(tmp_path, capsys):
     path = tmp_path / "broken.eds"
     path.write_text(VALVE_408.read_text().replace("EDSVersion=4.0", "EDSVersion=9"))
-    assert main(["check-eds", str(path)]) == 1
-    out = capsys.readouterr().out
-    assert out == f"{path}:5: [FileInfo] EDSVersion: is 9; 4.0 is right\n"
-    assert main(["check-eds", "--json", str(path)]) == 1
+    assert main(["check-eds", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{path}:5: warning: [FileInfo] EDSVersion: is 9; 4.0 is right",
+        f"{path}: no errors; 1 warning",
+    ]
+    assert main(["check-eds", "--strict", str(path)]) == 1
+    capsys.readouterr()
+    assert main(["check-eds", "--json", str(path)]) == 0
     (finding,) = json.loads(capsys.readouterr().out)[str(path)]
     assert (finding["line"], finding["section"]) == (5, "FileInfo")
+    assert finding["severity"] == "warning"
+
+
+def test_what_will_not_work_is_an_error(tmp_path, capsys):
+    path = tmp_path / "broken.eds"
+    path.write_text(VALVE_408.read_text().replace("0x60400010", "0x60400020"))
+    assert main(["check-eds", str(path)]) == 1
+    error, summary = capsys.readouterr().out.splitlines()
+    assert "error: [1600sub1] DefaultValue: maps 0x6040.00 (32 bit)" in error
+    assert error.endswith("; RPDO1 is off")
+    assert summary == f"{path}: 1 error, which will not work; no warnings"
+
+
+def test_a_file_that_is_no_eds_is_an_error(tmp_path, capsys):
+    path = tmp_path / "other.eds"
+    path.write_text("[FileInfo]\n")
+    assert main(["check-eds", str(path)]) == 1
+    error, summary = capsys.readouterr().out.splitlines()
+    assert error.startswith(f"{path}:1: error: [] is no EDS file, it has no object such as [1000]")
+    assert summary == f"{path}: 1 error, which will not work; no warnings"
 
 
 def test_a_missing_file_is_a_usage_error(tmp_path, capsys):
     assert main(["check-eds", str(tmp_path / "none.eds")]) == 2
-    assert "cannot be read" in capsys.readouterr().err
+    assert "none.eds: No such file or directory; name an EDS" in capsys.readouterr().err

@@ -73,6 +73,34 @@ def make_laboratory():
         yield make
 
 
+STARTUP = """
+[1F80]
+ParameterName=NMT startup
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+DefaultValue={}
+PDOMapping=0
+"""
+
+
+@pytest.fixture
+def make_variant(make_laboratory, eds_path, tmp_path):
+    """Put a variant of the device on the bus."""
+
+    def make(*, claims_lss=False, startup=None):
+        text = eds_path.read_text(encoding="utf-8")
+        if claims_lss:
+            text = text.replace("LSS_Supported=0", "LSS_Supported=1")
+        if startup is not None:
+            text += STARTUP.format(startup)
+        path = tmp_path / "variant.eds"
+        path.write_text(text, encoding="utf-8")
+        return make_laboratory(path)
+
+    return make
+
+
 @pytest.fixture
 def laboratory(make_laboratory, eds_path):
     return make_laboratory(eds_path)

@@ -28,7 +28,7 @@ SPECIFIER, NOT_MAPPABLE, NOT_STORED = 0x05040001, 0x06040041, 0x08000020
         (GENERAL, right.CRC, "7.2.4.3.16", "SDO block transfer"),
         (GENERAL, right.BLOCK_SIZE, "7.2.4.3.13", "SDO block transfer"),
         (GENERAL, right.SEQUENCE_NUMBER, "7.2.4.3.14", "SDO block transfer"),
-        (NOT_MAPPABLE, right.NO_OBJECT, "7.2.4.3.17", "PDO mapping"),
+        (GENERAL, right.NO_OBJECT, "7.5.2.36", "PDO mapping"),
         (NO_OBJECT, right.NOT_MAPPABLE, "7.2.4.3.17", "PDO mapping"),
         (NOT_STORED, right.DEVICE_STATE, "7.5.2.22", "SYNC and TIME"),
         (GENERAL, right.NOT_STORED, "7.5.2.13", "Store and restore"),

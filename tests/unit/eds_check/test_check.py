@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from hil_bench.canopen_device.eds_document import parse_document
 from hil_bench.eds_check import check_eds
-from hil_bench.eds_check.document import parse_document
 from hil_bench.errors import ConfigError
 
 VALVE = VALVE_408.read_text()
@@ -31,7 +31,7 @@ def set_key(text, section, key, value):
 
 
 def drop_section(text, name):
-    return re.sub(rf"\[{name}\]\n(?:[^\[][^\n]*\n|\n)*", "", text, count=1)
+    return re.sub(rf"\[{name}\]\n(?:[^\[\n][^\n]*\n|\n)*", "", text, count=1)
 
 
 @pytest.fixture
@@ -62,17 +62,18 @@ def test_our_own_files_are_clean(path):
         ("DummyUsage", "Dummy0003", "x", "is x; 0 to 1 is right"),
         ("MandatoryObjects", "SupportedObjects", "4", "is 4; 3 is right by what follows"),
         ("6040", "ObjectType", "0x6", "is 0x6; 0x2, 0x7, 0x8 or 0x9 is right"),
-        ("6040", "DataType", "0x99", "is 0x99; a data type of CiA 301 is right: 0x7"),
-        ("6040", "PDOMapping", "2", "is 2; 0 or 1 is right"),
-        ("6040", "AccessType", "rx", "is rx; one of ro, wo, rw, rwr, rww, const is right"),
+        ("6040", "DataType", "0x99", "'0x99' is no data type of CiA 301; the entry takes any"),
+        ("6040", "PDOMapping", "2", "is '2'; 1 is right, and is taken"),
+        ("6040", "AccessType", "rx", "is 'rx'; one of ro, wo, rw, rwr, rww, const is right, rw is"),
         ("6300", "SubNumber", "9", "is 9; 4 is right by the sections [6300sub...]"),
         ("1400sub1", "DefaultValue", "0x200+$NODEID", "is 0x200+$NODEID; $NODEID as the first"),
-        ("1400sub1", "DefaultValue", "0x601", "is 0x601; an identifier that CiA 301 leaves to"),
+        ("1400sub1", "DefaultValue", "0x601", "is 0x601, which no PDO may have; RPDO1 is off"),
         ("1600sub1", "DefaultValue", "0x60500010", "maps 0x6050.00 (16 bit), which does not exist"),
         ("1600sub1", "DefaultValue", "0x60410010", "which has AccessType=ro, which no RPDO may"),
-        ("1600sub1", "DefaultValue", "0x60400008", "which has 16 bit (UNSIGNED16)"),
-        ("1600sub1", "DefaultValue", "0x63000208", "which has PDOMapping=0"),
-        ("1600sub0", "DefaultValue", "64", "maps 64 objects; sub-index"),
+        ("1600sub1", "DefaultValue", "0x60400008", "is UNSIGNED16, which has 16 bit; RPDO1 is off"),
+        ("1600sub1", "DefaultValue", "0x63000208", "which has PDOMapping=0; RPDO1 carries it all"),
+        ("1600sub0", "DefaultValue", "254", "says that it is a multiplexed PDO; 0 to 64 mapped"),
+        ("1600sub0", "DefaultValue", "65", "is 65; 0 to 64 mapped objects are supported"),
     ],
 )
 def test_a_broken_key_is_found_at_its_line(findings, section, key, value, text):
@@ -88,7 +89,10 @@ def test_limits_and_default_must_be_in_order(findings):
     broken = set_key(VALVE, "6320sub1", "DefaultValue", "-20000")
     broken = broken.replace("[6320sub1]\n", "[6320sub1]\nLowLimit=-16384\n")
     texts = [f.text for f in findings(broken) if f.section == "6320sub1"]
-    assert texts == ["LowLimit: is -16384, above DefaultValue, which is -20000"]
+    follows = "it is the value at power-on all the same"
+    assert texts == [
+        f"DefaultValue: '-20000' is outside its limits, -16384 to 32767; {follows}",
+    ]
 
 
 def test_a_default_outside_its_type_is_found(findings):
@@ -100,19 +104,22 @@ def test_a_default_outside_its_type_is_found(findings):
 def test_an_object_without_a_place_in_a_list_is_found(findings):
     broken = VALVE.replace("3=0x1018", "3=0x2018").replace("[6040]", "[6049]")
     texts = {f"{f.section} {f.text}" for f in findings(broken)}
-    assert "MandatoryObjects 3: 0x2018 has no section [2018]" in texts
+    assert "MandatoryObjects 3: 0x2018 has no section [2018]; the device does not have it" in texts
     assert "MandatoryObjects 3: 0x2018 belongs to ManufacturerObjects" in texts
     assert "MandatoryObjects 0x1018 is not listed; CiA 301 has it in every device" in texts
     assert "6049 is in no list of objects; one is right" in texts
-    assert any(text.endswith("0x6040 has no section [6040]") for text in texts)
+    assert any("0x6040 has no section [6040]; the device does not" in text for text in texts)
 
 
 def test_missing_sections_are_found(findings):
     for name in ("FileInfo", "DeviceInfo", "DummyUsage", "ManufacturerObjects"):
         texts = [f"{f.section}: {f.text}" for f in findings(drop_section(VALVE, name))]
         assert f"{name}: the section is missing; CiA 306 asks for it" in texts
-    texts = [f.text for f in findings(drop_section(VALVE, "1600"))]
-    assert "[1600] is missing; a PDO has communication and mapping parameters" in texts
+    broken = VALVE
+    for name in ("1600", *(f"1600sub{subindex}" for subindex in range(9))):
+        broken = drop_section(broken, name)
+    texts = [f.text for f in findings(broken)]
+    assert "0x1600 with its mapping is missing; RPDO1 is off" in texts
 
 
 def test_what_stands_twice_is_found_with_both_lines(findings):
@@ -120,8 +127,8 @@ def test_what_stands_twice_is_found_with_both_lines(findings):
     last = broken.count("\n")
     found = {finding.line: finding.text for finding in findings(broken)}
     first = section_line(VALVE, "6040")
-    assert found[last - 5] == f"stands at line {first} already; a section stands once"
-    assert found[last] == f"NODEID: stands at line {last - 1} already; a key stands once"
+    assert found[last - 5] == f"stands at line {first} already; what stands there counts"
+    assert found[last] == f"NODEID: stands at line {last - 1} already; what stands there counts"
 
 
 def test_the_standards_own_spelling_is_asked_for(findings):
@@ -134,11 +141,12 @@ def test_a_pdo_of_more_than_64_bit_is_found(findings):
     for subindex in range(1, 6):
         broken = set_key(broken, f"1600sub{subindex}", "DefaultValue", "0x63000110")
     broken = set_key(broken, "1600sub0", "DefaultValue", "5")
-    assert "maps 80 bit; at most 64 fit into a frame" in " ".join(f.text for f in findings(broken))
+    texts = " ".join(f.text for f in findings(broken))
+    assert "maps 80 bit; a PDO carries at most 64; RPDO1 is off" in texts
 
 
 def test_a_file_that_is_none_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match=r"cannot be read: No such file or directory"):
+    with pytest.raises(ConfigError, match=r"No such file or directory; name an EDS file that"):
         check_eds(tmp_path / "none.eds")
 
 

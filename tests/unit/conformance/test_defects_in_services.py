@@ -1,0 +1,100 @@
+"""Devices that lack a service or a check: the suite names it, under one clause."""
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.conformance.suite import CHAPTERS, Outcome
+
+
+def failed(laboratory, *titles):
+    """Clause and text of the checks that fail, of some chapters or of all."""
+    chapters = [chapter for chapter in CHAPTERS if chapter.title in titles or not titles]
+    results = laboratory.run(chapters=chapters)
+    return [(r.check.clause, r.check.text) for r in results if r.outcome is Outcome.FAILED]
+
+
+def test_lss_that_is_claimed_and_mute(make_variant):
+    laboratory = make_variant(claims_lss=True)
+    laboratory.hears = lambda frame: [] if frame.can_id == 0x7E5 else [frame]
+    assert failed(laboratory, "LSS") == [
+        ("CiA 306, LSS_Supported", "a device that claims LSS answers to it")
+    ]
+
+
+def test_a_text_shorter_than_announced_is_taken(laboratory):
+    # The size in the first request of a segmented download of a text is not looked at.
+    def hears(frame):
+        is_it = frame.can_id == 0x605 and frame.data[:4] == b"\x21\x20\x20\x00"
+        return [frame._replace(data=b"\x20\x20\x20\x00" + bytes(4))] if is_it else [frame]
+
+    laboratory.hears = hears
+    assert failed(laboratory, "SDO download") == [
+        ("7.2.4.3.17", "fewer bytes than announced abort with 0607 0010h or 0013h")
+    ]
+
+
+def test_a_number_shorter_than_announced_is_taken(laboratory):
+    # What is missing in a segment is taken as zero.
+    def hears(frame):
+        is_segment = frame.can_id == 0x605 and frame.data[:1] == b"\x0d"  # the last, of one byte
+        return [frame._replace(data=b"\x0b" + frame.data[1:])] if is_segment else [frame]
+
+    laboratory.hears = hears
+    assert ("7.2.4.3.17", "fewer bytes than announced abort with 0607 0010h or 0013h") in failed(
+        laboratory, "SDO download"
+    )
+
+
+def test_a_node_that_does_not_start_by_itself(make_variant):
+    laboratory = make_variant(startup=4)
+
+    def says(frame):
+        if frame.can_id == 0x705 and frame.data == b"\0":
+            laboratory.hears = stays
+        return [frame]
+
+    def stays(frame):
+        """After a boot-up, the first that comes finds the node in PRE-OPERATIONAL."""
+        laboratory.hears = lambda frame: [frame]
+        return [Frame(0x000, b"\x80\x05"), frame]
+
+    laboratory.says = says
+    assert failed(laboratory, "Store and restore") == [
+        ("CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself")
+    ]
+
+
+def test_a_node_that_starts_though_told_not_to(make_variant):
+    laboratory = make_variant(startup=4)
+
+    def hears(frame):
+        is_it = frame.can_id == 0x605 and frame.data[:4] == b"\x23\x80\x1f\x00"
+        return [frame._replace(data=frame.data[:4] + bytes(4))] if is_it else [frame]
+
+    laboratory.hears = hears
+    assert failed(laboratory, "Store and restore") == [
+        ("CiA 302-2, 1F80h", "with bit 2 clear and stored, the node starts by itself")
+    ]
+
+
+def test_an_sdo_server_that_is_mute_before_its_first_transfer(laboratory):
+    is_fresh = True
+
+    def hears(frame):
+        nonlocal is_fresh
+        if frame.can_id == 0x000 and frame.data[:1] in {b"\x81", b"\x82"}:
+            is_fresh = True
+        if frame.can_id == 0x605 and frame.data[:1] in {b"\x40", b"\x23", b"\x2b"}:
+            is_fresh = False
+        return [] if is_fresh and frame.can_id == 0x605 else [frame]
+
+    laboratory.hears = hears
+    assert failed(laboratory, "SDO upload") == [
+        ("7.2.4.3.17", "the first request after a reset aborts likewise")
+    ]
+
+
+def test_a_missing_boot_up_is_one_finding(laboratory):
+    laboratory.says = lambda f: [] if f.can_id == 0x705 and f.data == b"\0" else [f]
+    assert failed(laboratory) == [
+        ("7.2.8.3.3", "reset node is followed by the boot-up message"),
+        ("7.2.8.3.3", "reset communication is followed by the boot-up message"),
+    ]

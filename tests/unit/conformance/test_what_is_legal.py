@@ -1,0 +1,171 @@
+"""Devices that do what CiA 301 allows, though otherwise than ours: nothing fails."""
+
+import struct
+
+import pytest
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.conformance.suite import CHAPTERS, Outcome
+from hil_bench.errors import SdoAbort
+
+TEXT = 0x2020
+
+
+def check_all(laboratory):
+    """Run everything: nothing fails. Return outcome and detail by what is right."""
+    results = laboratory.run()
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+    return {r.check.text: (r.outcome, r.detail) for r in results}
+
+
+def refuse(code, unless):
+    """A check of an object's new value."""
+
+    def check(value):
+        if not unless(value):
+            raise SdoAbort(*code)
+
+    return check
+
+
+LONG_TEXT = "a segmented download of a long object is read back"
+LONG_BLOCK = "a block download with CRC is taken and read back"
+
+
+@pytest.mark.parametrize(
+    ("present", "code", "takes", "size"),
+    [
+        # A text is bounded; the longest that this suite tries below 10 bytes has 8.
+        ("abc", abort_codes.LENGTH_TOO_HIGH, lambda text: len(text) <= 10, 8),
+        ("abc", abort_codes.LENGTH, lambda text: len(text) <= 20, 15),
+        # A text has one length.
+        ("sixteen letters.", abort_codes.LENGTH_TOO_LOW, lambda text: len(text) == 16, 16),
+        # A text has a form, such as that of an address.
+        ("10.0.0.1", abort_codes.VALUE, lambda text: text.startswith("10."), 8),
+    ],
+)
+def test_texts_of_any_capacity(laboratory, present, code, takes, size):
+    text = laboratory.node.object_dictionary.variable(TEXT)
+    text.default = text.value = present
+    text.add_check(refuse(code, unless=takes))
+    found = check_all(laboratory)
+    assert found[LONG_TEXT] == (Outcome.PASSED, f"0x2020.00, {size} bytes")
+    outcome, detail = found[LONG_BLOCK]
+    assert outcome is Outcome.PASSED
+    assert f"0x2020.00, {size} bytes" in detail
+    assert text.value == present
+
+
+def test_a_text_that_takes_nothing_is_not_judged(laboratory):
+    text = laboratory.node.object_dictionary.variable(TEXT)
+    text.default = text.value = ""
+    text.add_check(refuse(abort_codes.LENGTH_TOO_HIGH, unless=lambda value: not value))
+    outcome, detail = check_all(laboratory)[LONG_TEXT]
+    assert outcome is Outcome.NOT_APPLICABLE
+    assert detail.startswith("0x2020.00 takes no text of this suite (47 bytes: 0607 0012h")
+
+
+def test_a_text_that_is_filled_up_with_zeros(laboratory):
+    text = laboratory.node.object_dictionary.variable(TEXT)
+
+    def fill(value):
+        text.value = value.ljust(200, "\0")
+
+    text.add_hook(fill)
+    assert check_all(laboratory)[LONG_TEXT][0] is Outcome.PASSED
+
+
+def test_a_device_that_waits_on_after_segment_0(laboratory):
+    laboratory.hears = lambda f: [] if f.can_id == 0x605 and f.data == bytes(8) else [f]
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
+    results = laboratory.run(chapters=chapters)
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []
+
+
+@pytest.mark.parametrize("startup", [0, 4])
+def test_a_device_that_starts_by_itself(make_variant, startup):
+    """Ours refuses "save" in OPERATIONAL with 0800 0022, as a device may."""
+    laboratory = make_variant(startup=startup)
+    check_all(laboratory)
+    assert laboratory.node.object_dictionary.variable(0x1F80).value == startup
+
+
+def test_no_lss_where_none_is_claimed(laboratory):
+    laboratory.hears = lambda frame: [] if frame.can_id == 0x7E5 else [frame]
+    found = check_all(laboratory)
+    assert found["a device that claims LSS answers to it"] == (
+        Outcome.NOT_APPLICABLE,
+        "the EDS does not say LSS_Supported=1",
+    )
+
+
+@pytest.mark.parametrize("code", [0x06070012, 0x06070013])
+def test_the_general_abort_code_of_a_wrong_length(laboratory, code):
+    special, general = struct.pack("<I", code), struct.pack("<I", 0x06070010)
+
+    def says(frame):
+        is_it = frame.can_id == 0x585 and frame.data[:1] == b"\x80"
+        if is_it and frame.data[4:] == special:
+            return [frame._replace(data=frame.data[:4] + general)]
+        return [frame]
+
+    laboratory.says = says
+    check_all(laboratory)
+
+
+def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_path):
+    """The device type that the file gives is no number, a constant text is not ASCII."""
+    text = eds_path.read_text(encoding="utf-8")
+    text = text.replace("DefaultValue=0x00000191", "DefaultValue=four")
+    assert "DefaultValue=Test device" in text
+    path = tmp_path / "doubtful.eds"
+    path.write_text(
+        text.replace("DefaultValue=Test device", "DefaultValue=Gerät"), encoding="utf-8"
+    )
+    laboratory = make_laboratory(path)
+    laboratory.node.object_dictionary.variable(0x1000).value = 0x191
+    laboratory.node.object_dictionary.variable(0x1008).value = "Geraet"
+    found = check_all(laboratory)
+    assert found["1000h tells the device type of the EDS"] == (
+        Outcome.NOT_APPLICABLE,
+        "what the EDS says of 0x1000.00 is in doubt",
+    )
+
+
+def test_either_abort_code_for_mapping_what_is_not_there(laboratory):
+    """CANopenNode answers 0604 0041, Lely 0602 0000; CiA 301 names both."""
+    no_object, not_mappable = (struct.pack("<I", code) for code in (0x06020000, 0x06040041))
+
+    def says(frame):
+        is_mapping = frame.data[1:3] in {b"\x00\x16", b"\x00\x1a"}
+        is_it = frame.can_id == 0x585 and frame.data[:1] == b"\x80" and is_mapping
+        if is_it and frame.data[4:] == no_object:
+            return [frame._replace(data=frame.data[:4] + not_mappable)]
+        return [frame]
+
+    laboratory.says = says
+    check_all(laboratory)
+
+
+def test_an_rpdo_that_is_kept_after_the_synchronous_window(laboratory):
+    """CANopenNode does so: by CiA 301 a device may discard it."""
+
+    def hears(frame):
+        is_window = frame.can_id == 0x605 and frame.data[:4] == b"\x23\x07\x10\x00"
+        return [frame._replace(data=frame.data[:4] + bytes(4))] if is_window else [frame]
+
+    laboratory.hears = hears
+    found = check_all(laboratory)
+    assert found["an RPDO within the synchronous window acts, one after it may not"] == (
+        Outcome.PASSED,
+        "kept after the window",
+    )
+
+
+def test_lss_without_bit_timing(laboratory):
+    """CANopenNode answers the service only where the application can change its bit rate."""
+    laboratory.hears = lambda f: [] if f.can_id == 0x7E5 and f.data[0] == 0x13 else [f]
+    assert check_all(laboratory)["a reserved bit timing is refused"] == (
+        Outcome.NOT_APPLICABLE,
+        "no answer: the device does not have this service",
+    )

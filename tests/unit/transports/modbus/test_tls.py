@@ -84,7 +84,7 @@ def test_a_client_without_the_role_only_reads(port, authority):
 
 def test_a_handshake_that_fails_is_named(capfd, binding, authority):
     with running(*binding) as port:
-        with socket.create_connection(("127.0.0.1", port), timeout=WAIT) as connection:
+        with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
             name = "{}:{}".format(*connection.getsockname())
             connection.sendall(b"GET / HTTP/1.1\r\n\r\n")
             with contextlib.suppress(ConnectionResetError):
@@ -108,7 +108,7 @@ def test_connections_that_never_shake_hands_count(rig, authority, server_files):
         address = listener.sockets[0].getsockname()
         with contextlib.ExitStack() as stack:
             silent = [
-                stack.enter_context(socket.create_connection(address, timeout=WAIT))
+                stack.enter_context(socket.create_connection(address, timeout=GUARD))
                 for _ in range(6)
             ]
             # The first two make room for the last two, and are closed.

@@ -140,7 +140,7 @@ def test_a_report_reads_pdos_and_leaves_out_what_is_cyclic(pytester):
         "    valve.enable()\n    valve.spool_setpoint = 0.5\n    bench.run(0.5)\n"
         "    valve.node.read(0x6040, 9)\n"
     )
-    result = pytester.runpytest_subprocess()
+    result = pytester.runpytest()
     result.assert_outcomes(failed=1)
     news, rest = result.stdout.str().split("- last cyclic frames -")
     news = news.split("frames that are not cyclic -")[1]
@@ -157,7 +157,7 @@ def test_an_error_of_a_driver_shows_the_line_of_the_test_alone(pytester):
         "def test_silent(bench, valve, faults):\n"
         "    faults.silence('valve')\n    valve.node.read(0x6041)\n"
     )
-    result = pytester.runpytest_subprocess("--tb=short")
+    result = pytester.runpytest("--tb=short")
     result.assert_outcomes(failed=1)
     text = result.stdout.str().split("- last 20 frames")[0]
     assert re.findall(r"^\S+\.py:\d+: in (\w+)$", text, re.MULTILINE) == ["test_silent"]
@@ -283,7 +283,7 @@ def test_options_may_stand_in_the_ini_file(pytester):
 
 def test_a_config_that_is_not_there_is_one_usage_error(pytester):
     pytester.makepyfile("def test_it(bench):\n    pass")
-    result = pytester.runpytest_subprocess("--hil-config=none.toml")
+    result = pytester.runpytest("--hil-config=none.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     wrong = "--hil-config: none.toml: cannot be read: No such file or directory; give a TOML file"
     assert result.stderr.str().split() == f"ERROR: {wrong}".split()
@@ -299,7 +299,7 @@ def test_paths_of_the_ini_file_count_from_its_folder(pytester):
     )
     monkeypatch = pytester._monkeypatch
     monkeypatch.chdir(below)
-    pytester.runpytest_subprocess().assert_outcomes(failed=1)
+    pytester.runpytest().assert_outcomes(failed=1)
     assert (pytester.path / "left").is_dir()
 
 
@@ -307,7 +307,7 @@ def test_a_rootdir_that_the_config_has_moved_is_named(pytester, tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text("[bench]\nseed = 3\n")
     pytester.makepyfile("def test_it(bench):\n    pass")
-    result = pytester.runpytest_subprocess("--hil-config", path, pytester.path)
+    result = pytester.runpytest("--hil-config", path, pytester.path)
     result.stdout.fnmatch_lines([f"*write --hil-config={path}"])
 
 
@@ -330,7 +330,7 @@ def test_a_test_may_have_tables_and_devices_of_its_own(pytester):
         "@pytest.mark.hil(plant={'axis1': {'mass': 50}})\ndef test_wrong(bench):\n    pass\n"
         "def test_no_such(device):\n    device('pressure_c')\n"
     )
-    result = pytester.runpytest_subprocess("--strict-markers")
+    result = pytester.runpytest("--strict-markers")
     result.assert_outcomes(passed=3, failed=1, errors=1)
     result.stdout.fnmatch_lines_random(
         [

@@ -28,6 +28,10 @@ def test_honest_clients_are_served_whatever_the_others_do():
     assert sum(report.frames for report in reports.values()) > 6 * 9
 
 
+def test_more_clients_than_slots_of_the_mailbox_are_served_by_a_server_that_looks_seldom():
+    assert faults(run_seeds(range(3), is_crowded=True)) == {}
+
+
 def test_a_loop_that_stands_still_and_a_server_that_dies_double_and_lose_nothing():
     assert faults(run_seeds(range(2), may_stall=True)) == {}
     assert faults(run_seeds(range(2, 6), may_stall=True, may_die=True)) == {}

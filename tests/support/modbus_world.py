@@ -32,6 +32,7 @@ from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports import socketcand_hub
 from hil_bench.transports.modbus import process
+from hil_bench.transports.modbus.complaints import Complaints
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import BACKLOG
 from hil_bench.transports.socketcand_hub import Hub
@@ -154,6 +155,7 @@ class World:
         self._device, self._rows = Device(self._honest + HOSTILE), Rows()
         self._mailbox = Mailbox()
         self._exchange = Exchange(self._device.entries, self._rows, self._mailbox)
+        self._complaints = []
         self._echoed = []
         self._heard = {}
         self._tasks = []
@@ -162,7 +164,10 @@ class World:
         """Run to the end and return the report."""
         poll = 0.05 if self._is_crowded else process._POLL
         try:
-            with mock.patch.object(process, "_POLL", poll):
+            with (
+                mock.patch.object(process, "_POLL", poll),
+                mock.patch.object(Complaints, "add", self._hear_complaint),
+            ):
                 self.loop.run_until_complete(self._live())
         finally:
             tasks = asyncio.all_tasks(self.loop)
@@ -171,6 +176,12 @@ class World:
             self.loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
             self.loop.close()
         return self.report
+
+    def _hear_complaint(self, peer, reason):
+        """Take what the server says of a client: a defect of its own is a fault."""
+        self._complaints.append((*peer.split(":"), reason))
+        if "internal error" in reason:
+            self.report.faults.append(reason)
 
     async def _live(self):
         server = self._start(self._serve())
@@ -205,12 +216,15 @@ class World:
         lost = set(ledger.acknowledged) - set(journal)
         report.faults += [f"value {value} was written twice" for value in sorted(twice)]
         report.faults += [f"value {value} was acknowledged, not written" for value in sorted(lost)]
-        if ledger.refused and not (self._may_stall or self._may_die):
+        if ledger.refused and not self._may_stall:
             report.faults.append(f"an honest client was refused: {ledger.refused[0]}")
         report.faults += self._compare_heard()
         report.answered, report.writes = ledger.answered, len(journal)
         report.frames, report.duration = len(self._echoed), self.loop.time()
-        trace = (journal, ledger.acknowledged, ledger.refused, self._heard, report.duration)
+        trace = (
+            *(journal, ledger.acknowledged, ledger.refused),
+            *(self._heard, self._complaints, report.duration),
+        )
         report.trace = hashlib.sha256(repr(trace).encode()).hexdigest()
 
     # The bench.

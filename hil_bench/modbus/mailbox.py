@@ -51,6 +51,8 @@ class Mailbox:
         self._answers = multiprocessing.RawArray(ctypes.c_char, SLOTS * _HEAD.size)
         self._posted = 0
         self._answered = 0
+        self._codes: dict[int, int] = {}  # of answers that nobody has asked for yet
+        self._unwanted: set[int] = set()
         self._taken = 0
 
     def resume(self) -> None:
@@ -59,6 +61,7 @@ class Mailbox:
         What it had posted is obeyed once, as if it still lived. An order that it was writing when
         it died is made an empty one: the loop takes the numbers in turn, and waits for each.
         """
+        self._codes, self._unwanted = {}, set()
         self._answered = max(self._find_answered(), default=0)
         waiting = range(self._answered + 1, self._answered + SLOTS + 1)
         begun = [number for number in waiting if self._number_at(number) == number]
@@ -69,8 +72,7 @@ class Mailbox:
 
     def post(self, assignments: Sequence[Assignment]) -> int | None:
         """Leave an order and return its number; None where there is no room."""
-        while self._answered < self._posted and self.answer_of(self._answered + 1) is not None:
-            pass  # each answer that is there makes room, whether anybody waits for it or not
+        self._collect()
         if self._posted - self._answered >= SLOTS or len(assignments) > MOST_ASSIGNMENTS:
             return None
         self._posted += 1
@@ -80,18 +82,34 @@ class Mailbox:
     def withdraw(self, number: int) -> None:
         """Empty an order that nobody waits for any longer; the loop may have taken it already."""
         self._write_order(number, ())
+        self._unwanted.add(number)
 
     def answer_of(self, number: int) -> int | None:
-        """Return the loop's answer to an order, 0 or an exception code; None while there is none.
+        """Return the loop's answer to an order, once; None while there is none.
 
-        The loop answers orders in their order.
+        Returns:
+            0, or an exception code.
         """
-        offset = number % SLOTS * _HEAD.size
-        found, code, check_sum = _HEAD.unpack_from(self._answers, offset)
-        if found != number or check_sum != _check_sum(number, code, b""):
-            return None
-        self._answered = max(self._answered, number)
-        return int(code)
+        self._collect()
+        return self._codes.pop(number, None)
+
+    def _collect(self) -> None:
+        """Take the answers that are there, which makes room: the loop gives them in order.
+
+        An answer stands in its slot until the one 16 orders later takes its place, so each is kept
+        here until somebody asks for it.
+        """
+        while self._answered < self._posted:
+            number = self._answered + 1
+            offset = number % SLOTS * _HEAD.size
+            found, code, check_sum = _HEAD.unpack_from(self._answers, offset)
+            if found != number or check_sum != _check_sum(number, code, b""):
+                return
+            self._answered = number
+            if number in self._unwanted:
+                self._unwanted.remove(number)
+            else:
+                self._codes[number] = int(code)
 
     def take(self) -> Order | None:
         """Return the next order, or None where there is none."""

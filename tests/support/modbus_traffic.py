@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 UNIT, OTHER_UNIT, NO_UNIT = 1, 2, 77
 BLOCK = 4
 """Holding registers that belong to one client."""
-BLOCKS = 13
 INPUTS = 8
 
 _UNKNOWN = None

@@ -11,10 +11,10 @@ import hashlib
 import re
 from dataclasses import dataclass, field
 from types import SimpleNamespace
+from unittest import mock
 
 from support.modbus_traffic import (
     BLOCK,
-    BLOCKS,
     INPUTS,
     OTHER_UNIT,
     UNIT,
@@ -31,14 +31,15 @@ from hil_bench.modbus.register_map import Access, Identification, Register, Regi
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.transports import socketcand_hub
-from hil_bench.transports.modbus.process import serve
+from hil_bench.transports.modbus import process
+from hil_bench.transports.modbus.complaints import Complaints
 from hil_bench.transports.modbus.register_server import RegisterServer
 from hil_bench.transports.modbus.session import BACKLOG
 from hil_bench.transports.socketcand_hub import Hub
 
 MODBUS, HUB = 502, 29536
 TICK = 0.002
-HONEST, HOSTILE, CAN_CLIENTS = 5, 8, 3
+HONEST, CROWD, HOSTILE, CAN_CLIENTS = 5, 24, 8, 3
 LONGEST = 30.0
 """Time in which every client must be done [s]."""
 
@@ -74,10 +75,10 @@ class Report:
 class Device:
     """Registers that keep what is written, and the journal of it."""
 
-    def __init__(self):
+    def __init__(self, blocks):
         self.journal = []
         self.units, self.entries = {}, []
-        for unit_id, count in ((UNIT, BLOCK * BLOCKS), (OTHER_UNIT, BLOCK)):
+        for unit_id, count in ((UNIT, BLOCK * blocks), (OTHER_UNIT, BLOCK)):
             register_map = _register_map(count)
             self.units[unit_id] = UnitImage(register_map, len(self.entries), commands=True)
             self.entries += [self._entry(register, unit_id) for register in register_map.registers]
@@ -139,24 +140,35 @@ class World:
         seed: of all that is random.
         may_stall: whether the loop stands still now and then, for up to more than a second.
         may_die: whether the Modbus server's process is killed and started again.
+        is_crowded: whether there are more clients than the mailbox has slots, and a server that
+            looks for the loop's answers only now and then.
     """
 
-    def __init__(self, seed, *, may_stall=False, may_die=False):
+    def __init__(self, seed, *, may_stall=False, may_die=False, is_crowded=False):
         self.loop = VirtualLoop(seed)
         self.dice = self.loop.dice
         self.ledger = Ledger()
         self.report = Report()
         self._may_stall, self._may_die = may_stall, may_die
-        self._device, self._rows, self._mailbox = Device(), Rows(), Mailbox()
+        self._is_crowded = is_crowded
+        self._honest = CROWD if is_crowded else HONEST
+        self._device, self._rows = Device(self._honest + HOSTILE), Rows()
+        self._mailbox = Mailbox()
         self._exchange = Exchange(self._device.entries, self._rows, self._mailbox)
+        self._complaints = []
         self._echoed = []
         self._heard = {}
         self._tasks = []
 
     def run(self):
         """Run to the end and return the report."""
+        poll = 0.05 if self._is_crowded else process._POLL
         try:
-            self.loop.run_until_complete(self._live())
+            with (
+                mock.patch.object(process, "_POLL", poll),
+                mock.patch.object(Complaints, "add", self._hear_complaint),
+            ):
+                self.loop.run_until_complete(self._live())
         finally:
             tasks = asyncio.all_tasks(self.loop)
             for task in tasks:
@@ -165,14 +177,22 @@ class World:
             self.loop.close()
         return self.report
 
+    def _hear_complaint(self, peer, reason):
+        """Take what the server says of a client: a defect of its own is a fault."""
+        self._complaints.append((*peer.split(":"), reason))
+        if "internal error" in reason:
+            self.report.faults.append(reason)
+
     async def _live(self):
         server = self._start(self._serve())
         hub = self._start(self._host_hub())
         ticking = self._start(self._tick())
         while self._rows.row is None:
             await asyncio.sleep(0.01)
-        clients = [self._start(self._be_honest(number)) for number in range(HONEST)]
-        hostile = [self._start(self._be_hostile(HONEST + number)) for number in range(HOSTILE)]
+        clients = [self._start(self._be_honest(number)) for number in range(self._honest)]
+        hostile = [
+            self._start(self._be_hostile(self._honest + number)) for number in range(HOSTILE)
+        ]
         names = range(1, CAN_CLIENTS + 1)
         self._joined = asyncio.Barrier(CAN_CLIENTS)
         clients += [self._start(self._talk_can(name)) for name in names]
@@ -196,12 +216,15 @@ class World:
         lost = set(ledger.acknowledged) - set(journal)
         report.faults += [f"value {value} was written twice" for value in sorted(twice)]
         report.faults += [f"value {value} was acknowledged, not written" for value in sorted(lost)]
-        if ledger.refused and not (self._may_stall or self._may_die):
+        if ledger.refused and not self._may_stall:
             report.faults.append(f"an honest client was refused: {ledger.refused[0]}")
         report.faults += self._compare_heard()
         report.answered, report.writes = ledger.answered, len(journal)
         report.frames, report.duration = len(self._echoed), self.loop.time()
-        trace = (journal, ledger.acknowledged, ledger.refused, self._heard, report.duration)
+        trace = (
+            *(journal, ledger.acknowledged, ledger.refused),
+            *(self._heard, self._complaints, report.duration),
+        )
         report.trace = hashlib.sha256(repr(trace).encode()).hexdigest()
 
     # The bench.
@@ -242,12 +265,14 @@ class World:
 
     async def _serve(self):
         """The Modbus server, and its successors after each death."""
-        config = ServerConfig(is_on_tcp=True, host="", port=MODBUS, connections=32, serial=None)
+        config = ServerConfig(is_on_tcp=True, host="", port=MODBUS, connections=64, serial=None)
         while True:
             mailbox = copy.copy(self._mailbox)  # its own counters, the same memory
             mailbox.resume()
             server = RegisterServer(self._device.units, self._rows, mailbox, self.loop.time)
-            self._server_task = self._start(serve(config, server, SimpleNamespace(send=len)))
+            self._server_task = self._start(
+                process.serve(config, server, SimpleNamespace(send=len))
+            )
             await asyncio.wait([self._server_task])
             if not self._server_task.cancelled():
                 self._server_task.result()  # its exception ends this task, which is a fault
@@ -266,7 +291,7 @@ class World:
     # Clients of the Modbus server.
 
     async def _be_honest(self, block):
-        left = self.dice.randint(10, 40)
+        left = self.dice.randint(5, 15) if self._is_crowded else self.dice.randint(10, 40)
         while left > 0:
             await asyncio.sleep(self.dice.uniform(0.0, 0.05))
             conversation = Conversation(self.ledger, block, self.dice, is_alone=not self._may_die)

@@ -185,7 +185,7 @@ class _Connection(asyncio.BufferedProtocol):
         try:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _UNREAD)
         except OSError as error:
-            self._fail(f"lost: {_reason(error)}")
+            self._fail(_reason(error))
 
     def _write(self, response: bytes) -> None:
         if self._transport.is_closing():
@@ -210,12 +210,12 @@ class _Connection(asyncio.BufferedProtocol):
             change()
 
     def _lose_patience(self) -> None:
-        self._fail(f"closed: responses unread for {PATIENCE:g} s")
+        self._fail(f"its responses were unread for {PATIENCE:g} s")
 
     def _fail(self, reason: str) -> None:
         """Close the connection because of an error."""
         if not self._is_aborted:
-            self._complain(reason)
+            self._complain(f"closed: {reason}")
             self.abort()
 
     def _complain(self, reason: str) -> None:

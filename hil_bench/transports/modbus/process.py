@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import errno
 import logging
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -135,7 +136,8 @@ def _run(
     connection: Connection,
 ) -> None:
     """Serve in this process, which is the child; tell the parent where, or why not."""
-    logging.basicConfig(level=level, format="hil-bench: %(message)s")
+    clear = "\r\x1b[J" if sys.stderr.isatty() else ""  # the status line, which is drawn again
+    logging.basicConfig(level=level, format=f"{clear}hil-bench: %(message)s")
     mailbox.resume()
     server = RegisterServer(units, rows, mailbox, time.monotonic, default_unit=config.default_unit)
     try:

@@ -6,7 +6,7 @@ Exceptions, as the specification names them (MODBUS Application Protocol V1.1b3,
     2  there is nothing at that address, or only a part of a value, or it cannot be written
     3  a count, a length or a value is wrong, or the device refused the value
     4  the loop gives no values, or took a write no longer; or the device cannot do this now
-    6  more writes wait for the loop than there is room for
+    6  more writes wait for the loop than there is room for, or one of them is too long
     11 there is no such unit
 """
 
@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
+from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
 from hil_bench.modbus.mailbox import MOST_ASSIGNMENTS, Mailbox
 from hil_bench.modbus.register_map import Table
@@ -35,6 +36,9 @@ logger = logging.getLogger(__name__)
 
 ANSWER_TIMEOUT = 1.0
 """Longest wait for the loop to take a write [s]."""
+
+MOST_WAITING = 1024
+"""Writes that may wait for room in the mailbox: each client of a full server has one."""
 
 _DIRECT = (0, 255)
 """Unit-IDs with which a client on TCP means the device that it is connected to (MODBUS Messaging on
@@ -66,16 +70,16 @@ class _PendingWrite(NamedTuple):
     """A write that the loop has not answered.
 
     Attributes:
-        number: of the order.
         unit: where it writes.
         request: what the client asked for.
+        assignments: what the loop is to do.
         reply: takes the response.
         deadline: when the wait is over [s].
     """
 
-    number: int
     unit: UnitImage
     request: Request
+    assignments: Sequence[Assignment]
     reply: Reply
     deadline: float
 
@@ -112,7 +116,8 @@ class RegisterServer:
         self._mailbox = mailbox
         self._clock = clock
         self._stale_after = stale_after
-        self._pending: deque[_PendingWrite] = deque()
+        self._queued: deque[_PendingWrite] = deque()
+        self._posted: deque[tuple[int, _PendingWrite]] = deque()
         self._sequence = -1
         self._moved_at = clock()
 
@@ -124,7 +129,7 @@ class RegisterServer:
     @property
     def is_waiting(self) -> bool:
         """Whether a write waits for the loop, so that `poll` has something to look for."""
-        return bool(self._pending)
+        return bool(self._posted or self._queued)
 
     def handle(
         self, unit_id: int, pdu: bytes, reply: Reply, memory: ClientMemory | None = None
@@ -147,16 +152,31 @@ class RegisterServer:
     def poll(self) -> None:
         """Look whether the loop lives, and reply to the writes that it has answered."""
         self._watch()
-        while self._pending:
-            write = self._pending[0]
-            code = self._mailbox.answer_of(write.number)
+        while self._posted:
+            number, write = self._posted[0]
+            code = self._mailbox.answer_of(number)
             if code is None:
                 if self._clock() < write.deadline:
-                    return
-                self._mailbox.withdraw(write.number)
+                    break
+                self._mailbox.withdraw(number)
                 code = ExceptionCode.SERVER_DEVICE_FAILURE
-            self._pending.popleft()
+            self._posted.popleft()
             self._deliver(write, code)
+        self._post_queued()
+
+    def _post_queued(self) -> None:
+        """Leave the writes that wait for room for the loop, as far as there is some."""
+        while self._queued:
+            write = self._queued[0]
+            if self._clock() >= write.deadline:
+                self._queued.popleft()
+                self._deliver(write, ExceptionCode.SERVER_DEVICE_FAILURE)
+                continue
+            number = self._mailbox.post(write.assignments)
+            if number is None:
+                return
+            self._queued.popleft()
+            self._posted.append((number, write))
 
     def _answer(self, unit_id: int, pdu: bytes, reply: Reply, memory: ClientMemory) -> bytes | None:
         unit = self._units.get(self._aliases.get(unit_id, unit_id))
@@ -189,13 +209,12 @@ class RegisterServer:
         self._read_beside(
             unit, request
         )  # what cannot be read is refused before anything is written
-        number = None
-        if len(assignments) <= MOST_ASSIGNMENTS:
-            number = self._mailbox.post(memory.choose(assignments, unit.rivals))
-        if number is None:
+        if len(assignments) > MOST_ASSIGNMENTS or len(self._queued) >= MOST_WAITING:
             raise ModbusException(ExceptionCode.SERVER_DEVICE_BUSY)
+        meant = memory.choose(assignments, unit.rivals)
         deadline = self._clock() + ANSWER_TIMEOUT
-        self._pending.append(_PendingWrite(number, unit, request, reply, deadline))
+        self._queued.append(_PendingWrite(unit, request, meant, reply, deadline))
+        self._post_queued()
         self.on_wait()
 
     def _read_beside(self, unit: UnitImage, request: Request) -> Sequence[int]:

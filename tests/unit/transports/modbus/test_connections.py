@@ -246,7 +246,7 @@ def test_garbage_behind_a_write_closes_its_own_connection_and_says_whose(rig, ca
 
     assert with_pool(rig, scenario) == ANSWER
     assert messages(caplog) == [
-        "modbus client PEER: 47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
+        "modbus client PEER: closed: 47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
     ]
 
 

@@ -65,7 +65,7 @@ def test_garbage_behind_a_write_ends_its_connection_and_not_the_server(tmp_path,
         assert data in {write, b""}  # what closes the connection may overtake the response
         assert len(ask(port, READ, 17)) == 17
         assert server.alive
-    reason = "47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
+    reason = "closed: 47 41 52 42 41 47 45 is not the header of a Modbus TCP frame"
     said = capfd.readouterr().err.splitlines()
     assert said == [f"hil-bench: modbus client {name}: {reason}"]
 

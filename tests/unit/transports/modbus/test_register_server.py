@@ -4,7 +4,7 @@ import pytest
 
 from hil_bench.modbus.assignment import Assignment
 from hil_bench.modbus.mailbox import SLOTS
-from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT, RegisterServer
+from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT, MOST_WAITING, RegisterServer
 
 READ = bytes.fromhex("04 0000 0002")
 WRITE = bytes.fromhex("06 0000 FFFE")
@@ -72,13 +72,49 @@ def test_writes_are_answered_in_their_order(rig):
         assert [response[4] for response in responses] == list(range(answered))
 
 
-def test_more_writes_than_there_is_room_for_are_told_busy(rig):
-    waiting = [ask(rig, 1, WRITE) for _ in range(SLOTS)]
+def test_writes_that_find_no_room_in_the_mailbox_wait_in_their_order(rig):
+    responses = []
+    for value in range(3 * SLOTS):
+        rig.server.handle(1, bytes([6, 0, 0, 0, value]), responses.append)
+    taken = []
+    while (order := rig.tick()) is not None:
+        taken += [assignment.value for assignment in order.assignments]
+        rig.server.poll()
+    rig.server.poll()
+    assert taken == [float(value) for value in range(3 * SLOTS)]
+    assert [response[4] for response in responses] == list(range(3 * SLOTS))
+
+
+def test_a_server_that_looks_seldom_misses_no_answer(rig):
+    # Between two looks the loop answers more orders than the mailbox has slots, as room comes free
+    # with each and new requests take it.
+    responses = []
+    for value in range(3 * SLOTS):
+        rig.server.handle(1, bytes([6, 0, 0, 0, value]), responses.append)
+        rig.tick()
+    rig.server.poll()
+    assert [response[4] for response in responses] == list(range(3 * SLOTS))
+
+
+def test_more_writes_than_may_wait_are_told_busy(rig):
+    waiting = [ask(rig, 1, WRITE) for _ in range(SLOTS + MOST_WAITING)]
     assert ask(rig, 1, WRITE) == [bytes.fromhex("86 06")]
     rig.tick()
     rig.server.poll()
     assert waiting[0] == [WRITE]
     assert ask(rig, 1, WRITE) == []
+
+
+def test_a_write_that_waits_too_long_for_room_is_refused_and_not_obeyed_later(rig):
+    first = [ask(rig, 1, WRITE) for _ in range(SLOTS)]
+    late = ask(rig, 1, bytes.fromhex("06 0000 0007"))
+    rig.now += ANSWER_TIMEOUT
+    rig.server.poll()
+    assert [*first, late] == [[bytes.fromhex("86 04")]] * (SLOTS + 1)
+    for _ in range(SLOTS + 1):
+        order = rig.tick()
+        assert order is None or order.assignments == []
+        rig.server.poll()
 
 
 def test_a_write_that_the_loop_leaves_is_refused_and_not_obeyed_later(rig):

@@ -8,6 +8,7 @@ runs more seeds.
 from support.modbus_world import World, run_seeds
 
 from hil_bench.modbus.mailbox import Mailbox
+from hil_bench.transports.modbus import register_server
 from hil_bench.transports.modbus.connections import _Connection
 from hil_bench.transports.modbus.framing import FramingError
 from hil_bench.transports.modbus.register_server import RegisterServer
@@ -28,9 +29,14 @@ def test_honest_clients_are_served_whatever_the_others_do():
     assert sum(report.frames for report in reports.values()) > 6 * 9
 
 
+def test_more_clients_than_slots_of_the_mailbox_are_served_by_a_server_that_looks_seldom():
+    assert faults(run_seeds(range(3), is_crowded=True)) == {}
+
+
 def test_a_loop_that_stands_still_and_a_server_that_dies_double_and_lose_nothing():
     assert faults(run_seeds(range(2), may_stall=True)) == {}
-    assert faults(run_seeds(range(2, 6), may_stall=True, may_die=True)) == {}
+    assert faults(run_seeds(range(2), may_die=True)) == {}
+    assert faults(run_seeds(range(2, 5), may_stall=True, may_die=True)) == {}
 
 
 def test_a_seed_is_one_course_of_events():
@@ -81,6 +87,16 @@ def test_it_finds_the_segment_that_ended_the_bench(monkeypatch):
     monkeypatch.setattr(_Connection, "buffer_updated", guarded_update)
     monkeypatch.setattr(RegisterServer, "_deliver", unguarded_delivery)
     assert any(fault.startswith("_serve ended: FramingError") for fault in first_faults())
+
+
+def test_it_finds_a_defect_that_costs_a_connection_only(monkeypatch):
+    decode = register_server.decode_request
+
+    def fragile(pdu):
+        return decode(pdu) if len(pdu) > 1 else pdu[1]
+
+    monkeypatch.setattr(register_server, "decode_request", fragile)
+    assert any("internal error: IndexError" in fault for fault in first_faults())
 
 
 def test_it_finds_a_write_that_is_executed_twice(monkeypatch):

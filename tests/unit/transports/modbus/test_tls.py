@@ -93,7 +93,7 @@ def test_a_handshake_that_fails_is_named(capfd, binding, authority):
         with open_client(port, authority.sign("viewer"), authority.ca) as client:
             PressureSensor(client, 2).poll()
     assert capfd.readouterr().err.splitlines() == [
-        f"hil-bench: modbus client {name}: TLS handshake failed: HTTP_REQUEST"
+        f"hil-bench: modbus client {name}: closed: TLS handshake failed: HTTP_REQUEST"
     ]
 
 

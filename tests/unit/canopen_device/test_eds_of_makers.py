@@ -222,6 +222,25 @@ def test_a_mapping_without_communication_parameters(maker):
     assert start(rig) == []
 
 
+def test_a_pdo_without_a_transmission_type_goes_on_events(maker):
+    sections = without(pdo(0x1800, "$NODEID+0x180", 0x20000008), "1800sub2")
+    rig = maker({"2000": U8 | {"PDOMapping": "1"}, **sections})
+    text = "[1800sub2] is missing; the transmission type is 255"
+    assert findings(rig) == [("warning", "1800", text)]
+    start(rig)
+    rig.node.trigger_tpdo(1)
+    assert [frame.can_id for frame in rig.run()] == [0x185]
+
+
+def test_a_number_of_mapped_objects_that_follows_the_node_id(maker):
+    sections = pdo(0x1800, "$NODEID+0x180", 0x20000008)
+    sections["1A00sub0"] = U8 | {"DefaultValue": "$NODEID"}  # 5, and there is one entry
+    rig = maker({"2000": U8 | {"PDOMapping": "1"}, **sections})
+    assert [finding[0] for finding in findings(rig)] == ["error"]
+    assert start(rig) == []
+    assert upload(rig, 0x1A00) == b"\x00"
+
+
 def test_a_missing_sub_index_0(maker):
     rig = maker({"2000": STRUCTURE, "2000sub1": U8, "2000sub3": U8})
     assert findings(rig) == [("warning", "2000", "[2000sub0] is missing; sub-index 0 is 3")]

@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from device_profiles import VALVE_408
 from hil_bench.cli import main
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
@@ -59,6 +60,16 @@ def test_the_eds_of_another_device_fails(capsys, request):
     # The pressure transducer has device type 404 = 0x194, the encoder 406 = 0x196.
     assert "0x1000.00 is 00020194h; 00080196h by the EDS" in out
     assert "passed  " not in out
+
+
+def test_what_is_wrong_in_the_eds_is_told_once(tmp_path, capsys):
+    eds = tmp_path / "vendor.eds"
+    text = VALVE_408.read_text(encoding="ascii")
+    eds.write_text(text.replace("AccessType=const", "AccessType=co", 1), encoding="ascii")
+    assert main(["conformance", "--virtual", "--node-id", "1", "--eds", str(eds)]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if str(eds) in line]
+    assert len(told) == 1
+    assert "warning: [1008] AccessType: is 'co'" in told[0]
 
 
 def test_nobody_there_is_a_failed_check_with_a_hint(tmp_path, capsys):

@@ -1,10 +1,14 @@
 """Devices that do what CiA 301 allows, though otherwise than ours: nothing fails."""
 
+import re
 import struct
+from types import SimpleNamespace
 
 import pytest
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.conformance.check import Impact
 from hil_bench.conformance.suite import CHAPTERS, Outcome
 from hil_bench.errors import SdoAbort
 
@@ -90,6 +94,16 @@ def test_a_device_that_starts_by_itself(make_variant, startup):
     assert laboratory.node.object_dictionary.variable(0x1F80).value == startup
 
 
+def test_save_is_asked_for_in_pre_operational(make_variant):
+    laboratory = make_variant(startup=0)
+    assert laboratory.node.state is NmtState.OPERATIONAL
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "Store and restore"]
+    stored = [c for c in chapters[0].checks if c.impact is Impact.STORE]
+    chapter = SimpleNamespace(title="Store and restore", checks=stored)
+    results = laboratory.run(chapters=[chapter])
+    assert {r.outcome for r in results} == {Outcome.PASSED}
+
+
 def test_no_lss_where_none_is_claimed(laboratory):
     laboratory.hears = lambda frame: [] if frame.can_id == 0x7E5 else [frame]
     found = check_all(laboratory)
@@ -117,14 +131,16 @@ def test_what_the_eds_says_wrongly_is_not_judged(make_laboratory, eds_path, tmp_
     """The device type that the file gives is no number, a constant text is not ASCII."""
     text = eds_path.read_text(encoding="utf-8")
     text = text.replace("DefaultValue=0x00000191", "DefaultValue=four")
-    assert "DefaultValue=Test device" in text
-    path = tmp_path / "doubtful.eds"
-    path.write_text(
-        text.replace("DefaultValue=Test device", "DefaultValue=Gerät"), encoding="utf-8"
+    text, count = re.subn(
+        r"AccessType=\w+\nDefaultValue=Test device", "AccessType=const\nDefaultValue=Gerät", text
     )
+    assert count == 1
+    path = tmp_path / "doubtful.eds"
+    path.write_text(text, encoding="utf-8")
     laboratory = make_laboratory(path)
-    laboratory.node.object_dictionary.variable(0x1000).value = 0x191
-    laboratory.node.object_dictionary.variable(0x1008).value = "Geraet"
+    for index, value in ((0x1000, 0x191), (0x1008, "Geraet")):
+        variable = laboratory.node.object_dictionary.variable(index)
+        variable.default = variable.value = value
     found = check_all(laboratory)
     assert found["1000h tells the device type of the EDS"] == (
         Outcome.NOT_APPLICABLE,

@@ -5,6 +5,7 @@ the data, whose CRC-32 those are. It is written beside the old one, flushed to t
 so a power failure leaves either the old file or the new one.
 """
 
+import contextlib
 import os
 import re
 import tempfile
@@ -41,13 +42,18 @@ class FileStorage:
         return self._check(content)
 
     def write(self, data: bytes) -> None:
-        """Replace the file; `StorageError` where that fails, the old one stays."""
+        """Replace the file.
+
+        Raises:
+            StorageError: that failed; the old data or the new are in it.
+        """
         header = f"hil-bench parameters {_VERSION} crc32 {crc32(data):08x}\n"
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._replace(header.encode() + data)
         except OSError as error:
-            raise self._error(error.strerror or str(error)) from error
+            what = f"cannot be written: {error.strerror or error}"
+            raise StorageError(f"{self._path}: {what}; what was stored before stays") from error
 
     def _check(self, content: bytes) -> bytes:
         header = _HEADER.match(content)
@@ -63,13 +69,11 @@ class FileStorage:
     def _replace(self, content: bytes) -> None:
         descriptor, name = tempfile.mkstemp(prefix=self._path.name, dir=self._path.parent)
         try:
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(descriptor)
+            _write(descriptor, content)
             Path(name).replace(self._path)
         except OSError:
-            Path(name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                Path(name).unlink()
             raise
         _flush_folder(self._path.parent)
 
@@ -78,8 +82,27 @@ class FileStorage:
         return StorageError(f"{self._path}: {what}; {right}")
 
 
+def _write(descriptor: int, content: bytes) -> None:
+    """Have the content on the disk, and close the file.
+
+    Raises:
+        OSError: it is not there.
+    """
+    try:
+        file = os.fdopen(descriptor, "wb")
+    except OSError:
+        os.close(descriptor)
+        raise
+    with file:
+        file.write(content)
+        file.flush()
+        os.fsync(descriptor)
+
+
 def _flush_folder(folder: Path) -> None:
-    """Bring the renaming to the disk too."""
+    """Bring the renaming to the disk too; Windows does that by itself."""
+    if os.name == "nt":
+        return
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -104,8 +104,9 @@ class Node:
 
     @property
     def storage_problem(self) -> str | None:
-        """Why the stored parameters are not used, for people; None where they are."""
-        return self._services.store.problem
+        """Why parameters are not used or not stored, for people; None where all is well."""
+        store = self._services.store
+        return store.unwritten or store.problem
 
     def time_of_day(self, now: int) -> TimeOfDay | None:
         """Return the time of day at `now` [ns] by the last TIME message, None before the first."""

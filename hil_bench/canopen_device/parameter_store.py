@@ -57,6 +57,7 @@ class ParameterStore:
     Attributes:
         is_enabled: whether the NMT state allows to store and to restore.
         problem: why the stored parameters cannot be used, for people; None where they can.
+        unwritten: why they could not be stored last time, for people; None where they could.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class ParameterStore:
     ) -> None:
         self.is_enabled = True
         self.problem: str | None = None
+        self.unwritten: str | None = None
         self._object_dictionary = object_dictionary
         self._storage = storage
         self._emcy = emcy
@@ -124,9 +126,13 @@ class ParameterStore:
         return parameters
 
     def _write(self, parameters: StoredParameters) -> None:
-        self._storage.write(parameters.encode())
+        try:
+            self._storage.write(parameters.encode())
+        except StorageError as error:
+            self.unwritten = str(error)
+            raise
         self._parameters = parameters
-        self.problem = None
+        self.problem = self.unwritten = None
         self._emcy.clear_error(STORAGE)
 
     def _apply(self, indices: range) -> None:

@@ -60,7 +60,7 @@ def test_another_version_is_told(path):
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match=r"valve\.parameters: (File exists|Not a directory)"):
+    with pytest.raises(StorageError, match=r"cannot be written: (File exists|Not a directory)"):
         FileStorage(tmp_path / "file" / "valve.parameters").write(DATA)
 
 

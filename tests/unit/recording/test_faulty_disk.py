@@ -80,7 +80,7 @@ def test_any_call_that_fails_ends_that_file_alone_and_is_said_once(
         with disk.failing(fault, at):
             problem, report = run(plan, told)
             calls = len(disk.calls)
-        assert not disk.open_files
+        assert not disk.descriptors
         if report is None:
             assert problem.startswith(f"{faulty}: cannot be written: ")
         else:

@@ -74,6 +74,24 @@ def read_nodes(
     return nodes, chains
 
 
+def needs_axis(document: Document) -> bool:
+    """Return whether the nodes of a file have something to do with an axis.
+
+    Devices made from their EDS files alone have nothing, unless an object is bound to the plant.
+    """
+    nodes = document.get("nodes")
+    if not isinstance(nodes, dict) or not nodes:
+        return True
+    return not all(isinstance(node, dict) and _is_alone(node) for node in nodes.values())
+
+
+def _is_alone(node: Mapping[str, object]) -> bool:
+    objects = node.get("objects")
+    values = objects.values() if isinstance(objects, dict) else ()
+    is_bound = any(isinstance(value, dict) for value in values)
+    return "eds" in node and node.get("profile", Profile.GENERIC) == Profile.GENERIC and not is_bound
+
+
 def resolve_nodes(
     nodes: Mapping[str, Settings], axes: Mapping[str, Settings], base: Path, problems: Problems
 ) -> None:

@@ -14,6 +14,7 @@ from hil_bench.config.choices import (
 )
 from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
+from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.modbus.data_types import WordOrder
@@ -317,6 +318,18 @@ class BenchConfig:
     def buses(self) -> dict[str, BusConfig]:
         """All buses by their names; a frame has the number of its bus in this order."""
         return {FIRST_BUS: self.bus, **self.further_buses}
+
+    @property
+    def first_axis(self) -> AxisConfig:
+        """The first axis.
+
+        Raises:
+            ConfigError: the bench has none.
+        """
+        if not self.axes:
+            place = f"{self.path}:plant" if self.path else "plant"
+            raise ConfigError(f"{place}: the bench has no axis; give it one, as [plant.axis1]")
+        return self.axes[0]
 
     def seen_from(self, bus: str) -> "BenchConfig":
         """Return what is to be found on one of the buses: that bus alone, with its nodes."""

@@ -31,7 +31,7 @@ from hil_bench.config import (
     load_config,
 )
 from hil_bench.config.bindings import find_bound
-from hil_bench.config.objects import override_defaults
+from hil_bench.config.objects import named_serial_number, override_defaults
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
@@ -105,8 +105,7 @@ def build_node(config: NodeConfig) -> Node:
 def load_objects(config: NodeConfig) -> ObjectDictionary:
     """Return the objects of one device with what they hold at power-on."""
     object_dictionary = load_eds(config.eds, config.node_id)
-    if config.serial_number is not None:
-        set_serial_number(object_dictionary, config.serial_number)
+    set_serial_number(object_dictionary, config)
     override_defaults(
         object_dictionary, config.objects, place=f"{config.place}.objects", node_id=config.node_id
     )
@@ -115,17 +114,23 @@ def load_objects(config: NodeConfig) -> ObjectDictionary:
     return object_dictionary
 
 
-def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -> None:
-    """Give a device a serial number of its own.
+def set_serial_number(object_dictionary: ObjectDictionary, config: NodeConfig) -> None:
+    """Give a device a serial number of its own, which no change of its node-ID changes.
 
     Raises:
-        EdsError: the device has no object for it.
+        EdsError: the configuration gives one, and the device has no object for it.
     """
     variable = object_dictionary.find(0x1018, 4)
-    if variable is None:
+    if variable is None and config.serial_number is not None:
         raise EdsError(
             f"{object_dictionary.source}: object 0x1018.04, the serial number, is missing"
         )
+    if variable is None or not isinstance(variable.default, int):
+        return
+    serial_number = config.serial_number
+    if serial_number is None:
+        of_its_own = 0 if variable.base is not None else variable.default
+        serial_number = of_its_own or named_serial_number(config.name)
     variable.base = None
     variable.default = variable.value = serial_number
 

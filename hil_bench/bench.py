@@ -70,7 +70,7 @@ class Bench:
         self._timeless: frozenset[int] = frozenset()
         self._heard: list[Frame] = []
         self._settled: list[Frame] = []
-        self._has_synchronised = False
+        self._synchronised_at: int | None = None
         self._merge_routes()
 
     def start(self, now: int) -> None:
@@ -146,7 +146,6 @@ class Bench:
         """Receive what came from the bus and what our own nodes sent last; act on deadlines."""
         for line in self._lines.values():
             line.deliver(now)
-        self._has_synchronised = False
         routes = self._routes
         for frame in chain(self._heard, frames):
             address = frame.can_id | frame.bus << BUS_SHIFT
@@ -162,12 +161,10 @@ class Bench:
 
     def _settle(self, frame: Frame, now: int) -> None:
         """Before a SYNC acts that is not the tick's first: send the PDOs of the one before."""
-        if frame.is_remote:
-            return
-        if self._has_synchronised:
+        if now == self._synchronised_at and not frame.is_remote:
             for node in self._listeners[frame.can_id | frame.bus << BUS_SHIFT]:
                 node.settle_pdos(now, self._way(node, now, self._settled.append))
-        self._has_synchronised = True
+        self._synchronised_at = now
 
     def _send(self, now: int, nodes: Sequence[Node]) -> list[Frame]:
         """Return what is settled and what these nodes send: PDOs, then what has time."""
@@ -237,7 +234,7 @@ class Bench:
                 taker = handler if line is None else line.guard(handler)
                 routes.setdefault(address, []).append(taker)
                 listeners.setdefault(address, []).append(node)
-        first = {address: (self._settle,) for address in self._syncs()}
+        first = dict.fromkeys(self._syncs(), (self._settle,))
         self._routes = {
             address: (*first.get(address, ()), *handlers) for address, handlers in routes.items()
         }

@@ -124,15 +124,14 @@ class Tpdo:
             return
         self.due = NEVER
         self._has_event = False
-        is_requested, self._is_requested = self._is_requested, False
         if self._is_synchronous and now > self._window.end:
             self._counters.late_synchronous_pdos += 1
             return
         if self._type == SYNCHRONOUS_REMOTE:
-            self._take_sample(self._mapping)
-            data = self._sample if is_requested else None
+            data = self._sample_for_request(self._mapping)
         else:
             data = self._mapping.read()
+        self._is_requested = False
         if data is not None:
             emit(make_frame((self.can_id, data, False, False, 0)))
         if self._is_event_driven:
@@ -140,11 +139,12 @@ class Tpdo:
             if self._event_time:
                 self.due = now + max(self._event_time, self._inhibit_time)
 
-    def _take_sample(self, mapping: PdoMapping) -> None:
-        """Keep the values for the remote requests to come, where a SYNC has come."""
+    def _sample_for_request(self, mapping: PdoMapping) -> bytes | None:
+        """The sample of the last SYNC where it was asked for, else None; take it if SYNC came."""
         if self._must_sample:
             self._must_sample = False
             self._sample = mapping.read()
+        return self._sample if self._is_requested else None
 
     def _begins_with(self, counter: int) -> bool:
         """Whether the SYNC with that counter counts as the first; one without counter does."""

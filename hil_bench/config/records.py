@@ -149,7 +149,8 @@ class NodeConfig:
         bus: the name of the bus that it is on.
         eds: its EDS file.
         storage: folder of the file that it stores its parameters in; None for memory.
-        serial_number: 0x1018.04; None for that of the EDS file.
+        serial_number: 0x1018.04; None for that of the EDS file, or where that has none for one that
+            is made of the node's name.
         objects: other power-on values than those of the EDS file, by index and sub-index.
         sources: the objects that show quantities of the plant.
         place: how messages name its table.

@@ -147,11 +147,7 @@ class Shadow:
 
 
 def _sound(config: BenchConfig) -> BenchConfig:
-    """Return a bench without faults, stored parameters and Modbus.
-
-    Raises:
-        ConfigError: the bench has no axis.
-    """
+    """Return a bench without faults, stored parameters and Modbus; it must have an axis."""
     axes = (config.first_axis, *config.axes[1:])
     nodes = tuple(replace(node, storage=None) for node in config.nodes)
     return replace(config, axes=axes, nodes=nodes, faults=(), modbus=None)

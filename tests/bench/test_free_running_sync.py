@@ -4,10 +4,10 @@ Every SYNC has its synchronous PDOs (CiA 301), whatever makes the ticks.
 """
 
 import itertools
-import random
 import struct
 
 import can
+import numpy as np
 import pytest
 from support.bus_side import POSITION, SYNC, VALVE, BusSide, valve_command
 
@@ -44,8 +44,8 @@ def io_config(tmp_path_factory):
 
 def sync_times(count):
     """Return times [ns] of a 1 kHz clock that is 0.01 % fast and late by up to 0.9 ms at random."""
-    late = random.Random(1)
-    return [10 * TICK + round(k * 999_900 + 900_000 * late.random()) for k in range(count)]
+    late = np.random.default_rng(1).uniform(0.0, 900_000, count)
+    return [10 * TICK + round(k * 999_900 + late[k]) for k in range(count)]
 
 
 class Master:

@@ -86,7 +86,9 @@ def test_a_node_in_the_middle_of_a_transfer_is_not_asked(config):
 
 def test_what_the_controller_asks_itself_it_is_told(config):
     network = network_of(join(DirectLockStep(config)), config)
-    assert [network.add_node(node).upload(0x1018, 4)[0] for node in NODE_IDS] == [*NODE_IDS]
+    device_types = [network.add_node(node).upload(0x1000) for node in NODE_IDS]
+    profiles = [int.from_bytes(raw[:2], "little") for raw in device_types]
+    assert profiles == [408, 404, 404, 406]
     with pytest.raises(SdoAbortError):
         network.add_node(1).upload(0x1018, 5)
 

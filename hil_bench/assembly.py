@@ -214,6 +214,12 @@ def build_chain(
     return MeasuringChain(parameters, config.tick_ns, random_stream(config.seed, name))
 
 
+def stroke_of(sensor: EncoderConfig, config: BenchConfig) -> tuple[float, float]:
+    """Return the ends of the stroke [m] that an encoder measures."""
+    half = next(axis.parameters.h for axis in config.axes if axis.name == sensor.axis)
+    return -half, half
+
+
 def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measurement:
     """Return what hands the plant's quantities to one sensor, by its chain if any.
 
@@ -230,7 +236,7 @@ def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measure
             chain = build_chain(sensor.chain, sensor.name, config)
             stages = () if chain is None else (chain.measure,)
             speed_stages = () if chain is None else (chain.speed,)
-            encoder = EncoderDevice(node)
+            encoder = EncoderDevice(node, stroke_of(sensor, config))
             return PositionMeasurement(encoder, stages, speed_stages, name=sensor.name)
         case _:
             raise ConfigError(f"nodes.{sensor.name}: profile {sensor.profile} is not a sensor")

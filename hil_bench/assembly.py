@@ -4,6 +4,8 @@
 >>> bus = embedded_bus(load_config("bench.toml"))
 """
 
+import logging
+
 from hil_bench.axis import (
     Axis,
     Measurement,
@@ -17,6 +19,7 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.periods import find_short_periods, limit_periods
 from hil_bench.config import (
     AxisConfig,
     BenchConfig,
@@ -31,7 +34,8 @@ from hil_bench.config import (
     load_config,
 )
 from hil_bench.config.bindings import find_bound
-from hil_bench.config.objects import named_serial_number, override_defaults
+from hil_bench.config.objects import name_object, named_serial_number, override_defaults
+from hil_bench.config.values import quote
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
@@ -44,6 +48,8 @@ from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
+
+logger = logging.getLogger(__name__)
 
 _OUTPUTS = {
     Quantity.POSITION: "x",
@@ -74,6 +80,8 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
 def build_bench(config: BenchConfig) -> Bench:
     """Return the bench that `config` describes, not yet powered on."""
     nodes = {node.name: build_node(node) for node in config.nodes}
+    for member in config.nodes:
+        limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
     commands = build_commands(config, nodes)
     axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
     buses = number_buses(config)
@@ -100,6 +108,23 @@ def build_node(config: NodeConfig) -> Node:
     object_dictionary = load_objects(config)
     storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
     return Node(object_dictionary, config.node_id, storage)
+
+
+def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -> None:
+    """Let a device refuse periods shorter than a tick, and say which it has already.
+
+    Raises:
+        ConfigError: the configuration gives one.
+    """
+    limit_periods(od, tick_ns)
+    for variable in find_short_periods(od, tick_ns):
+        key = variable.index, variable.subindex
+        what = f"{name_object(*key)} {quote(variable.name)} is {variable.value}"
+        tick = f"a tick of {tick_ns // 1000} us"
+        if key in config.objects:
+            right = "give a longer one, 0 for none, or a shorter tick_us"
+            raise ConfigError(f"{config.place}.objects: {what}, shorter than {tick}; {right}")
+        logger.warning("%s: %s, shorter than %s: it will be each tick", config.place, what, tick)
 
 
 def load_objects(config: NodeConfig) -> ObjectDictionary:

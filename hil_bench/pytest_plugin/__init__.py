@@ -286,7 +286,7 @@ def valve(_networks: "Networks", hil_config: "BenchConfig") -> "Iterator[Proport
     with ProportionalValve(network, node.node_id, node.eds) as driver:
         driver.setup(
             transmission_type=254,
-            event_timer=EVENT_TIMER,
+            event_timer=_event_timer(hil_config),
             command_timeout=0.0,
             heartbeat_timeout=4 * HEARTBEAT_PERIOD,
         )
@@ -302,7 +302,7 @@ def pressure(_networks: "Networks", hil_config: "BenchConfig") -> "PressureSenso
     node = _node(hil_config, lambda node: getattr(node, "source", "") == "P_A", "pressure at P_A")
     network = _networks.on(node.bus)
     driver = PressureSensor(network, node.node_id, node.eds)
-    driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
+    driver.setup(transmission_type=254, event_timer=_event_timer(hil_config))
     _start(network, driver, node.node_id)
     return driver
 
@@ -315,7 +315,7 @@ def position(_networks: "Networks", hil_config: "BenchConfig") -> "PositionSenso
     node = _node(hil_config, lambda node: node.profile == "encoder_406", "encoder_406")
     network = _networks.on(node.bus)
     driver = PositionSensor(network, node.node_id, node.eds)
-    driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
+    driver.setup(transmission_type=254, event_timer=_event_timer(hil_config))
     _start(network, driver, node.node_id)
     return driver
 
@@ -329,6 +329,11 @@ def _hil_requirements(request: pytest.FixtureRequest, hil_config: "BenchConfig")
             pytest.skip(f"needs a bench of {axes} axes; this one has {len(hil_config.axes)}")
         for profile in marker.args:
             _node(hil_config, partial(_is_of, profile), profile)
+
+
+def _event_timer(config: "BenchConfig") -> float:
+    """Return the event timer of the devices [s]: none refuses one of a tick or more."""
+    return max(EVENT_TIMER, config.tick_ns * 1e-9)
 
 
 def _is_of(profile: str, node: "NodeConfig") -> bool:

@@ -42,9 +42,7 @@ def find_short_periods(object_dictionary: ObjectDictionary, shortest: int) -> li
 def _periods(object_dictionary: ObjectDictionary) -> Iterator[tuple[Variable, int]]:
     """Yield the objects that are periods, each with its unit [ns]."""
     places = [(0x1006, 0, _MICROSECOND), (0x1017, 0, MILLISECOND)]
-    places += [
-        (index, _EVENT_TIMER, MILLISECOND) for index in object_dictionary.indices(_TPDOS)
-    ]
+    places += [(index, _EVENT_TIMER, MILLISECOND) for index in object_dictionary.indices(_TPDOS)]
     for index, subindex, unit in places:
         variable = object_dictionary.find(index, subindex)
         if variable is not None:

@@ -53,8 +53,8 @@ UNITS: Final[Mapping[int, float]] = MappingProxyType(
 )
 """Pressure of one unit [Pa], by the unit's code in 0x6131.
 
-The highest byte is the power of ten as a signed number, the next one the unit: 0x22 pascal, 0x4E bar
-(CiA 303-2), 0xAB psi.
+The highest byte is the power of ten as a signed number, the next one the unit: 0x22 pascal, 0x4E
+bar (CiA 303-2), 0xAB psi.
 """
 
 OVERLOAD_MARGIN: Final = 0.03125

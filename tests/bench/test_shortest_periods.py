@@ -103,7 +103,6 @@ def test_a_period_of_the_eds_file_is_told(tmp_path, caplog):
     )
     with caplog.at_level(logging.WARNING):
         build_bench(load_config(path))
-    assert caplog.messages == [
-        f'{path}:nodes.io: 0x1801.05 "Event timer" is 10, shorter than a tick of 20000 us: it will '
-        "be each tick"
-    ]
+    (message,) = caplog.messages
+    what = '0x1801.05 "Event timer" is 10, shorter than a tick of 20000 us: it will be each tick'
+    assert message == f"{path}:nodes.io: {what}"

@@ -190,3 +190,19 @@ def test_after_an_interruption_the_rest_of_the_answers_is_no_surprise(config, mo
             producer.tick([START_ALL], 0)
     heard = producer.tick([Frame(0x604, bytes.fromhex("4000100000000000"))], 0)
     assert heard[-1].can_id == 0x584
+
+
+def test_answers_without_end_are_refused(config):
+    class Parrot(DirectLockStep):
+        """Node 1 repeats its answer to the first request for ever."""
+
+        def receive(self, limit):
+            frames = super().receive(limit)
+            answers = [f for f in frames if f.can_id == 0x581]
+            for frame in answers[:1]:
+                self.put(frame)
+            self._clock += 0.01
+            return frames
+
+    with pytest.raises(BusError, match="direct: SDO answers come without end"):
+        join(Parrot(config))

@@ -118,7 +118,7 @@ class Network:
             if known.eds != eds:
                 raise ValueError(f"{known} is {known.eds} already; {eds} needs another node-ID")
             return known
-        node = Node(node_id, eds, self.wait_for, sdo_timeout=sdo_timeout)
+        node = Node(node_id, eds, self.wait_for, sdo_timeout=sdo_timeout, clock=self.now)
         node.associate_network(self._canopen)
         for cob_id, handler in node.handlers().items():
             self.subscribe(cob_id, handler)

@@ -6,6 +6,7 @@ network while the caller waits. What reaches it is checked first; a malformed me
 never raised.
 """
 
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -25,7 +26,14 @@ from drivers.errors import (
     RemoteProtocolError,
     SdoAbortError,
 )
-from drivers.sdo_client import PumpedSdoClient, SdoTimeout, WaitFor
+from drivers.sdo_client import (
+    Clock,
+    PumpedSdoClient,
+    SdoTimeout,
+    SdoTooMuch,
+    SdoTooSlow,
+    WaitFor,
+)
 
 EMERGENCIES_KEPT = 32
 PROBES, PROBE_TIMEOUT = 20, 0.1
@@ -47,7 +55,8 @@ class Node(canopen.RemoteNode):
         node_id: 1 to 127.
         eds: path of its EDS or DCF; None for a device of which nothing else is known.
         wait_for: how to wait while frames are being received.
-        sdo_timeout: longest wait for each SDO answer [s].
+        sdo_timeout: longest wait for each SDO answer [s]; `sdo.longest_transfer` bounds them all.
+        clock: seconds on the network's clock.
 
     Attributes:
         node_id: as passed in.
@@ -63,11 +72,18 @@ class Node(canopen.RemoteNode):
     """
 
     def __init__(
-        self, node_id: int, eds: Path | None, wait_for: WaitFor, *, sdo_timeout: float = 0.5
+        self,
+        node_id: int,
+        eds: Path | None,
+        wait_for: WaitFor,
+        *,
+        sdo_timeout: float = 0.5,
+        clock: Clock = time.monotonic,
     ) -> None:
         if not 1 <= node_id <= 127:
             raise ValueError(f"node-ID {node_id}: 1 to 127 is right (CiA 301)")
         self._wait_for = wait_for
+        self._clock = clock
         super().__init__(node_id, load_eds(eds, node_id) if eds else _nothing_known())
         self.node_id = node_id
         self.eds = eds
@@ -83,7 +99,9 @@ class Node(canopen.RemoteNode):
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> PumpedSdoClient:
         """Return a new SDO client; canopen calls this for the default SDO server."""
-        client = PumpedSdoClient(rx_cobid, tx_cobid, self.object_dictionary, self._wait_for)
+        client = PumpedSdoClient(
+            rx_cobid, tx_cobid, self.object_dictionary, self._wait_for, self._clock
+        )
         self.sdo_channels.append(client)
         return client
 
@@ -214,7 +232,11 @@ class Node(canopen.RemoteNode):
         self.download(index, subindex, raw)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Return what the device holds in an object, whether or not the EDS knows it."""
+        """Return what the device holds in an object, whether or not the EDS knows it.
+
+        What it may bring at most, and how long it may take, say `sdo.most_bytes` and
+        `sdo.longest_transfer`.
+        """
         with self._sdo_errors("read", index, subindex):
             raw: bytes = self.sdo.upload(index, subindex)
         return raw
@@ -231,7 +253,7 @@ class Node(canopen.RemoteNode):
         Raises:
             SdoAbortError: the device refused.
             DriverTimeoutError: it did not answer.
-            RemoteProtocolError: its answer is none.
+            RemoteProtocolError: its answer is none, or has no end.
         """
         what = f"{self}: cannot {verb} {object_name(index, subindex)}"
         if self.has(index, subindex):
@@ -247,6 +269,12 @@ class Node(canopen.RemoteNode):
             raise DriverTimeoutError(
                 f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s"
             ) from None
+        except SdoTooSlow:
+            raise DriverTimeoutError(
+                f"{what}: not over within {self.sdo.longest_transfer:g} s; it was aborted"
+            ) from None
+        except SdoTooMuch as error:
+            raise RemoteProtocolError(f"{what}: {error}; it was aborted") from None
         except SdoCommunicationError as error:
             raise RemoteProtocolError(f"{what}: {error}") from None
 

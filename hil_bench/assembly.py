@@ -4,6 +4,8 @@
 >>> bus = embedded_bus(load_config("bench.toml"))
 """
 
+import logging
+
 from hil_bench.axis import (
     Axis,
     Measurement,
@@ -17,6 +19,7 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.periods import find_short_periods, limit_periods
 from hil_bench.config import (
     AxisConfig,
     BenchConfig,
@@ -31,7 +34,8 @@ from hil_bench.config import (
     load_config,
 )
 from hil_bench.config.bindings import find_bound
-from hil_bench.config.objects import override_defaults
+from hil_bench.config.objects import name_object, named_serial_number, override_defaults
+from hil_bench.config.values import quote
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
@@ -44,6 +48,8 @@ from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.transports.embedded import EmbeddedBus
+
+logger = logging.getLogger(__name__)
 
 _OUTPUTS = {
     Quantity.POSITION: "x",
@@ -74,6 +80,8 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
 def build_bench(config: BenchConfig) -> Bench:
     """Return the bench that `config` describes, not yet powered on."""
     nodes = {node.name: build_node(node) for node in config.nodes}
+    for member in config.nodes:
+        limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
     commands = build_commands(config, nodes)
     axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
     buses = number_buses(config)
@@ -102,11 +110,27 @@ def build_node(config: NodeConfig) -> Node:
     return Node(object_dictionary, config.node_id, storage)
 
 
+def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -> None:
+    """Let a device refuse periods shorter than a tick, and say which it has already.
+
+    Raises:
+        ConfigError: the configuration gives one.
+    """
+    limit_periods(od, tick_ns)
+    for variable in find_short_periods(od, tick_ns):
+        key = variable.index, variable.subindex
+        what = f"{name_object(*key)} {quote(variable.name)} is {variable.value}"
+        tick = f"a tick of {tick_ns // 1000} us"
+        if key in config.objects:
+            right = "give a longer one, 0 for none, or a shorter tick_us"
+            raise ConfigError(f"{config.place}.objects: {what}, shorter than {tick}; {right}")
+        logger.warning("%s: %s, shorter than %s: it will be each tick", config.place, what, tick)
+
+
 def load_objects(config: NodeConfig) -> ObjectDictionary:
     """Return the objects of one device with what they hold at power-on."""
     object_dictionary = load_eds(config.eds, config.node_id)
-    if config.serial_number is not None:
-        set_serial_number(object_dictionary, config.serial_number)
+    set_serial_number(object_dictionary, config)
     override_defaults(
         object_dictionary, config.objects, place=f"{config.place}.objects", node_id=config.node_id
     )
@@ -115,17 +139,23 @@ def load_objects(config: NodeConfig) -> ObjectDictionary:
     return object_dictionary
 
 
-def set_serial_number(object_dictionary: ObjectDictionary, serial_number: int) -> None:
-    """Give a device a serial number of its own.
+def set_serial_number(object_dictionary: ObjectDictionary, config: NodeConfig) -> None:
+    """Give a device a serial number of its own, which no change of its node-ID changes.
 
     Raises:
-        EdsError: the device has no object for it.
+        EdsError: the configuration gives one, and the device has no object for it.
     """
     variable = object_dictionary.find(0x1018, 4)
-    if variable is None:
+    if variable is None and config.serial_number is not None:
         raise EdsError(
             f"{object_dictionary.source}: object 0x1018.04, the serial number, is missing"
         )
+    if variable is None or not isinstance(variable.default, int):
+        return
+    serial_number = config.serial_number
+    if serial_number is None:
+        of_its_own = 0 if variable.base is not None else variable.default
+        serial_number = of_its_own or named_serial_number(config.name)
     variable.base = None
     variable.default = variable.value = serial_number
 
@@ -209,6 +239,12 @@ def build_chain(
     return MeasuringChain(parameters, config.tick_ns, random_stream(config.seed, name))
 
 
+def stroke_of(sensor: EncoderConfig, config: BenchConfig) -> tuple[float, float]:
+    """Return the ends of the stroke [m] that an encoder measures."""
+    half = next(axis.parameters.h for axis in config.axes if axis.name == sensor.axis)
+    return -half, half
+
+
 def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measurement:
     """Return what hands the plant's quantities to one sensor, by its chain if any.
 
@@ -225,7 +261,7 @@ def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measure
             chain = build_chain(sensor.chain, sensor.name, config)
             stages = () if chain is None else (chain.measure,)
             speed_stages = () if chain is None else (chain.speed,)
-            encoder = EncoderDevice(node)
+            encoder = EncoderDevice(node, stroke_of(sensor, config))
             return PositionMeasurement(encoder, stages, speed_stages, name=sensor.name)
         case _:
             raise ConfigError(f"nodes.{sensor.name}: profile {sensor.profile} is not a sensor")

@@ -2,7 +2,9 @@
 
 The order inside a tick is fixed, as in the real-time thread of a CANopen device:
 
-1. received frames, in the order they came: NMT, SYNC and RPDO act at once, SDO requests wait;
+1. received frames, in the order they came: NMT, SYNC and RPDO act at once, SDO requests wait; where
+   several SYNCs share a tick, each is answered by PDOs of its own: those of the last by 4., those
+   of the others when the next SYNC comes, with the values that the tick has found;
 2. deadlines that have passed: RPDO time-outs, lost heartbeats, SDO time-outs;
 3. for each axis: the valve's command, the plant's sub-steps, the sensors' new values;
 4. TPDOs that are due;
@@ -67,6 +69,8 @@ class Bench:
         self._overheard: frozenset[int] = frozenset()
         self._timeless: frozenset[int] = frozenset()
         self._heard: list[Frame] = []
+        self._settled: list[Frame] = []
+        self._synchronised_at: int | None = None
         self._merge_routes()
 
     def start(self, now: int) -> None:
@@ -110,10 +114,9 @@ class Bench:
             hold()
         for number, axis in enumerate(self.axes):
             self.commands[number] = axis.advance(now, self._steps)
-        sent: list[Frame] = []
         for babble in self.faults.babbles:
-            babble(sent.append)
-        return self._send(now, sent, self.nodes)
+            babble(self._settled.append)
+        return self._send(now, self.nodes)
 
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Do what a tick does, but leave plant and devices where they are: no time passes.
@@ -129,7 +132,7 @@ class Bench:
         """
         nodes = self._concerned(frames)
         self._take(frames, now, nodes)
-        return self._send(now, [], nodes)
+        return self._send(now, nodes)
 
     def _concerned(self, frames: Sequence[Frame]) -> Sequence[Node]:
         """Return the nodes that may have something to do once these frames are received."""
@@ -156,8 +159,16 @@ class Bench:
             for node in nodes:
                 node.expire(now)
 
-    def _send(self, now: int, sent: list[Frame], nodes: Sequence[Node]) -> list[Frame]:
-        """Return `sent` and what these nodes send: PDOs, then what has time."""
+    def _settle(self, frame: Frame, now: int) -> None:
+        """Before a SYNC acts that is not the tick's first: send the PDOs of the one before."""
+        if now == self._synchronised_at and not frame.is_remote:
+            for node in self._listeners[frame.can_id | frame.bus << BUS_SHIFT]:
+                node.settle_pdos(now, self._way(node, now, self._settled.append))
+        self._synchronised_at = now
+
+    def _send(self, now: int, nodes: Sequence[Node]) -> list[Frame]:
+        """Return what is settled and what these nodes send: PDOs, then what has time."""
+        sent, self._settled = self._settled, []
         if self._lines or self._buses:
             self._send_each_its_way(now, sent, nodes)
         else:
@@ -223,7 +234,10 @@ class Bench:
                 taker = handler if line is None else line.guard(handler)
                 routes.setdefault(address, []).append(taker)
                 listeners.setdefault(address, []).append(node)
-        self._routes = {address: tuple(handlers) for address, handlers in routes.items()}
+        first = dict.fromkeys(self._syncs(), (self._settle,))
+        self._routes = {
+            address: (*first.get(address, ()), *handlers) for address, handlers in routes.items()
+        }
         self._listeners = {address: tuple(nodes) for address, nodes in listeners.items()}
         # A node routes what it sends itself too, so a second handler is another node's.
         self._overheard = frozenset(
@@ -235,3 +249,11 @@ class Bench:
             for can_id in node.sdo_ids
         }
         self._timeless = frozenset(requests - self._overheard)
+
+    def _syncs(self) -> set[int]:
+        """Return the addresses of SYNC, of all nodes."""
+        return {
+            address_of(node.sync_id, self._buses.get(node, 0))
+            for node in self.nodes
+            if node.sync_id is not None
+        }

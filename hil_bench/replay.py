@@ -139,9 +139,10 @@ def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
             f"the recording has {len(recording)} rows of signals; 2 or more are right"
         )
     names = [channel.name for channel in recording_channels(recording)]
-    driven = [axis for axis in config.axes if f"{axis.name}.spool_setpoint" in names]
+    axes = (config.first_axis, *config.axes[1:])
+    driven = [axis for axis in axes if f"{axis.name}.spool_setpoint" in names]
     if not driven:
-        right = ", ".join(f"{axis.name}.spool_setpoint" for axis in config.axes)
+        right = ", ".join(f"{axis.name}.spool_setpoint" for axis in axes)
         raise ConfigError(f"the recording has no spool set-point; it must have {right}")
     columns = [recording[TIME.name]]
     channels = [TIME]

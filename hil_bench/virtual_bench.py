@@ -19,6 +19,7 @@ from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.faults.faults import Faults
 from hil_bench.lockstep import LockStep
 from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.node_objects import NodeTable
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
@@ -78,6 +79,8 @@ class VirtualBench:
     Attributes:
         config: as passed in.
         bench: axes and nodes.
+        nodes: the objects of each node by the node's name, to read and to set:
+            ``bench.nodes["io"]["0x6401.01"] = 1234``.
         bus: the controller's end of the bus, a python-can bus; of several, of the first.
         buses: the controller's ends of all buses, by their names in the configuration.
         frames: the latest frames both ways, oldest first.
@@ -98,6 +101,7 @@ class VirtualBench:
     ) -> None:
         self.config = config or load_config()
         self.bench = build_bench(self.config)
+        self.nodes = NodeTable(self.bench.nodes, self.config.nodes)
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
         stimuli = stimuli or {}

@@ -24,7 +24,7 @@ class NodeCounters:
         sdo_aborts: SDO transfers that this node aborted.
         short_sdo_requests: SDO requests of fewer than 8 bytes, not answered.
         dropped_sdo_requests: SDO requests beyond the queue's length.
-        malformed_lss: LSS messages of a wrong length or with an unknown command.
+        malformed_lss: LSS messages of a wrong length, and those that switch to a reserved mode.
         dropped_lss_requests: LSS requests beyond the queue's length.
         dropped_emcy: emergency messages beyond the queue's length; the oldest go.
     """

@@ -50,7 +50,7 @@ class NodeGuarding:
         self._agenda = agenda
         self._events = events
         self._emcy = emcy
-        self._is_asked = False
+        self._requests = 0
         self._is_lost = False
         self._toggle = 0
         self._can_id = ERROR_CONTROL + node_id
@@ -62,7 +62,7 @@ class NodeGuarding:
         """Take a remote request; return whether it will be answered."""
         if not self._is_active():
             return False
-        self._is_asked = True
+        self._requests += 1
         self._agenda.bring_forward(0)
         life_time = self._life_time()
         self.due = now + life_time if life_time else NEVER
@@ -80,16 +80,16 @@ class NodeGuarding:
         return True
 
     def serve(self, emit: Emit, state: NmtState) -> None:
-        """Answer if there was a request."""
-        if self._is_asked:
-            self._is_asked = False
+        """Answer each request, the toggle bit alternating."""
+        while self._requests:
+            self._requests -= 1
             emit(Frame(self._can_id, bytes([self._toggle | state])))
             self._toggle ^= _TOGGLE
 
     def reset(self, node_id: int) -> None:
         """Begin anew, for the device `node_id`."""
         self._can_id = ERROR_CONTROL + node_id
-        self._is_asked = False
+        self._requests = 0
         self._toggle = 0
         self._is_lost = False
         self.due = NEVER

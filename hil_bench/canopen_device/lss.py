@@ -58,6 +58,8 @@ _FASTSCAN: Final = 0x51
 _INQUIRE_IDENTITY: Final = range(0x5A, 0x5E)
 _INQUIRE_NODE_ID: Final = 0x5E
 
+_WAITING: Final = 0
+_CONFIGURATION: Final = 1
 _FASTSCAN_BEGIN: Final = 0x80
 _OUT_OF_RANGE: Final = 1
 _MEDIA_ERROR: Final = 2
@@ -130,7 +132,7 @@ class LssSlave:
     def _dispatch(self, data: bytes, now: int) -> None:
         specifier, number = _NUMBER.unpack(data)
         if specifier == _SWITCH_GLOBAL:
-            self._switch(is_configuring=data[1] == 1)
+            self._switch_global(data[1])
         elif specifier in _IDENTIFY:
             self._identify(specifier - _IDENTIFY.start, number)
         elif specifier == _IDENTIFY_UNCONFIGURED:
@@ -167,6 +169,13 @@ class LssSlave:
     def _address(self, part: int) -> int:
         """Vendor-ID, product code, revision number or serial number."""
         return self._object_dictionary.number(0x1018, part + 1)
+
+    def _switch_global(self, mode: int) -> None:
+        """Switch to a mode; those that CiA 305 reserves are none, and change nothing."""
+        if mode in {_WAITING, _CONFIGURATION}:
+            self._switch(is_configuring=mode == _CONFIGURATION)
+        else:
+            self._counters.malformed_lss += 1
 
     def _switch(self, *, is_configuring: bool) -> None:
         has_node_id = self.pending_node_id != UNCONFIGURED

@@ -98,6 +98,11 @@ class Node:
         return self.agenda.due
 
     @property
+    def sync_id(self) -> int | None:
+        """Identifier of SYNC, None where the device knows none."""
+        return self._services.sync.can_id
+
+    @property
     def sdo_ids(self) -> Collection[int]:
         """Identifiers of the requests that this node's SDO servers take."""
         return self._services.sdo.handlers.keys()
@@ -156,6 +161,15 @@ class Node:
     def trigger_tpdo(self, number: int) -> None:
         """Take an application event for TPDO `number` (types 0, 254, 255)."""
         self._tpdos.trigger(number)
+
+    def settle_pdos(self, now: int, emit: Emit) -> None:
+        """Send the TPDOs that a SYNC of this round has asked for, since another one has come.
+
+        The node sees to it by itself; who runs several nodes calls this for all of them first, so
+        that their PDOs of one SYNC come before those of the next.
+        """
+        if not self._tpdos.due and not self._is_silent:
+            self._tpdos.settle(now, emit)
 
     def transmit_pdos(self, now: int, emit: Emit) -> None:
         """Send the TPDOs that are due, with the objects' present values."""
@@ -245,7 +259,12 @@ class Node:
             self._synchronise(data, now)
 
     def _synchronise(self, data: bytes, now: int, own: Frame | None = None) -> None:
-        """Act on a SYNC; `own` is the frame where this node produces it."""
+        """Act on a SYNC; `own` is the frame where this node produces it.
+
+        PDOs that still wait for their turn since the last SYNC keep the values that they had then.
+        """
+        if not self._tpdos.due:
+            self._tpdos.settle(now)
         counter = self._services.sync.receive(data, now)
         for rpdo in self._services.rpdos:
             rpdo.synchronise()

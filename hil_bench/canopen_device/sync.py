@@ -96,7 +96,8 @@ class SyncConsumer:
 class SyncProducer:
     """Sends SYNC every 0x1006 microseconds while bit 30 of 0x1005 is set.
 
-    The first SYNC goes at once. A period that is shorter than a round gives one SYNC a round.
+    The first SYNC goes at once. Of a period that is shorter than a round, `periods` refuses the
+    writing; one by default gives one SYNC a round.
 
     Attributes:
         is_producing: whether this device is the producer, and sends.

@@ -29,6 +29,9 @@ class Tpdo:
     entering OPERATIONAL; a remote request counts as an event. Types 252 and 253 go on a remote
     request only: 252 with the values at the last SYNC, 253 with the present ones.
 
+    Each SYNC and each remote request has a PDO of its own, even where several come in one round:
+    `settle` and `answer` take the PDO that still waits before the next one counts.
+
     Attributes:
         can_id: its identifier, None while it is disabled.
         is_active: whether it is sent, in the present NMT state.
@@ -56,6 +59,7 @@ class Tpdo:
         self._type = self._parameters.transmission_type
         self._is_event_driven = self._type in EVENT_DRIVEN
         self._is_synchronous = self._type in SYNCHRONOUS
+        self._follows_sync = self._is_synchronous or self._type == SYNCHRONOUS_REMOTE
         self._allows_remote = self._parameters.allows_remote
         self._sync_start = self._parameters.sync_start
         self._event_time = self._parameters.event_time
@@ -79,6 +83,7 @@ class Tpdo:
             return False
         if self._is_event_driven:
             self.trigger()
+            self._is_requested = True
             return True
         has_sample = self._sample is not None or self._must_sample
         is_sampled = self._type == SYNCHRONOUS_REMOTE and has_sample
@@ -103,6 +108,16 @@ class Tpdo:
             self._must_sample = True
             self.due = 0
 
+    def settle(self, now: int, emit: Emit) -> None:
+        """Send what a SYNC has asked for, since the next one has come."""
+        if self._follows_sync and now >= self.due:
+            self.transmit(now, emit)
+
+    def answer(self, now: int, emit: Emit) -> None:
+        """Send what a remote request has asked for, since the next one has come."""
+        if self._is_requested and now >= self.due:
+            self.transmit(now, emit)
+
     def transmit(self, now: int, emit: Emit) -> None:
         """Send it with the present values; a type 252 with its sample, where it was asked for."""
         if self.can_id is None or self._mapping is None:
@@ -116,6 +131,7 @@ class Tpdo:
             data = self._sample_for_request(self._mapping)
         else:
             data = self._mapping.read()
+        self._is_requested = False
         if data is not None:
             emit(make_frame((self.can_id, data, False, False, 0)))
         if self._is_event_driven:
@@ -128,8 +144,7 @@ class Tpdo:
         if self._must_sample:
             self._must_sample = False
             self._sample = mapping.read()
-        is_requested, self._is_requested = self._is_requested, False
-        return self._sample if is_requested else None
+        return self._sample if self._is_requested else None
 
     def _begins_with(self, counter: int) -> bool:
         """Whether the SYNC with that counter counts as the first; one without counter does."""
@@ -166,6 +181,7 @@ class TpdoProducer:
         self.due = NEVER
         self._counters = counters
         self._sync: Frame | None = None
+        self._settled: list[Frame] = []
         self._is_operational = False
         self._tpdos: dict[int, Tpdo] = {}
         self._active: tuple[Tpdo, ...] = ()
@@ -187,14 +203,27 @@ class TpdoProducer:
             tpdo.trigger()
             self.due = min(self.due, tpdo.due)
 
-    def receive(self, frame: Frame, _now: int) -> None:
+    def receive(self, frame: Frame, now: int) -> None:
         """Take a frame with the identifier of a TPDO: a remote request, or a stray."""
         if frame.is_remote and not frame.is_extended:
-            asked = (tpdo for tpdo in self._tpdos.values() if tpdo.can_id == frame.can_id)
+            asked = [tpdo for tpdo in self._tpdos.values() if tpdo.can_id == frame.can_id]
+            for tpdo in asked:
+                tpdo.answer(now, self._settled.append)
             self._counters.ignored_frames += not sum(tpdo.request() for tpdo in asked)
             self._find_due()
         else:
             self._counters.is_data(frame)
+
+    def settle(self, now: int, emit: Emit | None = None) -> None:
+        """Send what the last SYNC has asked for before the next one counts.
+
+        Args:
+            now: the time [ns].
+            emit: where to; without it, the frames wait for `transmit`, which sends them first.
+        """
+        for tpdo in self._active:
+            tpdo.settle(now, emit or self._settled.append)
+        self._find_due()
 
     def synchronise(self, counter: int, sync: Frame | None = None) -> None:
         """Take a SYNC with that counter, 0 for none; `sync` is to be sent before the PDOs."""
@@ -209,6 +238,10 @@ class TpdoProducer:
         """Send the PDOs that are due, in the order of their numbers."""
         if now < self.due:
             return
+        if self._settled:
+            for frame in self._settled:
+                emit(frame)
+            self._settled.clear()
         if self._sync is not None:
             emit(self._sync)
             self._sync = None
@@ -231,6 +264,7 @@ class TpdoProducer:
 
     def reset(self) -> None:
         """Begin anew after the parameters got their defaults."""
+        self._settled.clear()
         for tpdo in self._tpdos.values():
             tpdo.configure()
         self._find_active()
@@ -245,4 +279,4 @@ class TpdoProducer:
 
     def _find_due(self) -> None:
         due = min((tpdo.due for tpdo in self._active), default=NEVER)
-        self.due = due if self._sync is None else 0
+        self.due = 0 if self._sync or self._settled else due

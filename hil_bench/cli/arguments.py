@@ -153,7 +153,7 @@ def find_axis(config: BenchConfig, name: str | None) -> AxisConfig:
     """
     axes = {axis.name: axis for axis in config.axes}
     if name is None:
-        return config.axes[0]
+        return config.first_axis
     if name not in axes:
         raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
     return axes[name]

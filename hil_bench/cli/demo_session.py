@@ -120,7 +120,7 @@ class DemoSession:
         )
         self._setpoint_at: Callable[[float], float] = no_setpoint
         self._cycle: CycleRecord | None = None
-        setpoint = Channel(f"{config.axes[0].name}.position_setpoint", "m")
+        setpoint = Channel(f"{config.first_axis.name}.position_setpoint", "m")
         self.bench = VirtualBench(
             config,
             recorded_time=duration + _SET_UP_TIME,

@@ -7,7 +7,7 @@ import numpy as np
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import TIME, Recording
+from hil_bench.recording.channels import TIME, Recording, recording_channels
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.recording.frame_plot import plot_frames
@@ -62,10 +62,12 @@ def run(args: argparse.Namespace) -> int:
         _plot_frames(args, path, title)
     else:
         recording = _cut(read_recording(args.recording), args)
-        if args.signals or not has_axis(recording):
-            plot_signals(recording, path, patterns=args.signals, title=title)
-        else:
+        if has_axis(recording) and not args.signals:
             plot_result(recording, path, title=title)
+        elif len(recording_channels(recording)) > 1 or args.signals:
+            plot_signals(recording, path, patterns=args.signals, title=title)
+        else:  # of a bench without an axis: time alone
+            _plot_frames(args, path, title)
     print(path)
     return ExitCode.DONE
 

@@ -204,7 +204,8 @@ def check_arguments(args: argparse.Namespace) -> None:
 def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
     """Return what a controller engineer needs to know to join."""
     source = config.path or "built-in bench"
-    rate = f"{1e9 / config.tick_ns:g} Hz, {config.steps_per_tick} plant steps a tick"
+    plant = f"{config.steps_per_tick} plant steps a tick" if config.axes else "no axis"
+    rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
     lines = [f"bench  {source}, {rate}", *bus.lines]
     lines += modbus.lines
     lines += [f"fault  {fault_line(fault)}" for fault in config.faults]

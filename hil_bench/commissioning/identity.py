@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
+from drivers.node import object_name
 from hil_bench.commissioning.discovery import Sighting
 
 PROFILES = {
@@ -19,6 +20,12 @@ PROFILES = {
 """What the number of a device profile stands for: the low word of 0x1000 (CiA 301)."""
 
 _HISTORY_LIMIT = 254
+
+MOST_BYTES = 1024
+"""Bytes that one entry of an identity brings at most; names and versions are texts of a line."""
+
+LONGEST_READING = 10.0
+"""Time after which no more is read of a node that goes on answering slowly [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +88,10 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
     if node is None:
         node = network.add_node(sighting.node_id, sdo_timeout=timeout)
     facts: dict[str, object] = {}
+    reading = _Reading(node, network)
     try:
         for name, read in _READERS.items():
-            facts[name] = read(node)
+            facts[name] = read(reading)
     except (DriverTimeoutError, RemoteProtocolError) as error:
         facts["problem"] = str(error)
     else:
@@ -98,48 +106,70 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
     )
 
 
-def read_number(node: Node, index: int, subindex: int = 0) -> int | None:
-    """Return an unsigned number; None if the node refuses it."""
-    raw = _read(node, index, subindex)
-    return None if raw is None else int.from_bytes(raw[:8], "little")
+class _Reading:
+    """What is read of a node, within bounds that no honest one meets."""
+
+    def __init__(self, node: Node, network: Network) -> None:
+        self._node = node
+        self._network = network
+        self._deadline = network.now() + LONGEST_READING
+
+    def number(self, index: int, subindex: int = 0) -> int | None:
+        """Return an unsigned number; None if the node refuses it."""
+        raw = self._read(index, subindex)
+        return None if raw is None else int.from_bytes(raw[:8], "little")
+
+    def text(self, index: int) -> str | None:
+        """Return a VISIBLE_STRING with what is unprintable escaped; None if the node refuses it."""
+        raw = self._read(index, 0)
+        if raw is None:
+            return None
+        text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
+        return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+
+    def history(self) -> tuple[int, ...]:
+        """Return 0x1003, newest first."""
+        count = min(self.number(0x1003) or 0, _HISTORY_LIMIT)
+        codes = []
+        for subindex in range(1, count + 1):
+            code = self.number(0x1003, subindex)
+            if code is None:
+                break
+            codes.append(code)
+        return tuple(codes)
+
+    def _read(self, index: int, subindex: int) -> bytes | None:
+        """Return what an object holds; None if the node refuses it.
+
+        Raises:
+            DriverTimeoutError: the time for all is over.
+        """
+        sdo = self._node.sdo
+        bounds = sdo.most_bytes, sdo.longest_transfer
+        sdo.most_bytes = MOST_BYTES
+        sdo.longest_transfer = max(self._deadline - self._network.now(), 0.0)
+        try:
+            return self._node.upload(index, subindex)
+        except SdoAbortError:
+            return None
+        except DriverTimeoutError as error:
+            if self._network.now() < self._deadline:
+                raise
+            told = f"has not told all in {LONGEST_READING:g} s; {object_name(index, subindex)} was"
+            raise DriverTimeoutError(f"{self._node}: {told} the last") from error
+        finally:
+            sdo.most_bytes, sdo.longest_transfer = bounds
 
 
-def read_text(node: Node, index: int) -> str | None:
-    """Return a VISIBLE_STRING with anything unprintable escaped; None if the node refuses it."""
-    raw = _read(node, index, 0)
-    if raw is None:
-        return None
-    text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
-    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+def _number(index: int, subindex: int = 0) -> Callable[[_Reading], int | None]:
+    return lambda reading: reading.number(index, subindex)
 
 
-def _read(node: Node, index: int, subindex: int) -> bytes | None:
-    try:
-        return node.upload(index, subindex)
-    except SdoAbortError:
-        return None
+def _text(index: int) -> Callable[[_Reading], str | None]:
+    return lambda reading: reading.text(index)
 
 
-def _read_history(node: Node) -> tuple[int, ...]:
-    count = min(read_number(node, 0x1003) or 0, _HISTORY_LIMIT)
-    codes = []
-    for subindex in range(1, count + 1):
-        code = read_number(node, 0x1003, subindex)
-        if code is None:
-            break
-        codes.append(code)
-    return tuple(codes)
-
-
-def _number(index: int, subindex: int = 0) -> Callable[[Node], int | None]:
-    return lambda node: read_number(node, index, subindex)
-
-
-def _text(index: int) -> Callable[[Node], str | None]:
-    return lambda node: read_text(node, index)
-
-
-_READERS: dict[str, Callable[[Node], object]] = {
+_READERS: dict[str, Callable[[_Reading], object]] = {
     "device_type": _number(0x1000),
     "vendor_id": _number(0x1018, 1),
     "product_code": _number(0x1018, 2),
@@ -149,6 +179,6 @@ _READERS: dict[str, Callable[[Node], object]] = {
     "hardware_version": _text(0x1009),
     "software_version": _text(0x100A),
     "error_register": _number(0x1001),
-    "error_history": _read_history,
+    "error_history": _Reading.history,
     "heartbeat_ms": _number(0x1017),
 }

@@ -1,9 +1,12 @@
 """Finds devices that have no node-ID yet, by the LSS fastscan (CiA 305)."""
 
+import logging
 import struct
 from typing import NamedTuple
 
 from drivers import Network
+
+logger = logging.getLogger(__name__)
 
 _REQUEST, _ANSWER = 0x7E5, 0x7E4
 _SWITCH_GLOBAL, _WAITING = 0x04, 0
@@ -57,12 +60,16 @@ def find_unconfigured(network: Network) -> list[LssAddress]:
     """Return the devices that wait for a node-ID; they wait on as before.
 
     A device that was found is in the LSS state CONFIGURATION, where it answers no further scan;
-    at the end all are sent back to WAITING.
+    at the end all are sent back to WAITING. One that answers all the same would be found for ever,
+    so the scan ends where an address comes for the second time.
     """
     answers = _Answers(network)
     _return_to_waiting(network)
     found: list[LssAddress] = []
     while len(found) < MOST_DEVICES and (address := _scan(answers)) is not None:
+        if address in found:
+            logger.warning("a device answers LSS on after it was found: %s; scan ended", address)
+            break
         found.append(address)
     _return_to_waiting(network)
     return found

@@ -148,7 +148,7 @@ def choose_axis(plan: CommissioningPlan, config: BenchConfig) -> AxisConfig:
         ConfigError: the bench has none of this name.
     """
     if plan.axis is None:
-        return config.axes[0]
+        return config.first_axis
     for axis in config.axes:
         if axis.name == plan.axis:
             return axis

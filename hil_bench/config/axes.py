@@ -53,9 +53,17 @@ _PHYSICAL_KEYS = {
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
 
-def read_axes(document: Document, problems: Problems) -> dict[str, Settings]:
-    """Return the settings of each axis by its name; a file without a plant has one default axis."""
-    sections = read_named_sections(document, "plant", problems) or {_DEFAULT_AXIS: {}}
+def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, Settings]:
+    """Return the settings of each axis by its name.
+
+    Args:
+        document: the file.
+        problems: where problems are noted.
+        default: whether a file without a plant has one default axis; else it has none.
+    """
+    sections = read_named_sections(document, "plant", problems)
+    if default and not sections:
+        sections = {_DEFAULT_AXIS: {}}
     return {
         name: read_table(f"plant.{name}", given, AXIS_KEYS, problems)
         for name, given in sections.items()

@@ -14,7 +14,13 @@ from hil_bench.config.eds_findings import warn_of_nodes
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.config.modbus import ModbusSettings, build_modbus, read_modbus, resolve_modbus
-from hil_bench.config.nodes import build_node, check_nodes, read_nodes, resolve_nodes
+from hil_bench.config.nodes import (
+    build_node,
+    check_nodes,
+    needs_axis,
+    read_nodes,
+    resolve_nodes,
+)
 from hil_bench.config.records import BenchConfig, RealtimeConfig
 from hil_bench.config.settings import (
     Given,
@@ -70,7 +76,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     overrides = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bus = read_bus(document, overrides | dict(bus_options or {}), problems)
     further = read_further_buses(document, problems)
-    axes = read_axes(document, problems)
+    axes = read_axes(document, problems, default=needs_axis(document))
     nodes, chains = read_nodes(document, problems)
     given = read_bindings(nodes, axes, problems)
     served = read_modbus(document, nodes, problems, wanted=modbus)

@@ -11,7 +11,7 @@ from hil_bench.config.chains import build_chain, read_chain
 from hil_bench.config.choices import Profile
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import CHAIN_TABLE, NODE_KEYS, PROFILE_KEY
-from hil_bench.config.objects import parse_object
+from hil_bench.config.objects import named_serial_number, parse_object
 from hil_bench.config.records import (
     EncoderConfig,
     GenericConfig,
@@ -72,6 +72,26 @@ def read_nodes(
             if settings is not None:
                 chains[name] = settings
     return nodes, chains
+
+
+def needs_axis(document: Document) -> bool:
+    """Return whether the nodes of a file have something to do with an axis.
+
+    Devices made from their EDS files alone have nothing, unless an object is bound to the plant.
+    """
+    nodes = document.get("nodes")
+    if not isinstance(nodes, dict) or not nodes:
+        return True
+    return not all(isinstance(node, dict) and _is_alone(node) for node in nodes.values())
+
+
+def _is_alone(node: Mapping[str, object]) -> bool:
+    objects = node.get("objects")
+    values = objects.values() if isinstance(objects, dict) else ()
+    is_bound = any(isinstance(value, dict) for value in values)
+    return (
+        "eds" in node and node.get("profile", Profile.GENERIC) == Profile.GENERIC and not is_bound
+    )
 
 
 def resolve_nodes(
@@ -198,10 +218,7 @@ def _check_serial_numbers(nodes: Mapping[str, Settings], problems: Problems) -> 
         serial_number = node["serial_number"].value
         place = problems.place(f"nodes.{name}", "serial_number")
         if serial_number is None:
-            if node["node_id"].value == UNCONFIGURED:
-                right = "give one, for LSS finds an unconfigured node by it"
-                problems.add(place, f"missing; {right}")
-            continue
+            serial_number = named_serial_number(name)
         owner = owners.setdefault((node["eds"].value, serial_number), name)
         if owner != name:
             right = "give each device of a kind its own"

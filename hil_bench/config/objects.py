@@ -1,6 +1,7 @@
 """The tables ``[nodes.NAME.objects]``: other defaults than those of the EDS file, and bindings."""
 
 import re
+import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,6 +58,14 @@ def parse_object(name: str) -> tuple[int, int]:
 def name_object(index: int, subindex: int) -> str:
     """Return the name of an object, as in ``0x1400.05``."""
     return f"0x{index:04X}.{subindex:02X}"
+
+
+def named_serial_number(name: str) -> int:
+    """Return the serial number of the node of a name that has no other: its CRC-32.
+
+    It is never 0, which stands for none.
+    """
+    return zlib.crc32(name.encode()) or 1
 
 
 def override_defaults(

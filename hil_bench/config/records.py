@@ -14,6 +14,7 @@ from hil_bench.config.choices import (
 )
 from hil_bench.config.objects import ObjectValue, name_object
 from hil_bench.config.settings import Setting
+from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.modbus.data_types import WordOrder
@@ -148,7 +149,8 @@ class NodeConfig:
         bus: the name of the bus that it is on.
         eds: its EDS file.
         storage: folder of the file that it stores its parameters in; None for memory.
-        serial_number: 0x1018.04; None for that of the EDS file.
+        serial_number: 0x1018.04; None for that of the EDS file, or where that has none for one that
+            is made of the node's name.
         objects: other power-on values than those of the EDS file, by index and sub-index.
         sources: the objects that show quantities of the plant.
         place: how messages name its table.
@@ -321,6 +323,18 @@ class BenchConfig:
     def buses(self) -> dict[str, BusConfig]:
         """All buses by their names; a frame has the number of its bus in this order."""
         return {FIRST_BUS: self.bus, **self.further_buses}
+
+    @property
+    def first_axis(self) -> AxisConfig:
+        """The first axis.
+
+        Raises:
+            ConfigError: the bench has none.
+        """
+        if not self.axes:
+            place = f"{self.path}:plant" if self.path else "plant"
+            raise ConfigError(f"{place}: the bench has no axis; give it one, as [plant.axis1]")
+        return self.axes[0]
 
     def seen_from(self, bus: str) -> "BenchConfig":
         """Return what is to be found on one of the buses: that bus alone, with its nodes."""

@@ -3,7 +3,7 @@
 from binascii import crc_hqx
 
 from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.sdo_client import code_text, shown
+from hil_bench.conformance.sdo_client import Bounds, code_text, shown
 from hil_bench.conformance.sdo_upload_checks import long_object
 from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
 
@@ -63,7 +63,10 @@ class BlockUpload:
         self.begin(sizes[0])
         data = bytearray()
         is_over = False
+        # The last segment is padded, and what was not confirmed comes again.
+        bounds = Bounds(self._dut.wire, None if self.size is None else self.size + 7)
         while not is_over:
+            bounds.check(len(data))
             segments, is_over = self.sub_block(sizes.pop(0) if len(sizes) > 1 else sizes[0])
             if missing and (drop := min(missing.pop(0), len(segments))):
                 del segments[-drop:]

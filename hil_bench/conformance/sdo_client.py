@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterable
+from itertools import count
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.conformance.verdicts import Deviation, Refused
@@ -13,7 +14,39 @@ _LONG = struct.Struct("<BHBI")
 _ABORT = 0x80
 _LAST = 0x01
 _TOGGLE = 0x10
-_MOST_SEGMENTS = 10_000
+
+MOST_BYTES = 0x10000
+"""Bytes that an upload brings at most; a device that sends more has lost the end."""
+
+LONGEST_TRANSFER = 60.0
+"""Time that an upload takes at most [s]."""
+
+
+class Bounds:
+    """What an upload may take before it is given up.
+
+    Args:
+        wire: the bus, whose clock counts.
+        size: bytes that the device announced, None for none.
+    """
+
+    def __init__(self, wire: Wire, size: int | None) -> None:
+        self._now = wire.now
+        self._end = wire.now() + LONGEST_TRANSFER
+        self._most = MOST_BYTES if size is None else min(size, MOST_BYTES)
+        self._size = size
+
+    def check(self, length: int) -> None:
+        """Look whether so many bytes, or segments, are within the bounds while more follow.
+
+        Raises:
+            Deviation: they are not.
+        """
+        if length > self._most:
+            told = "" if self._size is None else f"{self._size} bytes announced; "
+            raise Deviation(f"{told}more than {self._most} bytes came, and no last segment")
+        if self._now() > self._end:
+            raise Deviation(f"no last segment within {LONGEST_TRANSFER:g} s")
 
 
 class SdoClient:
@@ -124,10 +157,11 @@ class SdoClient:
             size: bytes that the device announced, None for none.
 
         Raises:
-            Deviation: a toggle bit or the number of bytes is wrong.
+            Deviation: a toggle bit or the number of bytes is wrong, or there is no end.
         """
         data = bytearray()
-        for number in range(_MOST_SEGMENTS):
+        bounds = Bounds(self._wire, size)
+        for number in count():
             request = bytes([0x60 | (number & 1) << 4, *bytes(7)])
             answer = self.exchange(request)
             if answer[0] >> 5 != 0 or answer[0] & _TOGGLE != request[0] & _TOGGLE:
@@ -138,6 +172,7 @@ class SdoClient:
             data += answer[1 : 8 - (answer[0] >> 1 & 7)]
             if answer[0] & _LAST:
                 break
+            bounds.check(max(len(data), number))
         if size is not None and len(data) != size:
             raise Deviation(f"{size} bytes announced, {len(data)} came")
         return bytes(data)

@@ -14,7 +14,7 @@ and the counter stands at its nearest end (at its last value where the position 
 speed beyond the counter stands at its end and sets bit 0 of the warnings 0x6505.
 
 The cyclic timer 0x6200 and the event timer 0x1800.05 are one value. Cams and work area: see
-`position_switches`.
+`position_switches`; total measuring range and identification: `measuring_range`.
 
 Sources: Temposonics E-Series and HYDAC HLT 1100 operation manuals (objects and units),
 TR-Electronic LA-46 manual (error register of a position error) and CM-36 manual (preset, its abort
@@ -29,6 +29,7 @@ from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32, UNSIGNED16,
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
+from hil_bench.devices.measuring_range import MeasuringRange
 from hil_bench.devices.position_switches import CamSwitches, WorkArea
 from hil_bench.devices.profile_objects import locate, optional, required
 from hil_bench.devices.saturation import saturate
@@ -63,11 +64,12 @@ class EncoderDevice:
         node: the node that carries it on the bus.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, span: tuple[float, float] = (0.0, 0.0)) -> None:
         """Bind the profile's objects; EdsError where one is missing or of a wrong kind.
 
         Args:
             node: the node; its object dictionary comes from the encoder's EDS file.
+            span: positions at the ends of the measuring range [m]; by default it tells of none.
         """
         self.node = node
         self._last_position: float = 0.0
@@ -80,6 +82,7 @@ class EncoderDevice:
         self._bind_timer()
         self._cams = CamSwitches(node.object_dictionary)
         self._work_area = WorkArea(node.object_dictionary)
+        self._range = MeasuringRange(node.object_dictionary, span)
         self._restart()
 
     def _bind_position(self) -> None:
@@ -264,6 +267,7 @@ class EncoderDevice:
         self._acceleration_counts = direction * ACCELERATION_UNITS / step
         self._operating_status.value = self._parameters.value & REVERSED_BIT
         self._measuring_step.value = self._position_step.value
+        self._range.show(self._position_counts)
 
 
 def _check_step(step: int) -> None:

@@ -1,7 +1,7 @@
 """A pressure transducer with one channel on the bus: profile CiA 404.
 
 The process value stands in three formats: REAL32 0x6130.01 in the unit of 0x6131.01, and INTEGER16
-0x7130.01 and INTEGER32 0x9130.01, both times 10^(0x6132.01). The unit may be bar, kPa or psi; the
+0x7130.01 and INTEGER32 0x9130.01, both times 10^(0x6132.01). The unit is one of `UNITS`; the
 span 0x6148.01 to 0x6149.01 is the transducer's own and is shown in the same unit. What lies between
 the measured pressure and the process value is the `analogue_input`; `value_interrupts` send it.
 
@@ -43,11 +43,19 @@ from hil_bench.errors import EdsError, ParameterError, SdoAbort
 UNITS: Final[Mapping[int, float]] = MappingProxyType(
     {
         0x004E0000: 1e5,  # bar
+        0xFD4E0000: 1e2,  # mbar
+        0x00220000: 1.0,  # Pa
+        0x02220000: 1e2,  # hPa
         0x03220000: 1e3,  # kPa
+        0x06220000: 1e6,  # MPa
         0x00AB0000: 0.45359237 * 9.80665 / 0.0254**2,  # psi: pound-force a square inch
     }
 )
-"""Pressure of one unit [Pa], by the unit's code in 0x6131 (CiA 303-2)."""
+"""Pressure of one unit [Pa], by the unit's code in 0x6131.
+
+The highest byte is the power of ten as a signed number, the next one the unit: 0x22 pascal, 0x4E
+bar (CiA 303-2), 0xAB psi.
+"""
 
 OVERLOAD_MARGIN: Final = 0.03125
 """How far beyond the span a pressure is still measured, as a part of the span."""

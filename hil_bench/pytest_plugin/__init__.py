@@ -396,7 +396,7 @@ def _is_of(profile: str, node: "NodeConfig") -> bool:
 def _node(config: "BenchConfig", wanted: "Callable[[NodeConfig], bool]", what: str) -> "NodeConfig":
     """Return the node of the first axis that a fixture binds, or skip the test."""
     for node in config.nodes:
-        if node.axis == config.axes[0].name and wanted(node):
+        if config.axes and node.axis == config.axes[0].name and wanted(node):
             return node
     pytest.skip(f"the first axis of the bench has no {what}")
 

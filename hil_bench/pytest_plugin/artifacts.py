@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_bench.recording.files import RecordingFile
 from hil_bench.recording.frames import FrameFile
-from hil_bench.recording.plot import Span, plot_result
+from hil_bench.recording.plot import Span, has_axis, plot_result
 from hil_bench.virtual_bench import VirtualBench
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -45,7 +45,7 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
         trace.write_frames(tuple(bench.frames))
     with RecordingFile(files["signals"]) as signals:
         signals.write(bench.signals)
-    if find_spec("matplotlib") is not None and bench.signals.size:
+    if find_spec("matplotlib") is not None and bench.signals.size and has_axis(bench.signals):
         files["plot"] = directory / f"{stem}.png"
         plot_result(bench.signals, files["plot"], title=stem, spans=fault_spans(bench))
     return files

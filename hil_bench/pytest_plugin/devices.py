@@ -41,6 +41,7 @@ class Devices:
     def __init__(self, config: BenchConfig, networks: Networks, stack: ExitStack) -> None:
         self._nodes = {node.name: node for node in config.nodes}
         self._networks = networks
+        self._event_timer = max(EVENT_TIMER, config.tick_ns * 1e-9)  # none is finer than a tick
         self._stack = stack
         self._drivers: dict[str, Driver] = {}
 
@@ -65,12 +66,12 @@ class Devices:
             self._stack.enter_context(driver)
             driver.setup(
                 transmission_type=254,
-                event_timer=EVENT_TIMER,
+                event_timer=self._event_timer,
                 command_timeout=0.0,
                 heartbeat_timeout=4 * HEARTBEAT_PERIOD,
             )
         else:
-            driver.setup(transmission_type=254, event_timer=EVENT_TIMER)
+            driver.setup(transmission_type=254, event_timer=self._event_timer)
         _start(network, driver, node.node_id)
         return driver
 

@@ -147,6 +147,7 @@ class Shadow:
 
 
 def _sound(config: BenchConfig) -> BenchConfig:
-    """Return a bench without faults, stored parameters and Modbus."""
+    """Return a bench without faults, stored parameters and Modbus; it must have an axis."""
+    axes = (config.first_axis, *config.axes[1:])
     nodes = tuple(replace(node, storage=None) for node in config.nodes)
-    return replace(config, nodes=nodes, faults=(), modbus=None)
+    return replace(config, axes=axes, nodes=nodes, faults=(), modbus=None)

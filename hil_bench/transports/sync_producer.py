@@ -128,7 +128,11 @@ class SyncProducer:
             self._refuse(self._take())
 
     def _find_nodes(self) -> None:
-        """Ask until nodes have answered, and nothing more comes; a bus that goes on is refused."""
+        """Ask until nodes have answered, and nothing more comes; a bus that goes on is refused.
+
+        Raises:
+            _LockStepError: the answers have no end.
+        """
         deadline = self._clock() + START_TIMEOUT
         while not self._answered and self._clock() < deadline:
             self._ask(self._node_ids)
@@ -137,6 +141,8 @@ class SyncProducer:
                 frames = self._take()
                 if self._clock() > end:
                     self._refuse(frames)
+                if self._clock() > end + ANSWER_TIMEOUT:
+                    raise _LockStepError("SDO answers come without end; each node was asked once")
 
     def _refuse(self, unasked: Sequence[Frame]) -> None:
         """Refuse frames that nothing of ours has brought.

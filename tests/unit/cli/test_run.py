@@ -8,6 +8,7 @@ import socket
 import can
 import pytest
 
+from device_profiles import IMITATIONS
 from hil_bench.cli import main
 from hil_bench.cli.bench_bus import check_hub
 from hil_bench.errors import BusError
@@ -32,6 +33,43 @@ def test_it_introduces_itself_runs_and_sums_up(capsys):
     assert "frames    0 received (0 for nobody here), 4 sent\n" in out  # four boot-up messages
     assert out.endswith("node 4    position: PRE-OPERATIONAL\n")
     assert err == ""
+
+
+@pytest.fixture
+def io_alone(tmp_path):
+    """A file with a module made from its EDS file, and no axis."""
+    path = tmp_path / "io.toml"
+    eds = IMITATIONS / "analogue_io_401.eds"
+    path.write_text(f'[nodes.io]\nnode_id = 10\neds = "{eds}"\n')
+    return path
+
+
+def test_a_bench_without_an_axis_runs_and_is_recorded_and_drawn(io_alone, tmp_path, capsys):
+    recording = tmp_path / "run.mf4"
+    words = ["--duration", "0.05", "--record", str(recording), str(io_alone)]
+    assert main(["run", *BUS, *words]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"bench  {io_alone}, 1000 Hz, no axis\n")
+    assert "ticks     50 of 1000 us, 0 overran, 0 skipped\n" in out
+    assert f"recorded  50 rows, 1 frames: {recording}\n" in out  # the boot-up message
+    assert main(["plot", str(recording)]) == 0  # the traffic
+    assert recording.with_suffix(".png").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["demo", "--speed", "max"],
+        ["analyse", "linearisation"],
+        ["identify", "x.csv"],
+        ["shadow", *BUS],
+    ],
+)
+def test_what_needs_an_axis_says_so(io_alone, tmp_path, monkeypatch, words, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main([*words, str(io_alone)]) == 2
+    right = f"{io_alone}:plant: the bench has no axis; give it one, as [plant.axis1]\n"
+    assert capsys.readouterr().err == f"hil-bench: error: {right}"
 
 
 class SlowClock(VirtualClock):

@@ -1,5 +1,7 @@
 """Networks in virtual time: in front of a whole bench, or of a device that a test plays itself."""
 
+from contextlib import ExitStack
+
 import pytest
 
 from drivers import Network
@@ -52,6 +54,18 @@ def device_network(device):
     """A network on which the device of the test is alone."""
     with EmbeddedBus(device.tick) as bus, Network(bus, clock=bus.now) as network:
         yield network
+
+
+@pytest.fixture
+def make_network():
+    """Return the network in front of a device with a `tick` of its own."""
+    with ExitStack() as stack:
+        yield lambda device: _network_of(device, stack)
+
+
+def _network_of(device, stack):
+    bus = stack.enter_context(EmbeddedBus(device.tick))
+    return stack.enter_context(Network(bus, clock=bus.now))
 
 
 @pytest.fixture

@@ -1,11 +1,19 @@
 """What a node says of itself. Right values are those of the EDS files, read by canopen."""
 
+import re
+
 import canopen
 import pytest
 
 from device_profiles import PRESSURE_404
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.commissioning.discovery import Sighting
-from hil_bench.commissioning.identity import NodeDescription, describe
+from hil_bench.commissioning.identity import (
+    LONGEST_READING,
+    MOST_BYTES,
+    NodeDescription,
+    describe,
+)
 
 ABORT = "8000100000000206"
 
@@ -79,3 +87,65 @@ def test_text_from_the_bus_cannot_reach_the_terminal_as_control_characters(devic
 )
 def test_the_profile_is_told_in_words(device_type, words):
     assert NodeDescription(1, None, clash=False, device_type=device_type).profile == words
+
+
+class Endless:
+    """Node 5 answers every read by segments, of which none is the last."""
+
+    def __init__(self, latency=0):
+        self.latency, self.due = latency, []
+        self.requests = 0
+
+    def tick(self, frames, now):
+        for frame in frames:
+            self.requests += 1
+            data = frame.data
+            if data[0] == 0x40:
+                answer = b"\x40" + data[1:4] + bytes(4)
+            else:
+                answer = bytes([data[0] & 0x10]) + b"abcdefg"
+            if frame.can_id == 0x605 and data[0] != 0x80:
+                self.due.append((now + self.latency, Frame(0x585, answer)))
+        sent = [frame for time, frame in self.due if time <= now]
+        self.due = [(time, frame) for time, frame in self.due if time > now]
+        return sent
+
+
+def test_segments_without_end_are_given_up_and_said(make_network):
+    device = Endless()
+    found = describe(make_network(device), Sighting(5))
+    assert found.problem == (
+        f"node 5: cannot read 0x1000: more than {MOST_BYTES} bytes came; it was aborted"
+    )
+    assert device.requests <= MOST_BYTES // 7 + 3
+
+
+def test_slow_answers_are_given_up_after_a_while(make_network):
+    network = make_network(Endless(latency=400_000_000))  # [ns], each just in time
+    begin = network.now()
+    assert (
+        "node 5: has not told all in 10 s; 0x1000 was the last"
+        in describe(network, Sighting(5)).problem
+    )
+    assert network.now() - begin <= LONGEST_READING + 0.5
+
+
+def test_a_long_history_of_slow_answers_is_given_up_too(make_network):
+    class Slow(Endless):
+        """Each number is 254, and comes just in time."""
+
+        def tick(self, frames, now):
+            for frame in frames:
+                if frame.can_id == 0x605 and frame.data[0] == 0x40:
+                    answer = b"\x43" + frame.data[1:4] + b"\xfe\0\0\0"
+                    self.due.append((now + self.latency, Frame(0x585, answer)))
+            return super().tick([], now)
+
+    network = make_network(Slow(latency=400_000_000))
+    begin = network.now()
+    found = describe(network, Sighting(5))
+    assert re.fullmatch(
+        r"node 5: has not told all in 10 s; 0x1003\.[0-9A-F]{2} was the last", found.problem
+    )
+    assert found.vendor_id == 254  # what was read before counts
+    assert network.now() - begin <= LONGEST_READING + 0.5

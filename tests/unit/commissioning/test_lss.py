@@ -1,5 +1,6 @@
 """Devices without node-ID, found bit by bit (CiA 305)."""
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.commissioning.lss import LssAddress, find_unconfigured
 
 UNCONFIGURED = """
@@ -44,3 +45,18 @@ def test_a_bus_without_such_devices_is_soon_done(open_bench):
 def test_a_device_that_answers_once_and_vanishes_is_not_invented(device, device_network):
     device.answer(0x7E5, "5100000000800000", (0x7E4, "4F00000000000000"))
     assert find_unconfigured(device_network) == []
+
+
+def test_a_device_that_answers_every_request_is_found_once(make_network, caplog):
+    class Parrot:
+        """Answers whatever LSS asks, also after it was found."""
+
+        def tick(self, frames, _now):
+            identified = Frame(0x7E4, b"\x4f".ljust(8, b"\0"))
+            return [identified for frame in frames if frame.can_id == 0x7E5]
+
+    network = make_network(Parrot())
+    begin = network.now()
+    assert find_unconfigured(network) == [LssAddress(0, 0, 0, 0)]
+    assert network.now() - begin < 5.0
+    assert "answers LSS on after it was found" in caplog.text

@@ -118,10 +118,21 @@ TOGETHER = [
     (f'{IO}{OBJECTS}{SINK}"0x6411.02" = {{ sink = "axis1.spool_setpoint" }}', "nodes.io.objects.0x6411.02.sink: axis1 has the sink bench.toml:nodes.io.objects.0x6411.01 already; give each axis one valve or one sink"),
     (f"{VALVE}{IO}{OBJECTS}{SINK}", "nodes.io.objects.0x6411.01.sink: axis1 has the valve nodes.valve already; give each axis one valve or one sink"),
     (f"{VALVE}[nodes.valve.objects]\n{SINK}", "nodes.valve.objects.0x6411.01.sink: nodes.valve does what its profile says; give the sink to a node without a profile"),
-    (IO, 'plant.axis1: has no valve; give it a node with profile = "valve_408" and axis = "axis1", or bind an object with sink = "axis1.spool_setpoint"'),
+    (f"{IO}[plant.axis1]\n", 'plant.axis1: has no valve; give it a node with profile = "valve_408" and axis = "axis1", or bind an object with sink = "axis1.spool_setpoint"'),
     ('[nodes.io]\nprofile = "generic"\nnode_id = 1', 'nodes.io.eds: missing; give for example eds = "vendor.eds"'),
     (f'{IO}axis = "axis1"', "nodes.io.axis: unknown key; the nearest known key is eds"),
 ]  # fmt: skip
+
+
+def test_devices_that_nothing_binds_to_the_plant_need_no_axis(write: Write) -> None:
+    config = load_config(write(f"{IO}{OBJECTS}'0x6401.01' = 5\n"))
+    assert config.axes == ()
+    assert [node.axis for node in config.nodes] == [None]
+
+
+def test_a_single_binding_brings_the_default_axis(write: Write) -> None:
+    config = load_config(write(f"{IO}{OBJECTS}{SINK}"))
+    assert [axis.name for axis in config.axes] == ["axis1"]
 
 
 @pytest.mark.parametrize(

@@ -257,7 +257,7 @@ def test_records_are_frozen() -> None:
         load_config().seed = 2  # type: ignore[misc]
 
 
-def test_a_node_without_node_id_needs_a_serial_number(write: Write) -> None:
+def test_a_node_without_node_id_may_have_a_serial_number(write: Write) -> None:
     text = '[nodes.v]\nprofile = "valve_408"\nnode_id = "unconfigured"\nserial_number = 77\n'
     (valve,) = load_config(write(text)).nodes
 

@@ -93,7 +93,6 @@ TOGETHER = [
     (f'{VALVE}[nodes.v2]\nprofile = "valve_408"\nnode_id = 2', "nodes.v2.axis: axis1 has the valve nodes.valve already; give each axis one valve or one sink"),
     (f'{VALVE}eds = "no.eds"', "nodes.valve.eds: there is no file no.eds; give the path of an EDS file"),
     (f'{VALVE}storage = "bench.toml"', "nodes.valve.storage: bench.toml is no folder; give the path of one, which may be new"),
-    ('[nodes.valve]\nprofile = "valve_408"\nnode_id = 255', "nodes.valve.serial_number: missing; give one, for LSS finds an unconfigured node by it"),
     ('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\nserial_number = 4294967296', "nodes.valve.serial_number: 4294967296 is out of range; give an integer from 0 to 4294967295"),
     (f'{VALVE}[nodes.a]\nprofile = "encoder_406"\nnode_id = 2\nserial_number = 1\n[nodes.b]\nprofile = "encoder_406"\nnode_id = 3\nserial_number = 1', "nodes.b.serial_number: 1 is that of nodes.a too; give each device of a kind its own"),
     # Physical sense is the plant's to judge; the key is the one that the user wrote.

@@ -4,7 +4,7 @@ import can
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.wire import Wire
+from hil_bench.conformance.wire import BACKLOG, Wire
 from hil_bench.errors import BusError
 from hil_bench.transports.embedded import EmbeddedBus
 
@@ -68,3 +68,22 @@ def test_a_lost_bus_is_told(wire):
         wire.send(Frame(1))
     with pytest.raises(BusError, match="shut down"):
         wire.wait(0.1)
+
+
+@pytest.mark.parametrize(
+    "wait", [lambda wire: wire.take(by(2), 0.01), lambda wire: wire.wait(0.01)]
+)
+def test_a_flood_that_never_ends_holds_no_wait_up(monkeypatch, wire, wait):
+    taken = 0
+
+    def flood(_timeout):
+        nonlocal taken
+        taken += 1
+        assert taken < 100_000
+        return can.Message(arbitration_id=1, is_extended_id=False)
+
+    clock = iter(range(1_000_000))
+    monkeypatch.setattr(wire._bus, "recv", flood)
+    monkeypatch.setattr(wire, "now", lambda: next(clock) * 1e-3)  # each look at it takes 1 ms
+    assert wait(wire) is None
+    assert BACKLOG <= taken < BACKLOG + 50  # what had come by then, and the frames of 10 ms

@@ -220,6 +220,11 @@ def test_default_pdos(path, communication, expected):
     assert pdo(load_eds(path, NODE_ID), communication) == expected
 
 
+def test_tools_that_label_by_name_can_tell_the_objects_of_pdos_apart(path):
+    names = [v.name.casefold() for v in load_eds(path, NODE_ID) if v.mappable]
+    assert len(set(names)) == len(names) > 0
+
+
 def test_every_object_is_told_in_the_documentation(path):
     document = DOCUMENT.read_text(encoding="utf-8")
     missing = {

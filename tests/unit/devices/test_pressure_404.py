@@ -19,6 +19,8 @@ BAR = 1e5
 SPAN = (0.0, 250 * BAR)
 PDOS = range(0x1400, 0x1C00)
 UNIT_BAR, UNIT_KPA, UNIT_PSI = 0x004E0000, 0x03220000, 0x00AB0000
+# CiA 303-2: the power of ten as a signed byte (0xFD is -3), then the unit: 0x22 pascal, 0x4E bar.
+UNIT_PA, UNIT_HPA, UNIT_MPA, UNIT_MBAR = 0x00220000, 0x02220000, 0x06220000, 0xFD4E0000
 
 
 def fit_transducer(rig):
@@ -68,6 +70,11 @@ def test_the_process_value_in_three_formats(rig, pressure, expected):
         (UNIT_BAR, 1, (100.0, 1000, 1000)),
         (UNIT_KPA, 0, (10000.0, 10000, 10000)),
         (UNIT_PSI, 1, (1450.37738, 14504, 14504)),
+        # and = 10 MPa = 100,000 hPa = 100,000 mbar = 10,000,000 Pa
+        (UNIT_MPA, 3, (10.0, 10000, 10000)),
+        (UNIT_HPA, 0, (100000.0, -32768, 100000)),
+        (UNIT_MBAR, 0, (100000.0, -32768, 100000)),
+        (UNIT_PA, 0, (10000000.0, -32768, 10000000)),
         # Too large for INTEGER16 only: that format has no value.
         (UNIT_BAR, 3, (100.0, -32768, 100000)),
         (UNIT_KPA, 3, (10000.0, -32768, 10000000)),
@@ -92,7 +99,11 @@ def test_the_integer_format_ends_at_its_last_value(rig, pressure, int16):
 
 
 @pytest.mark.parametrize(
-    ("unit", "end"), [(UNIT_BAR, 250.0), (UNIT_KPA, 25000.0), (UNIT_PSI, 3625.94344)]
+    ("unit", "end"),
+    [
+        *((UNIT_BAR, 250.0), (UNIT_KPA, 25000.0), (UNIT_PSI, 3625.94344)),
+        *((UNIT_PA, 25e6), (UNIT_HPA, 250e3), (UNIT_MPA, 25.0), (UNIT_MBAR, 250e3)),
+    ],
 )
 def test_the_span_is_shown_in_the_unit(rig, unit, end):
     assert rig.write(0x6131, 1, unit, 4) is None

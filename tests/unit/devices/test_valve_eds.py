@@ -43,7 +43,10 @@ def edited_eds(tmp_path):
     return edit
 
 
-REFERENCE = "[6311sub1]\nParameterName=Value\nObjectType=0x7\nDataType=0x0003\nAccessType=ro\n"
+REFERENCE = (
+    "[6311sub1]\nParameterName=Spool reference value\n"
+    "ObjectType=0x7\nDataType=0x0003\nAccessType=ro\n"
+)
 
 
 def test_another_reference_value_scales_setpoint_and_actual_value(make_rig, edited_eds):
@@ -78,5 +81,7 @@ def test_a_reference_value_may_be_written_where_the_eds_allows_it(make_rig, edit
 
 def test_a_wrong_data_type_is_refused(make_rig, edited_eds):
     unsigned = REFERENCE.replace("0x0003", "0x0006")
-    with pytest.raises(EdsError, match=r"0x6311\.01 \(Value\) is UNSIGNED16; .* INTEGER16"):
+    with pytest.raises(
+        EdsError, match=r"0x6311\.01 \(Spool reference value\) is UNSIGNED16; .* INTEGER16"
+    ):
         ValveDevice(make_rig(edited_eds(REFERENCE, unsigned)).node, FULL_OPENING)

@@ -14,6 +14,7 @@ import matplotlib.figure
 import numpy as np
 import pytest
 
+from device_profiles import IMITATIONS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
 from hil_bench.pytest_plugin import failure_report
@@ -50,6 +51,27 @@ def test_drivers_are_on_the_bus_of_their_node(pytester):
     )
     result = pytester.runpytest(f"--hil-config={EXAMPLES / 'two_buses.toml'}")
     result.assert_outcomes(passed=1)
+
+
+def test_a_bench_of_nodes_alone_is_scripted_and_drivers_of_an_axis_are_skipped(pytester):
+    eds = IMITATIONS / "analogue_io_401.eds"
+    pytester.makefile(".toml", io=f'[nodes.io]\nnode_id = 10\neds = "{eds}"\n')
+    pytester.makepyfile(
+        "def test_an_input_reaches_the_controller(bench, network):\n"
+        "    bench.run(0.002)\n"
+        "    network.start_node(10)\n"
+        "    heard = []\n"
+        "    network.subscribe(0x28A, lambda data, now: heard.append(data) or True)\n"
+        "    bench.run(0.01)\n"
+        "    bench.nodes['io']['0x6401.01'] = 1234\n"
+        "    bench.run(0.001)\n"
+        "    assert heard[-1] == bytes.fromhex('d204000000000000')\n"
+        "def test_drives(valve):\n"
+        "    pass\n"
+    )
+    result = pytester.runpytest_subprocess("--hil-config=io.toml", "-rs")
+    result.assert_outcomes(passed=1, skipped=1)
+    result.stdout.fnmatch_lines(["*the first axis of the bench has no valve_408*"])
 
 
 def test_each_test_gets_a_fresh_bench(bench):

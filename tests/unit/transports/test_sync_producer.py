@@ -86,7 +86,9 @@ def test_a_node_in_the_middle_of_a_transfer_is_not_asked(config):
 
 def test_what_the_controller_asks_itself_it_is_told(config):
     network = network_of(join(DirectLockStep(config)), config)
-    assert [network.add_node(node).upload(0x1018, 4)[0] for node in NODE_IDS] == [*NODE_IDS]
+    device_types = [network.add_node(node).upload(0x1000) for node in NODE_IDS]
+    profiles = [int.from_bytes(raw[:2], "little") for raw in device_types]
+    assert profiles == [408, 404, 404, 406]
     with pytest.raises(SdoAbortError):
         network.add_node(1).upload(0x1018, 5)
 
@@ -188,3 +190,19 @@ def test_after_an_interruption_the_rest_of_the_answers_is_no_surprise(config, mo
             producer.tick([START_ALL], 0)
     heard = producer.tick([Frame(0x604, bytes.fromhex("4000100000000000"))], 0)
     assert heard[-1].can_id == 0x584
+
+
+def test_answers_without_end_are_refused(config):
+    class Parrot(DirectLockStep):
+        """Node 1 repeats its answer to the first request for ever."""
+
+        def receive(self, limit):
+            frames = super().receive(limit)
+            answers = [f for f in frames if f.can_id == 0x581]
+            for frame in answers[:1]:
+                self.put(frame)
+            self._clock += 0.01
+            return frames
+
+    with pytest.raises(BusError, match="direct: SDO answers come without end"):
+        join(Parrot(config))

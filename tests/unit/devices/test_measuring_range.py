@@ -1,0 +1,110 @@
+"""The measuring range and the identification of the encoder (CiA 406) behind a real node."""
+
+import pytest
+from support.encoders import move, position
+
+from device_profiles import ENCODER_406, IMITATIONS
+from hil_bench.config import load_config
+from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.virtual_bench import VirtualBench
+
+FIXED = 0x01000302  # profile version 3.2 in the low word, software version 1.0 above it
+
+
+@pytest.fixture
+def rig(make_rig):
+    rig = make_rig(ENCODER_406)
+    rig.device = EncoderDevice(rig.node, (-0.1, 0.3))
+    move(rig, 0.0)
+    return rig
+
+
+def shown(rig):
+    return rig.value(0x6002), rig.value(0x650A, 2), rig.value(0x650A, 3)
+
+
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    # -0.1 to 0.3 m in steps of 1 um (1000 x 0.001 um), 0.1 mm, 1 nm, and of 4 mm
+    [
+        (1000, (400_000, -100_000, 300_000)),
+        (100_000, (4000, -1000, 3000)),
+        (1, (400_000_000, -100_000_000, 300_000_000)),
+        (4_000_000, (100, -25, 75)),
+    ],
+)
+def test_the_range_counts_steps(rig, step, expected):
+    assert rig.write(0x6005, 1, step, 4) is None
+    assert shown(rig) == expected
+
+
+def test_a_reversed_encoder_has_its_ends_the_other_way_round(rig):
+    assert rig.write(0x6000, 0, 0x0008, 2) is None
+    assert shown(rig) == (400_000, -300_000, 100_000)
+
+
+def test_a_preset_shifts_the_position_and_not_the_range(rig):
+    move(rig, 0.05)
+    assert rig.write(0x6003, 0, 0, 4) is None
+    assert (position(rig), rig.value(0x6509)) == (0, -50_000)
+    assert shown(rig) == (400_000, -100_000, 300_000)
+    assert rig.value(0x650A, 1) == 0  # the maker's own offset
+
+
+def test_a_range_that_no_counter_holds_ends_with_it(make_rig):
+    rig = make_rig(ENCODER_406)
+    rig.device = EncoderDevice(rig.node, (-5.0, 5.0))
+    rig.tick()
+    assert rig.write(0x6005, 1, 1, 4) is None  # 1 nm: 10,000,000,000 steps
+    assert shown(rig) == (0xFFFFFFFF, -(2**31), 2**31 - 1)
+
+
+def test_it_is_back_after_a_reset(rig):
+    before = shown(rig)
+    rig.nmt(0x81)
+    rig.tick(2)
+    assert shown(rig) == before
+
+
+def test_it_says_what_it_is(rig):
+    assert rig.value(0x6507) == FIXED
+    assert rig.value(0x6508) == 0xFFFFFFFF  # operating time: not supported
+
+
+@pytest.mark.parametrize("subindex", [1, 2, 3])
+def test_the_identification_is_read_only(rig, subindex):
+    assert rig.write(0x650A, subindex, 0, 4) == 0x06010002
+
+
+@pytest.mark.parametrize("index", [0x6002, 0x6507, 0x6508, 0x650B])
+def test_the_others_are_read_only_too(rig, index):
+    assert rig.write(index, 0, 0, 4) == 0x06010002
+
+
+def test_a_file_that_lets_the_bus_write_the_range_takes_no_other(make_rig, tmp_path):
+    eds = tmp_path / "writable.eds"
+    text = ENCODER_406.read_text()
+    at = text.index("[6002]")
+    eds.write_text(text[:at] + text[at:].replace("AccessType=ro", "AccessType=rw", 1))
+    rig = make_rig(eds)
+    rig.device = EncoderDevice(rig.node, (-0.1, 0.3))
+    rig.tick()
+    assert rig.write(0x6002, 0, 400_000, 4) is None
+    assert rig.write(0x6002, 0, 400_001, 4) == 0x06090030
+    assert rig.value(0x6002) == 400_000
+
+
+@pytest.mark.parametrize("eds", [ENCODER_406, IMITATIONS / "encoder_multi_sensor.eds"])
+def test_on_a_bench_it_is_the_stroke_and_the_serial_number_that_of_the_node(tmp_path, eds):
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        "[plant.axis1]\nstroke_mm = 250.0\n"
+        '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+        f'[nodes.position]\nprofile = "encoder_406"\nnode_id = 4\neds = "{eds}"\n'
+        "serial_number = 4711\n"
+    )
+    with VirtualBench(load_config(path)) as bench:
+        bench.run(0.001)
+        objects = bench.nodes["position"]
+        assert [objects[f"0x650A.0{sub}"] for sub in (1, 2, 3)] == [0, -125_000, 125_000]
+        assert (objects["0x6002"], objects["0x650B"]) == (250_000, 4711)

@@ -10,28 +10,38 @@ out of the residuals (variable projection: Kaufman 1975, BIT 15, 49-57).
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.identification.loss import bend_of, cost_of, pull_of
 from hil_bench.identification.record import AxisRecord
+from hil_bench.identification.smoothing import smooth_states
 from hil_bench.identification.spool import recorded_spool
 from hil_bench.identification.unknowns import Guess
-from hil_bench.plant import PlantOptions
+from hil_bench.plant import PlantOptions, PlantParameters
 from hil_bench.plant.batch import LANES, run_starts, spread_setpoints
 
 Values = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
 
 _STEPS = np.array([1e-8, 1e-6, 10.0, 10.0])
-"""Of the start's states for the slopes [m, m/s, Pa, Pa].
+"""Longest steps of the start's states for the slopes [m, m/s, Pa, Pa]."""
 
-Small beside the noise: where a slow piston is about to slip, the motion turns on so little.
+SMALL = 0.03
+"""Norm of a piece's change beyond which a step for slopes is shortened: small beside the noise.
+
+Where a slow piston is about to slip, a longer step gives a chord, not a slope, and the fit stops
+short of the optimum.
 """
 
+_HAIR = 30.0  # times the median piece's: a start of which so much comes amplifies its own errors
+_LOST = 1.3  # times the median rms: a piece whose start may sit in a side minimum of its own
+
 _DAMPINGS = np.array([0.0, 1e-2, 1.0, 1e2, 1e4])  # that are tried, times that of the last step
-_LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e6
+_LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
 _LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
 _KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
@@ -87,7 +97,10 @@ class Shooting:
         pieces: of the record.
         substeps: solver steps an interval of the record.
         scale: what a residual of each signal counts in, shape (3,).
+        knee: of the loss under which starts settle, in multiples of the scale.
         states: at the start of each piece, shape (pieces, 4) [m, m/s, Pa, Pa].
+        spreads: of the states about the smoothed measurements, shape (4,).
+        steps: of the states for slopes, shape (pieces, 4).
     """
 
     record: AxisRecord
@@ -95,19 +108,20 @@ class Shooting:
     pieces: Pieces
     substeps: int
     scale: Values
+    knee: float = np.inf
     states: Values = field(init=False)
+    spreads: Values = field(init=False)
+    steps: Values = field(init=False)
     _smooth: Values = field(init=False)
-    _spreads: Values = field(init=False)
     _measured: Values = field(init=False)
     _setpoints: list[Values] = field(init=False)
     _basis: Values = field(init=False)
-    _triangle: Values = field(init=False)
     _damping: Values = field(init=False)
 
     def __post_init__(self) -> None:
         states, spreads = smooth_states(self.record)
         self._smooth = states[self.pieces.rows]
-        self._spreads = _LOOSENESS * spreads
+        self.spreads = _LOOSENESS * spreads
         self.restart()
         rows = self.pieces.rows[:, np.newaxis] + 1 + np.arange(self.pieces.length)
         self._measured = self.record.measured[rows]
@@ -117,12 +131,12 @@ class Shooting:
         ]
         size = 3 * self.pieces.length + 4
         self._basis = np.zeros((len(rows), size, 4))
-        self._triangle = np.tile(np.eye(4), (len(rows), 1, 1))
 
     def restart(self) -> None:
         """Put the states back to the smoothed measurements."""
         self.states = self._smooth.copy()
-        self._damping = np.full(len(self.states), 1e-3)
+        self._damping = np.full(len(self.states), _FIRST_DAMPING)
+        self.steps = np.tile(_STEPS, (len(self.states), 1))
 
     @property
     def starts(self) -> dict[int, Values]:
@@ -148,21 +162,15 @@ class Shooting:
         blocks = range(len(self._setpoints))
         jobs = [(number, block) for number in range(len(guesses)) for block in blocks]
 
-        def run(job: tuple[int, int]) -> None:
+        def show(job: tuple[int, int]) -> None:
             number, block = job
-            guess, pieces = guesses[number], slice(block * LANES, (block + 1) * LANES)
+            pieces = slice(block * LANES, (block + 1) * LANES)
             starts = np.hstack([states[number][pieces], spools[number][pieces]])
-            starts[:, 0] = np.clip(starts[:, 0], -guess.parameters.h, guess.parameters.h)
-            seen[number, pieces] = run_starts(
-                (guess.parameters, self.options),
-                starts,
-                self._setpoints[block],
-                dt=self.record.interval / self.substeps,
-                every=self.substeps,
-            )[:, :, [0, 2, 3]]
+            run = self._run(guesses[number].parameters, block, starts)
+            seen[number, pieces] = run[:, :, [0, 2, 3]]
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(run, jobs))
+            list(pool.map(show, jobs))
         for number, guess in enumerate(guesses):
             seen[number, :, :, 1:] += guess.offsets
         return seen
@@ -177,7 +185,7 @@ class Shooting:
         Returns:
             Shape (guesses, values).
         """
-        raw = self._raw(guesses, states)
+        raw = self.raw(guesses, states)
         raw -= np.einsum("pvk,gpk->gpv", self._basis, np.einsum("pvk,gpv->gpk", self._basis, raw))
         return raw.reshape(len(guesses), -1)
 
@@ -192,40 +200,79 @@ class Shooting:
             most: steps at most.
         """
         for _ in range(most):
-            slopes, raw = self._slopes(guess)
-            gain = self._step(guess, slopes, raw)
-            if gain <= enough * np.square(raw).sum():
+            raw, slopes = self.slopes(guess)
+            if self._step(guess, slopes, raw) <= enough * self._costs(raw).sum():
                 break
         else:
-            slopes, _ = self._slopes(guess)
-        self._basis, self._triangle = np.linalg.qr(slopes)
+            _, slopes = self.slopes(guess)
+        self._basis, _ = np.linalg.qr(slopes)
 
-    def follow(self, guess: Guess, others: Sequence[Guess]) -> Values:
-        """Return how the states that fit best move from the settled ones, to first order.
+    def relay(self, guess: Guess) -> None:
+        """Settle pieces that fit badly anew, from where the run of the piece before has ended.
 
-        Args:
-            guess: for which the states are settled.
-            others: close to it.
-
-        Returns:
-            Shape (others, pieces, 4).
+        Where the piston sticks and slips, a smoothed start may be a whole cycle off.
         """
-        raw = self._raw([guess, *others], [self.states] * (1 + len(others)))
-        change = np.einsum("pvk,gpv->gpk", self._basis, raw[1:] - raw[0])
-        return np.asarray(
-            -np.linalg.solve(self._triangle, change[..., np.newaxis])[..., 0] * self._spreads
-        )
+        misfits = self.misfits(guess)
+        follows = np.append(False, np.diff(self.pieces.rows) == self.pieces.length)
+        lost = np.flatnonzero((misfits > _LOST * np.median(misfits)) & follows)
+        if not len(lost):
+            return
+        again = self.part(lost)
+        again.states = self._ends(guess)[lost - 1]
+        again.settle(guess)
+        better = again.misfits(guess) < misfits[lost]
+        self.states[lost[better]] = again.states[better]
+
+    def slopes(self, guess: Guess) -> tuple[Values, Values]:
+        """Return the residuals, and their slopes by the states in their spreads.
+
+        The next steps for slopes are short enough for each piece.
+        """
+        moved = [self.states, *(self.states + self.steps * one for one in np.eye(4))]
+        raw = self.raw([guess] * 5, moved)
+        slopes = (raw[1:] - raw[0]).transpose(1, 2, 0) / self.steps[:, np.newaxis]
+        self.shorten(np.linalg.norm(slopes, axis=1))
+        return raw[0], slopes * self.spreads
+
+    def shorten(self, sizes: Values) -> None:
+        """Make the steps for slopes small beside the noise, by the norms of the slopes."""
+        self.steps = np.minimum(_STEPS, SMALL / np.maximum(sizes, 1e-9))
+
+    def copy(self) -> "Shooting":
+        """Return the same with states of its own."""
+        return self.part(np.arange(len(self.states)))
+
+    def part(self, which: npt.NDArray[np.int64]) -> "Shooting":
+        """Return some of the pieces, with their states."""
+        part = replace(self, pieces=Pieces(self.pieces.rows[which], self.pieces.length))
+        part.states = self.states[which]
+        return part
+
+    def misfits(self, guess: Guess) -> Values:
+        """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
+        (raw,) = self.raw([guess], [self.states])
+        return np.asarray(np.sqrt(np.square(raw).mean(axis=1)))
+
+    def turns_on_a_hair(self, guess: Guess) -> Marks:
+        """Return in which pieces the motion amplifies the slightest error of the start."""
+        _, slopes = self.slopes(guess)
+        sizes = np.linalg.norm(slopes, axis=1)
+        return np.asarray((sizes > _HAIR * np.median(sizes, axis=0)).any(axis=1))
+
+    def deviations(self, guess: Guess, states: Values) -> Values:
+        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
+        return np.asarray(self.predict([guess], [states])[0] - self._measured)
 
     def _step(self, guess: Guess, slopes: Values, raw: Values) -> float:
         """Make a step of each piece's states, where one is for the better; return the gain."""
-        normal = slopes.transpose(0, 2, 1) @ slopes
-        pull = np.einsum("pvk,pv->pk", slopes, raw)
+        normal = slopes.transpose(0, 2, 1) @ (slopes * bend_of(raw, self.knee)[..., np.newaxis])
+        pull = np.einsum("pvk,pv->pk", slopes, raw * pull_of(raw, self.knee))
         scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
         dampings = self._damping * _DAMPINGS[:, np.newaxis]
         damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
         shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
-        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self._spreads])
-        costs = np.square(self._raw([guess] * len(trials), list(trials))).sum(axis=2)
+        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self.spreads])
+        costs = self._costs(self.raw([guess] * len(trials), list(trials)))
         best, pieces = np.argmin(costs, axis=0), np.arange(len(self.states))
         self.states = trials[best, pieces]
         # None is for the better: take up where the most careful trial ends.
@@ -233,50 +280,34 @@ class Shooting:
         self._damping = np.clip(self._damping * factors, _LEAST_DAMPING, _MOST_DAMPING)
         return float((costs[0] - costs[best, pieces]).sum())
 
-    def misfits(self, guess: Guess) -> Values:
-        """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
-        residuals = self.residuals([guess], [self.states]).reshape(len(self.states), -1)
-        return np.asarray(np.sqrt(np.square(residuals).mean(axis=1)))
+    def _costs(self, raw: Values) -> Values:
+        return np.asarray(cost_of(raw, self.knee).sum(axis=-1))
 
-    def deviations(self, guess: Guess, states: Values) -> Values:
-        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
-        return np.asarray(self.predict([guess], [states])[0] - self._measured)
+    def _ends(self, guess: Guess) -> Values:
+        """Return the states that the model has at the end of each piece, shape (pieces, 4)."""
+        spool = recorded_spool(guess.parameters, self.record)[self.pieces.rows]
+        ends = np.empty_like(self.states)
+        for block in range(len(self._setpoints)):
+            part = slice(block * LANES, (block + 1) * LANES)
+            starts = np.hstack([self.states[part], spool[part]])
+            ends[part] = self._run(guess.parameters, block, starts)[:, -1, :4]
+        return ends
 
-    def _slopes(self, guess: Guess) -> tuple[Values, Values]:
-        """Return the residuals' slopes by the states in their spreads, and the residuals."""
-        shifted = [self.states, *(self.states + step for step in np.diag(_STEPS))]
-        raw = self._raw([guess] * len(shifted), shifted)
-        slopes = (raw[1:] - raw[0]).transpose(1, 2, 0) / _STEPS * self._spreads
-        return slopes, raw[0]
+    def _run(self, parameters: PlantParameters, block: int, starts: Values) -> Values:
+        """Return what a plant shows in the pieces of a block, as `run_starts` does."""
+        starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
+        return run_starts(
+            (parameters, self.options),
+            starts,
+            self._setpoints[block],
+            dt=self.record.interval / self.substeps,
+            every=self.substeps,
+        )
 
-    def _raw(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+    def raw(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
         """Return residuals of signals and then of the states, shape (guesses, pieces, values)."""
         seen = (self.predict(guesses, states) - self._measured) / self.scale
         seen = np.nan_to_num(seen, nan=_AWFUL, posinf=_AWFUL, neginf=-_AWFUL)
         offsets = np.array([[0.0, 0.0, *guess.offsets] for guess in guesses])[:, np.newaxis]
-        starts = (np.array(states) + offsets - self._smooth) / self._spreads
+        starts = (np.array(states) + offsets - self._smooth) / self.spreads
         return np.concatenate([seen.reshape(*seen.shape[:2], -1), starts], axis=2)
-
-
-def smooth_states(record: AxisRecord) -> tuple[Values, Values]:
-    """Return position, velocity and both pressures of each row by Savitzky-Golay filters.
-
-    Returns:
-        States, shape (rows, 4) [m, m/s, Pa, Pa], and what noise alone leaves on them, shape (4,).
-    """
-    from scipy.signal import savgol_coeffs, savgol_filter  # noqa: PLC0415 - an extra
-
-    slope = {"deriv": 1, "delta": record.interval}
-    filters: list[tuple[int, dict[str, Any]]] = [
-        (0, {"window_length": 7, "polyorder": 3}),
-        (0, {"window_length": 7, "polyorder": 3, **slope}),
-        (1, {"window_length": 5, "polyorder": 2}),
-        (2, {"window_length": 5, "polyorder": 2}),
-    ]
-    states = np.zeros((len(record), 4))
-    for rows in record.stretches:
-        part = slice(rows.start, rows.stop)
-        for state, (signal, how) in enumerate(filters):
-            states[part, state] = savgol_filter(record.measured[part, signal], **how)
-    noise = [record.noise[signal] * np.linalg.norm(savgol_coeffs(**how)) for signal, how in filters]
-    return states, np.array(noise)

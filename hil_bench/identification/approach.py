@@ -1,0 +1,105 @@
+"""From far off to the first fine fit, from several starts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil_bench.identification.fit import WAYS, Fit, Fitter, Values
+from hil_bench.identification.shooting import Pieces
+from hil_bench.identification.stages import AGAIN, MIDDLE, Stage
+from hil_bench.identification.unknowns import Unknowns
+
+_SIDE_MINIMUM = 1.3  # times the noise: residuals above may mean one
+_HOPELESS = 4.0  # times the noise, after the first steps
+_FIRST_STEPS, _MORE_STEPS = 6, 14
+_APART = 3.0  # deviations
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Where another start has ended, apart from the fit that was taken.
+
+    Attributes:
+        residual: rms of its residuals, as a multiple of the noise.
+        apart: how far each parameter is from the fit, in the fit's deviations; only those that are
+            further than three.
+    """
+
+    residual: float
+    apart: dict[str, float]
+
+
+def approach(
+    fitter: Fitter, unknowns: Unknowns, every: Pieces, starts: int, seed: int
+) -> list[Fit]:
+    """Return the first fine fits, the best first.
+
+    Two starts are followed in any case, others as long as the best looks like a side minimum.
+
+    Args:
+        fitter: of the record.
+        unknowns: what is sought.
+        every: the finest pieces.
+        starts: how many random candidates the search tries.
+        seed: of the random generator.
+    """
+    fits: list[Fit] = []
+    for variables in fitter.search(unknowns, starts, seed):
+        fits.append(_follow(fitter, unknowns, variables, (MIDDLE,), every))
+        fits.sort(key=lambda fit: fit.whole_residual)
+        if len(fits) >= WAYS and fits[0].whole_residual <= _SIDE_MINIMUM:
+            return fits
+    fits.append(_follow(fitter, unknowns, fits[0].variables, AGAIN, every))
+    return sorted(fits, key=lambda fit: fit.whole_residual)
+
+
+def find_rivals(
+    unknowns: Unknowns, fit: Fit, others: Sequence[tuple[Unknowns, Fit]]
+) -> list[Rival]:
+    """Return the starts that ended elsewhere.
+
+    Args:
+        unknowns: of the fit.
+        fit: that was taken.
+        others: where other starts have ended.
+    """
+    deviations = np.sqrt(np.diag(fit.covariance))
+    rivals = []
+    for theirs, other in others:
+        ended = unknowns.variables_of(theirs.guess(other.variables))
+        distances = np.abs(ended - fit.variables) / deviations
+        apart = {
+            name: float(distance)
+            for name, distance in zip(unknowns.names, distances, strict=False)
+            if distance > _APART
+        }
+        if apart:
+            rivals.append(Rival(other.whole_residual, apart))
+    return rivals
+
+
+def _follow(
+    fitter: Fitter,
+    unknowns: Unknowns,
+    variables: Values,
+    stages: Sequence[Stage],
+    every: Pieces,
+) -> Fit:
+    """Return the first fine fit, to which some stages lead."""
+    for stage in stages:
+        pieces = fitter.pieces(stage, unknowns.known.h)
+        variables = fitter.fit(unknowns, variables, stage, pieces).variables
+    fitter.forget()
+    fit = _advance(fitter, unknowns, variables, every, _FIRST_STEPS)
+    if fit.optimum.is_reached or fit.whole_residual > _HOPELESS:
+        return fit
+    return _advance(fitter, unknowns, fit.variables, every, _MORE_STEPS)
+
+
+def _advance(
+    fitter: Fitter, unknowns: Unknowns, variables: Values, every: Pieces, steps: int
+) -> Fit:
+    """Return the fine fit after so many steps at most."""
+    pieces = fitter.explained(unknowns, variables, every)
+    return fitter.polish(unknowns, variables, pieces, steps)

@@ -39,12 +39,14 @@ class Quadratic(NamedTuple):
             spreads: expected standard deviations of the variables, shape (variables,).
         """
         raw, own, slopes = tangent
-        bends, pulls = bend_of(raw), raw * pull_of(raw)
-        bent = own * bends[..., np.newaxis]
+        # The second derivative of the loss fades far off, and steps by it go astray; the weight of
+        # the gradient bounds it from above, so that they do not.
+        weights = pull_of(raw)
+        bent, pulls = own * weights[..., np.newaxis], raw * weights
         flat = slopes.reshape(-1, slopes.shape[-1])
         return cls(
             flat.T @ pulls.reshape(-1) + expected / spreads,
-            flat.T @ (flat * bends.reshape(-1, 1)) + np.diag(spreads**-2.0),
+            flat.T @ (flat * weights.reshape(-1, 1)) + np.diag(spreads**-2.0),
             np.einsum("pvk,pv->pk", own, pulls),
             own.transpose(0, 2, 1) @ bent,
             bent.transpose(0, 2, 1) @ slopes,

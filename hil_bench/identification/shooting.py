@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.identification.loss import bend_of, cost_of, pull_of
+from hil_bench.identification.loss import cost_of, pull_of
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.smoothing import smooth_states
 from hil_bench.identification.spool import recorded_spool
@@ -265,8 +265,9 @@ class Shooting:
 
     def _step(self, guess: Guess, slopes: Values, raw: Values) -> float:
         """Make a step of each piece's states, where one is for the better; return the gain."""
-        normal = slopes.transpose(0, 2, 1) @ (slopes * bend_of(raw, self.knee)[..., np.newaxis])
-        pull = np.einsum("pvk,pv->pk", slopes, raw * pull_of(raw, self.knee))
+        weights = pull_of(raw, self.knee)
+        normal = slopes.transpose(0, 2, 1) @ (slopes * weights[..., np.newaxis])
+        pull = np.einsum("pvk,pv->pk", slopes, raw * weights)
         scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
         dampings = self._damping * _DAMPINGS[:, np.newaxis]
         damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale

@@ -54,21 +54,18 @@ def approach(
     return sorted(fits, key=lambda fit: fit.whole_residual)
 
 
-def find_rivals(
-    unknowns: Unknowns, fit: Fit, others: Sequence[tuple[Unknowns, Fit]]
-) -> list[Rival]:
+def find_rivals(unknowns: Unknowns, fit: Fit, others: Sequence[Fit]) -> list[Rival]:
     """Return the starts that ended elsewhere.
 
     Args:
-        unknowns: of the fit.
+        unknowns: of all fits.
         fit: that was taken.
         others: where other starts have ended.
     """
     deviations = np.sqrt(np.diag(fit.covariance))
     rivals = []
-    for theirs, other in others:
-        ended = unknowns.variables_of(theirs.guess(other.variables))
-        distances = np.abs(ended - fit.variables) / deviations
+    for other in others:
+        distances = np.abs(other.variables - fit.variables) / deviations
         apart = {
             name: float(distance)
             for name, distance in zip(unknowns.names, distances, strict=False)

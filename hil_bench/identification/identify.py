@@ -14,13 +14,12 @@ from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.spool import fit_spool, recorded_spool
 from hil_bench.identification.stages import FINE
 from hil_bench.identification.trial import Trial, trial_pieces, try_out
-from hil_bench.identification.uncertainty import invert
 from hil_bench.identification.unknowns import KINDS, OFFSETS, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 
-_REPEATS = 3  # of the fit, while it changes which pieces the model explains
+_REPEATS = 4  # of the fit, while it changes which pieces the model explains
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +29,8 @@ class Estimate:
     Attributes:
         name: its symbol, as in `PlantParameters`.
         value: found, or kept as configured where the record does not tell it [SI].
-        deviation: standard deviation of the value [SI]; where it is not told, of what was found.
-        interval: that holds the parameter with 95 % probability [SI].
+        deviation: standard deviation of what was found [SI].
+        interval: about what was found, which holds the parameter with 95 % probability [SI].
         is_told: whether the record tells it.
     """
 
@@ -100,7 +99,8 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
 ) -> Identification:
     """Return the plant that a record tells.
 
-    What the record does not tell keeps the configured value, and the rest is fitted again with it.
+    What the record does not tell is fitted too, so that it does not mislead the rest, but keeps the
+    configured value in the result.
 
     Args:
         record: of the machine.
@@ -121,13 +121,15 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
     fitter = Fitter(record, options, step, report)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
+    estimates = _estimates(found, names, spool)
+    told = {estimate.name: estimate.value for estimate in estimates if estimate.is_told}
     return Identification(
         record=found.fitter.record,
         known=known,
-        parameters=guess.parameters,
+        parameters=replace(known, **told),
         offsets=guess.offsets,
         offset_deviations=_deviations(found.unknowns, found.fit)[-len(OFFSETS) :],
-        estimates=tuple(_estimates(found, names, spool)),
+        estimates=tuple(estimates),
         residual=found.fit.residual,
         is_reached=found.fit.optimum.is_reached,
         is_white=found.fit.is_white,
@@ -140,52 +142,48 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Where the fits ended, with what the earlier ones said of what they could not tell."""
+    """Where the fits ended."""
 
     unknowns: Unknowns
     fit: Fit
     fitter: Fitter
     left_out: int
-    vague: dict[str, float]
     rivals: tuple[Rival, ...]
 
 
 def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
-    """Fit, leave out what the record does not tell, and fit again, until all is told."""
+    """Fit until the pieces that the model explains stay the same."""
     every = fitter.pieces(FINE, unknowns.known.h)
     first = approach(fitter, unknowns, every, starts, seed)
-    fit, sought = first[0], unknowns
+    fit = first[0]
     record = fitter.record
     # Oil that rings looks like noise; the fit knows better, unless it misses something.
     fitter = fitter.with_record(record.with_noise(record.noise * np.minimum(1.0, fit.residual)))
     fitter.forget()  # what another start may have left
-    variables = fit.variables
-    vague: dict[str, float] = {}
-    pieces = fitter.explained(unknowns, variables, every)
-    repeats = 0
-    while True:
-        fit = fitter.polish(unknowns, variables, pieces)
-        dropped, fitted = _find_unknown(fitter.record, unknowns, fit), pieces
-        pieces = fitter.explained(unknowns, fit.variables, every)
-        repeats += 1
-        is_settled = np.array_equal(pieces.rows, fitted.rows) or repeats > _REPEATS
-        if is_settled and not dropped:
-            rivals = find_rivals(unknowns, fit, [(sought, other) for other in first[1:]])
-            left_out = len(every.rows) - len(fitted.rows)
-            return _Found(unknowns, fit, fitter, left_out, vague, tuple(rivals))
-        deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
-        vague |= {name: deviations[name] for name in dropped}
-        guess = unknowns.guess(fit.variables)
-        unknowns = unknowns.without(dropped)
-        variables = unknowns.variables_of(guess)
+    pieces = fitter.explained(unknowns, fit.variables, every)
+    for _ in range(_REPEATS):
+        fit = fitter.polish(unknowns, fit.variables, pieces)
+        fitted, pieces = pieces, fitter.explained(unknowns, fit.variables, every)
+        if np.array_equal(pieces.rows, fitted.rows):
+            break
+    left_out = len(every.rows) - len(fit.optimum.residuals)
+    return _Found(unknowns, fit, fitter, left_out, tuple(find_rivals(unknowns, fit, first[1:])))
 
 
-def _find_unknown(record: AxisRecord, unknowns: Unknowns, fit: Fit) -> list[str]:
-    """Return the parameters that the record does not tell."""
+def find_vague(record: AxisRecord, unknowns: Unknowns, fit: Fit) -> list[str]:
+    """Return the parameters that a record does not tell.
+
+    They have been fitted with the others, so that the deviations of the others hold whatever the
+    values of these.
+    """
+    limits = [kind.told_within for kind in unknowns.kinds]
+    is_vague = np.sqrt(np.diag(fit.covariance)) > limits
     parameters = unknowns.guess(fit.variables).parameters
-    if "alpha" in unknowns.names and not _opens_fully(record, parameters):
-        return ["alpha"]
-    return find_vague(unknowns, fit)
+    return [
+        name
+        for name, vague in zip(unknowns.names, is_vague, strict=False)
+        if vague or (name == "alpha" and not _opens_fully(record, parameters))
+    ]
 
 
 def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
@@ -193,26 +191,6 @@ def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
     spool = recorded_spool(parameters, record)[:, 0]
     reach = max(float(np.abs(spool[rows.start : rows.stop]).max()) for rows in record.fitted)
     return reach > parameters.alpha + parameters.beta
-
-
-def find_vague(unknowns: Unknowns, fit: Fit) -> list[str]:
-    """Return the parameters that a fit leaves open, the vaguest first.
-
-    One that is left open may take others with it that are told as soon as it is known, so they are
-    taken out one by one.
-    """
-    information = invert(fit.covariance)
-    limits = np.array([kind.told_within for kind in unknowns.kinds])
-    kept = list(range(len(limits)))
-    vague = []
-    while kept:
-        covariance = invert(information[np.ix_(kept, kept)])
-        excess = np.sqrt(np.diag(covariance)) / limits[kept]
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
-            break
-        vague.append(unknowns.names[kept.pop(worst)])
-    return vague
 
 
 def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
@@ -239,13 +217,16 @@ def _estimates(
     parameters = unknowns.guess(fit.variables).parameters
     deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
     intervals = find_intervals(unknowns, fit, deviations, lambda: found.fitter.report("interval"))
-    deviations |= {name: deviation for name, (_, deviation) in spool.items()} | found.vague
+    deviations |= {name: deviation for name, (_, deviation) in spool.items()}
+    vague = find_vague(found.fitter.record, unknowns, fit)
     estimates = []
     for name in names:
         value, deviation = getattr(parameters, name), deviations[name]
         about = (value - REACH * deviation, value + REACH * deviation)
+        if name in vague:
+            value = getattr(unknowns.known, name)
         interval = intervals.get(name, about)
-        estimates.append(Estimate(name, value, deviation, interval, name not in found.vague))
+        estimates.append(Estimate(name, value, deviation, interval, name not in vague))
     return estimates
 
 

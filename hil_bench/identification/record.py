@@ -30,6 +30,7 @@ _ORDER = 8  # of the differences that show noise
 _BLOCK = 32  # rows over which their power is averaged
 _QUIET = 0.1  # of these blocks
 _QUIET_POWER = 0.480  # that quantile for white noise of power 1, from 10^8 normal numbers
+_MULTIPLE, _NEARLY_ALL = 0.01, 0.9  # how close to one, and of the steps
 _MOTION = 1e-3  # [m]
 _PACE = 50  # rows between two positions of which the way is counted: noise adds up less
 _ONE_WAY = 0.05  # of the way: less back than that is one way only
@@ -141,10 +142,17 @@ def estimate_noise(values: Values, floor: float) -> float:
 
 
 def _rounding(values: Values) -> float:
-    """Return the standard deviation of rounding to a signal's smallest step."""
-    differences = np.abs(np.diff(values))
-    steps = differences[differences > 0.0]
-    return float(steps.min()) / np.sqrt(12.0) if len(steps) else 0.0
+    """Return the standard deviation of rounding to the smallest step between a signal's values.
+
+    It counts only where nearly all steps are multiples of the smallest one: the steps of an axis
+    that never rests are large, too.
+    """
+    steps = np.diff(np.unique(values))
+    if not len(steps):
+        return 0.0
+    multiples = steps / steps.min()
+    is_multiple = np.abs(multiples - np.rint(multiples)) < _MULTIPLE
+    return float(steps.min()) / math.sqrt(12.0) if is_multiple.mean() > _NEARLY_ALL else 0.0
 
 
 def _quiet_noise(values: Values) -> float:

@@ -86,6 +86,16 @@ def test_noise_is_at_least_the_rounding_of_the_sensor() -> None:
     assert estimate_noise(values, floor=1e-9) == pytest.approx(1e-5 / np.sqrt(12.0))
 
 
+def test_motion_that_never_stops_is_no_rounding() -> None:
+    # 40 um from row to row; the noise is 2 um.
+    source = np.random.default_rng(6)
+    motion = 4e-5 * np.arange(4000.0)
+
+    found = estimate_noise(motion + 2e-6 * source.standard_normal(4000), floor=1e-9)
+
+    assert found == pytest.approx(2e-6, rel=0.1)
+
+
 def test_noise_is_at_least_the_floor() -> None:
     assert estimate_noise(np.zeros(100), floor=3e-7) == 3e-7
 

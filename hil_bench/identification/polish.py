@@ -72,7 +72,7 @@ class Optimum:
     @property
     def is_reached(self) -> bool:
         """Whether gradient and gain are as good as zero."""
-        return self.decrement <= REACHED and self.gain <= GAINED
+        return bool(self.decrement <= REACHED and self.gain <= GAINED)
 
 
 @dataclass(slots=True)

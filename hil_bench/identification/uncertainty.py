@@ -1,5 +1,6 @@
 """How uncertain a fit is: by its residuals where they are white, else by leaving out pieces."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +95,7 @@ def find_colour(residuals: Values) -> tuple[float, float]:
     lags = range(1, min(_LAGS, rows - 1) + 1)
     products = [(residuals[:, lag:] * residuals[:, :-lag]).sum(axis=(0, 1)) for lag in lags]
     largest = float(np.abs(np.array(products) / np.maximum(power, 1e-300)).max())
-    return largest, 4.0 / np.sqrt(pieces * rows) + 4.0 / rows
+    return largest, 4.0 / math.sqrt(pieces * rows) + 4.0 / rows
 
 
 def leave_out_wild(slopes: Values) -> Marks:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil_bench.identification.fit import WAYS, Fit, Fitter, Values
-from hil_bench.identification.shooting import Pieces
+from hil_bench.identification.pieces import Pieces
 from hil_bench.identification.stages import AGAIN, MIDDLE, Stage
 from hil_bench.identification.unknowns import Unknowns
 
-_SIDE_MINIMUM = 1.3  # times the noise: residuals above may mean one
+SIDE_MINIMUM = 1.3
+"""Multiple of the noise above which residuals may mean a side minimum."""
+
 _HOPELESS = 4.0  # times the noise, after the first steps
 _FIRST_STEPS, _MORE_STEPS = 6, 14
 _APART = 3.0  # deviations
@@ -48,7 +50,7 @@ def approach(
     for variables in fitter.search(unknowns, starts, seed):
         fits.append(_follow(fitter, unknowns, variables, (MIDDLE,), every))
         fits.sort(key=lambda fit: fit.whole_residual)
-        if len(fits) >= WAYS and fits[0].whole_residual <= _SIDE_MINIMUM:
+        if len(fits) >= WAYS and fits[0].whole_residual <= SIDE_MINIMUM:
             return fits
     fits.append(_follow(fitter, unknowns, fits[0].variables, AGAIN, every))
     return sorted(fits, key=lambda fit: fit.whole_residual)

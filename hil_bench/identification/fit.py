@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
 from hil_bench.identification.loss import KNEE
+from hil_bench.identification.pieces import Pieces, cut_pieces
 from hil_bench.identification.polish import MOST_STEPS, Optimum, Polish
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
+from hil_bench.identification.shooting import Shooting
 from hil_bench.identification.stages import FINE, LONGER, ROUGH, Stage
 from hil_bench.identification.uncertainty import (
     Evidence,
@@ -177,7 +178,7 @@ class Fitter:
             shooting.relay(guess)
         self._settled.update(shooting.starts)
         misfits = shooting.misfits(guess)
-        is_steady = ~shooting.turns_on_a_hair(guess) & ~np.isin(every.rows, [*self._stuck])
+        is_steady = ~shooting.turns_on_a_hair() & ~np.isin(every.rows, [*self._stuck])
         is_fair = is_steady & (misfits <= _STRANGE * np.median(misfits))
         for marks in (is_fair, is_steady):
             if marks.mean() >= _MOSTLY:

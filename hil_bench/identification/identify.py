@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
-from hil_bench.identification.approach import Rival, approach, find_rivals
+from hil_bench.identification.approach import SIDE_MINIMUM, Rival, approach, find_rivals
 from hil_bench.identification.fit import Fit, Fitter, Report
 from hil_bench.identification.intervals import REACH, Interval, find_intervals
 from hil_bench.identification.record import AxisRecord
@@ -158,7 +158,8 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     fit = first[0]
     record = fitter.record
     # Oil that rings looks like noise; the fit knows better, unless it misses something.
-    fitter = fitter.with_record(record.with_noise(record.noise * np.minimum(1.0, fit.residual)))
+    scale = np.where(fit.residual <= SIDE_MINIMUM, fit.residual, 1.0)
+    fitter = fitter.with_record(record.with_noise(scale * record.noise))
     fitter.forget()  # what another start may have left
     pieces = fitter.explained(unknowns, fit.variables, every)
     for _ in range(_REPEATS):

@@ -38,7 +38,7 @@ def find_intervals(
         low, high = value - reach, value + reach
         if _is_bent(fit.covariance, number, name):
             low, high = (
-                _value(unknowns, fit, number, _find_end(fit, number, side, report))
+                _value(unknowns, fit, number, find_end(fit, number, side, report))
                 for side in (-1.0, 1.0)
             )
         lowest = 0.0 if KINDS[name].lowest == 0.0 else -np.inf
@@ -58,7 +58,7 @@ def _is_bent(covariance: Values, number: int, name: str) -> bool:
     )
 
 
-def _find_end(fit: Fit, number: int, side: float, report: Callable[[], None]) -> float:
+def find_end(fit: Fit, number: int, side: float, report: Callable[[], None]) -> float:
     """Return the end of a variable's interval, where its profile has risen as far as it may.
 
     All other variables are fitted anew with this one held. The root of the rise is its distance in
@@ -72,9 +72,9 @@ def _find_end(fit: Fit, number: int, side: float, report: Callable[[], None]) ->
     found = float(np.sqrt(max(2.0 * rise * own, 0.0))) / deviation
     if not _FAIR[0] * REACH < found < _FAIR[1] * REACH:
         return float(fit.variables[number] + shift)
-    # found = t + bend t² at t = REACH, and REACH is wanted
-    bend = (found - REACH) / REACH**2
-    wanted = 2.0 * REACH / (1.0 + np.sqrt(max(1.0 + 4.0 * bend * REACH, 0.0)))
+    # The distance over the root is root + bend root²: REACH where the root is `found`.
+    bend = (REACH - found) / found**2
+    wanted = REACH + bend * REACH**2
     return float(fit.variables[number] + side * wanted * deviation)
 
 

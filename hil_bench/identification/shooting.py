@@ -11,12 +11,12 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.identification.loss import cost_of, pull_of
+from hil_bench.identification.pieces import Pieces
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.smoothing import smooth_states
 from hil_bench.identification.spool import recorded_spool
@@ -44,47 +44,6 @@ _DAMPINGS = np.array([0.0, 1e-2, 1.0, 1e2, 1e4])  # that are tried, times that o
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
 _LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
-_KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
-
-
-class Pieces(NamedTuple):
-    """Which pieces of a record.
-
-    Attributes:
-        rows: where each starts, ascending.
-        length: rows of each.
-    """
-
-    rows: npt.NDArray[np.int64]
-    length: int
-
-    def share(self, share: float) -> "Pieces":
-        """Return some of the pieces, spread evenly by chance; the same at each call."""
-        count = max(1, round(share * len(self.rows)))
-        chosen = np.random.default_rng(3).permutation(len(self.rows))[:count]
-        return Pieces(np.sort(self.rows[chosen]), self.length)
-
-    def chosen(self, which: npt.NDArray[np.bool_]) -> "Pieces":
-        """Return the pieces that are marked."""
-        return Pieces(self.rows[which], self.length)
-
-
-def cut_pieces(
-    record: AxisRecord, parts: Sequence[range], length: int, stroke_end: float
-) -> Pieces:
-    """Return the pieces of parts of a record that stay clear of the end stops.
-
-    Args:
-        record: what to cut.
-        parts: the rows that may be used, without gaps in each.
-        length: of each piece, in rows.
-        stroke_end: position of the stops [m].
-    """
-    starts = np.concatenate(
-        [np.arange(part.start, part.stop - length, length, dtype=np.int64) for part in parts]
-    )
-    reach = [np.abs(record.measured[row : row + length + 1, 0]).max() for row in starts]
-    return Pieces(starts[np.array(reach, dtype=np.float64) < stroke_end - _KEPT_OFF], length)
 
 
 @dataclass(slots=True)
@@ -98,9 +57,11 @@ class Shooting:
         substeps: solver steps an interval of the record.
         scale: what a residual of each signal counts in, shape (3,).
         knee: of the loss under which starts settle, in multiples of the scale.
+        smoothed: the states of the whole record, as `smooth_states` gives them.
         states: at the start of each piece, shape (pieces, 4) [m, m/s, Pa, Pa].
         spreads: of the states about the smoothed measurements, shape (4,).
         steps: of the states for slopes, shape (pieces, 4).
+        damping: of each piece's next step of its states, shape (pieces,).
     """
 
     record: AxisRecord
@@ -109,17 +70,21 @@ class Shooting:
     substeps: int
     scale: Values
     knee: float = np.inf
+    smoothed: tuple[Values, Values] | None = None
     states: Values = field(init=False)
     spreads: Values = field(init=False)
     steps: Values = field(init=False)
+    damping: Values = field(init=False)
     _smooth: Values = field(init=False)
     _measured: Values = field(init=False)
     _setpoints: list[Values] = field(init=False)
     _basis: Values = field(init=False)
-    _damping: Values = field(init=False)
+    _sizes: Values = field(init=False)
 
     def __post_init__(self) -> None:
-        states, spreads = smooth_states(self.record)
+        if self.smoothed is None:
+            self.smoothed = smooth_states(self.record)
+        states, spreads = self.smoothed
         self._smooth = states[self.pieces.rows]
         self.spreads = _LOOSENESS * spreads
         self.restart()
@@ -131,11 +96,12 @@ class Shooting:
         ]
         size = 3 * self.pieces.length + 4
         self._basis = np.zeros((len(rows), size, 4))
+        self._sizes = np.zeros((len(rows), 4))
 
     def restart(self) -> None:
         """Put the states back to the smoothed measurements."""
         self.states = self._smooth.copy()
-        self._damping = np.full(len(self.states), _FIRST_DAMPING)
+        self.damping = np.full(len(self.states), _FIRST_DAMPING)
         self.steps = np.tile(_STEPS, (len(self.states), 1))
 
     @property
@@ -196,16 +162,43 @@ class Shooting:
 
         Args:
             guess: the parameters.
-            enough: relative gain of a step below which it is the last.
+            enough: relative gain of a step below which it is a piece's last.
             most: steps at most.
         """
+        moving = np.arange(len(self.states))
         for _ in range(most):
-            raw, slopes = self.slopes(guess)
-            if self._step(guess, slopes, raw) <= enough * self._costs(raw).sum():
+            part = self.part(moving)
+            gains = part.advance(guess)
+            self._take(part, moving)
+            moving = moving[gains > enough]
+            if not len(moving):
                 break
-        else:
-            _, slopes = self.slopes(guess)
+        _, slopes = self.slopes(guess)
+        self._sizes = np.linalg.norm(slopes, axis=1)
         self._basis, _ = np.linalg.qr(slopes)
+
+    def advance(self, guess: Guess) -> Values:
+        """Make a step of each piece's states, where one is for the better.
+
+        Returns:
+            By how much the cost of each piece has fallen, of what it was.
+        """
+        raw, slopes = self.slopes(guess)
+        weights = pull_of(raw, self.knee)
+        normal = slopes.transpose(0, 2, 1) @ (slopes * weights[..., np.newaxis])
+        pull = np.einsum("pvk,pv->pk", slopes, raw * weights)
+        scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
+        dampings = self.damping * _DAMPINGS[:, np.newaxis]
+        damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
+        shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
+        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self.spreads])
+        costs = self._costs(self.raw([guess] * len(trials), list(trials)))
+        best, pieces = np.argmin(costs, axis=0), np.arange(len(self.states))
+        self.states = trials[best, pieces]
+        # None is for the better: take up where the most careful trial ends.
+        factors = np.array([_DAMPINGS[-1], _DAMPINGS[1], *_DAMPINGS[1:]])[best]
+        self.damping = np.clip(self.damping * factors, _LEAST_DAMPING, _MOST_DAMPING)
+        return np.asarray(1.0 - costs[best, pieces] / np.maximum(costs[0], 1e-300))
 
     def relay(self, guess: Guess) -> None:
         """Settle pieces that fit badly anew, from where the run of the piece before has ended.
@@ -244,42 +237,29 @@ class Shooting:
 
     def part(self, which: npt.NDArray[np.int64]) -> "Shooting":
         """Return some of the pieces, with their states."""
-        part = replace(self, pieces=Pieces(self.pieces.rows[which], self.pieces.length))
-        part.states = self.states[which]
+        pieces = Pieces(self.pieces.rows[which], self.pieces.length)
+        part = replace(self, pieces=pieces)
+        part.states, part.steps = self.states[which], self.steps[which]
+        part.damping = self.damping[which]
         return part
+
+    def _take(self, part: "Shooting", which: npt.NDArray[np.int64]) -> None:
+        """Take over the states of some of the pieces."""
+        self.states[which], self.steps[which] = part.states, part.steps
+        self.damping[which] = part.damping
 
     def misfits(self, guess: Guess) -> Values:
         """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
         (raw,) = self.raw([guess], [self.states])
         return np.asarray(np.sqrt(np.square(raw).mean(axis=1)))
 
-    def turns_on_a_hair(self, guess: Guess) -> Marks:
-        """Return in which pieces the motion amplifies the slightest error of the start."""
-        _, slopes = self.slopes(guess)
-        sizes = np.linalg.norm(slopes, axis=1)
-        return np.asarray((sizes > _HAIR * np.median(sizes, axis=0)).any(axis=1))
+    def turns_on_a_hair(self) -> Marks:
+        """Return in which pieces the motion amplifies the slightest error of the settled start."""
+        return np.asarray((self._sizes > _HAIR * np.median(self._sizes, axis=0)).any(axis=1))
 
     def deviations(self, guess: Guess, states: Values) -> Values:
         """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
         return np.asarray(self.predict([guess], [states])[0] - self._measured)
-
-    def _step(self, guess: Guess, slopes: Values, raw: Values) -> float:
-        """Make a step of each piece's states, where one is for the better; return the gain."""
-        weights = pull_of(raw, self.knee)
-        normal = slopes.transpose(0, 2, 1) @ (slopes * weights[..., np.newaxis])
-        pull = np.einsum("pvk,pv->pk", slopes, raw * weights)
-        scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
-        dampings = self._damping * _DAMPINGS[:, np.newaxis]
-        damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
-        shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
-        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self.spreads])
-        costs = self._costs(self.raw([guess] * len(trials), list(trials)))
-        best, pieces = np.argmin(costs, axis=0), np.arange(len(self.states))
-        self.states = trials[best, pieces]
-        # None is for the better: take up where the most careful trial ends.
-        factors = np.array([_DAMPINGS[-1], _DAMPINGS[1], *_DAMPINGS[1:]])[best]
-        self._damping = np.clip(self._damping * factors, _LEAST_DAMPING, _MOST_DAMPING)
-        return float((costs[0] - costs[best, pieces]).sum())
 
     def _costs(self, raw: Values) -> Values:
         return np.asarray(cost_of(raw, self.knee).sum(axis=-1))

@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
 from hil_bench.identification.fit import Fitter
+from hil_bench.identification.pieces import Pieces, cut_pieces
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
+from hil_bench.identification.shooting import Shooting
 from hil_bench.identification.stages import FINE, LENGTH
 from hil_bench.identification.unknowns import Guess
 

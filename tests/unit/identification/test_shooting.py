@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from support.machine_record import FULL_OPENING, Machine
 
+from hil_bench.identification.pieces import cut_pieces
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.shooting import Shooting, cut_pieces
+from hil_bench.identification.shooting import Shooting
 from hil_bench.identification.unknowns import Guess
 from hil_bench.plant import PlantOptions, paper_parameters
 

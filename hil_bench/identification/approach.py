@@ -14,7 +14,7 @@ SIDE_MINIMUM = 1.3
 """Multiple of the noise above which residuals may mean a side minimum."""
 
 _HOPELESS = 4.0  # times the noise, after the first steps
-_FIRST_STEPS, _MORE_STEPS = 6, 14
+_STEPS, _MORE = 6, 3  # of a first fine fit, and how often it may go on
 _APART = 3.0  # deviations
 
 
@@ -90,15 +90,16 @@ def _follow(
         pieces = fitter.pieces(stage, unknowns.known.h)
         variables = fitter.fit(unknowns, variables, stage, pieces).variables
     fitter.forget()
-    fit = _advance(fitter, unknowns, variables, every, _FIRST_STEPS)
-    if fit.optimum.is_reached or fit.whole_residual > _HOPELESS:
-        return fit
-    return _advance(fitter, unknowns, fit.variables, every, _MORE_STEPS)
+    fit = _advance(fitter, unknowns, variables, every)
+    for _ in range(_MORE):
+        if fit.optimum.is_reached or fit.whole_residual > _HOPELESS:
+            break
+        fit = _advance(fitter, unknowns, fit.variables, every)
+    return fit
 
 
-def _advance(
-    fitter: Fitter, unknowns: Unknowns, variables: Values, every: Pieces, steps: int
-) -> Fit:
-    """Return the fine fit after so many steps at most."""
+def _advance(fitter: Fitter, unknowns: Unknowns, variables: Values, every: Pieces) -> Fit:
+    """Return the fine fit some steps further, after lost starts have been found again."""
+    fitter.retry()
     pieces = fitter.explained(unknowns, variables, every)
-    return fitter.polish(unknowns, variables, pieces, steps)
+    return fitter.polish(unknowns, variables, pieces, _STEPS)

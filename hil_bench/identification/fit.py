@@ -113,6 +113,10 @@ class Fitter:
         self._settled.clear()
         self._stuck.clear()
 
+    def retry(self) -> None:
+        """Take stuck pieces again, from where they have stuck."""
+        self._stuck.clear()
+
     def pieces(self, stage: Stage, stroke_end: float) -> Pieces:
         """Return the pieces of a stage.
 

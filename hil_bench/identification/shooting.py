@@ -207,11 +207,13 @@ class Shooting:
         """
         misfits = self.misfits(guess)
         follows = np.append(False, np.diff(self.pieces.rows) == self.pieces.length)
-        lost = np.flatnonzero((misfits > _LOST * np.median(misfits)) & follows)
+        ends = np.roll(self._ends(guess), 1, axis=0)
+        is_sane = np.isfinite(ends).all(axis=1)  # a wrong guess may diverge
+        lost = np.flatnonzero((misfits > _LOST * np.median(misfits)) & follows & is_sane)
         if not len(lost):
             return
         again = self.part(lost)
-        again.states = self._ends(guess)[lost - 1]
+        again.states = ends[lost]
         again.settle(guess)
         better = again.misfits(guess) < misfits[lost]
         self.states[lost[better]] = again.states[better]

@@ -59,3 +59,16 @@ def test_steps_for_slopes_are_small_beside_the_noise_in_every_piece(creeping: Sh
 
     sizes = np.linalg.norm(raw[1:] - raw[0], axis=2)
     assert sizes.max() < 0.1  # of the noise, over 600 values
+
+
+def test_a_run_that_diverges_starts_no_other_piece(
+    creeping: Shooting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guess = Guess(paper_parameters(), np.zeros(2))
+    creeping.settle(guess)
+    creeping.states[4] += [0.0, 0.4, 2e6, -2e6]
+    monkeypatch.setattr(Shooting, "_ends", lambda *_: np.full_like(creeping.states, np.nan))
+
+    creeping.relay(guess)
+
+    assert np.isfinite(creeping.states).all()

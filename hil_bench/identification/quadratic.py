@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.identification.loss import bend_of, pull_of
+from hil_bench.identification.shooting import ROUNDING
 from hil_bench.identification.tangent import Tangent
 
 Values = npt.NDArray[np.float64]
@@ -76,6 +77,7 @@ class Quadratic(NamedTuple):
 
     def _solve(self, damping: Values) -> tuple[Values, Values]:
         scale = np.einsum("pkk->pk", self.own)[:, :, np.newaxis] * np.eye(4)
+        damping = np.maximum(damping, ROUNDING)
         damped = self.own + damping[:, np.newaxis, np.newaxis] * scale
         return (
             np.linalg.solve(damped, self.own_pull[..., np.newaxis])[..., 0],

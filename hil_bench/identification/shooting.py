@@ -38,9 +38,13 @@ short of the optimum.
 """
 
 _HAIR = 30.0  # times the median piece's: a start of which so much comes amplifies its own errors
+_SANE = 100.0  # times the spreads
 _LOST = 1.3  # times the median rms: a piece whose start may sit in a side minimum of its own
 
 _DAMPINGS = np.array([0.0, 1e-2, 1.0, 1e2, 1e4])  # that are tried, times that of the last step
+ROUNDING = 1e-12
+"""Damping of the same order as rounding, which keeps any matrix regular."""
+
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
 _LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
@@ -188,7 +192,7 @@ class Shooting:
         normal = slopes.transpose(0, 2, 1) @ (slopes * weights[..., np.newaxis])
         pull = np.einsum("pvk,pv->pk", slopes, raw * weights)
         scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
-        dampings = self.damping * _DAMPINGS[:, np.newaxis]
+        dampings = np.maximum(self.damping * _DAMPINGS[:, np.newaxis], ROUNDING)
         damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
         shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
         trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self.spreads])
@@ -208,7 +212,8 @@ class Shooting:
         misfits = self.misfits(guess)
         follows = np.append(False, np.diff(self.pieces.rows) == self.pieces.length)
         ends = np.roll(self._ends(guess), 1, axis=0)
-        is_sane = np.isfinite(ends).all(axis=1)  # a wrong guess may diverge
+        # A wrong guess may diverge.
+        is_sane = (np.abs(ends - self._smooth) < _SANE * self.spreads).all(axis=1)
         lost = np.flatnonzero((misfits > _LOST * np.median(misfits)) & follows & is_sane)
         if not len(lost):
             return

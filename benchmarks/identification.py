@@ -1,35 +1,48 @@
-"""Identification of virtual machines. Run: `python benchmarks/identification.py [MACHINES]`.
+"""Identification of virtual machines: how often do the intervals hold?
+
+Run: `python benchmarks/identification.py [MACHINES] [--results DIR] [--workers N]`.
 
 Each machine has parameters of its own: all that are sought within 30 % of Table I, leakage up to
 2e-13 m³/(s Pa), and every third machine oil without air (bulk modulus 0.7 to 1.7 GPa). End stops,
 cavitation floor and laminar transition are on, the sensors have noise and the position is rounded
-to a micrometre. The search starts at Table I. Prints Markdown tables; progress goes to standard
-error.
+to a micrometre. The search starts at Table I. Each result is kept as a JSON file in the directory
+of results, and what is there is not done again. Prints Markdown tables of all results there;
+progress goes to standard error.
 """
 
+import argparse
+import itertools
+import json
+import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import binomtest
 
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.analysis.study import make_table
-from hil_bench.identification.identify import Identification, identify
+from hil_bench.identification.identify import identify
 from hil_bench.identification.record import SIGNALS, AxisRecord
 from hil_bench.identification.unknowns import KINDS
 from hil_bench.plant import PlantOptions, PlantParameters, Solver, paper_parameters
 from hil_bench.recording.channels import Channel, Recording
 
-MACHINES = 20
+MACHINES = 40
 STEP, TICK = 5e-5, 1e-3  # [s]
 NOISE = {"position": 2e-6, "P_A": 5e3, "P_B": 5e3}  # [m], [Pa]
 RESOLUTION = 1e-6  # of the position [m]
 FULL_OPENING = paper_parameters().full_opening
+# Rounding to steps of q adds noise of q / sqrt(12).
+TRUE_NOISE = np.array([np.hypot(NOISE["position"], RESOLUTION / np.sqrt(12.0)), 5e3, 5e3])
 
 Values = npt.NDArray[np.float64]
+Result = dict[str, Any]
 
 
 def draw_machine(number: int, source: np.random.Generator) -> PlantParameters:
@@ -85,76 +98,127 @@ def record_machine(machine: PlantParameters, source: np.random.Generator) -> Rec
     )
 
 
-def try_machine(number: int) -> tuple[PlantParameters, Identification]:
-    """Return a machine and what was identified of it."""
+def try_machine(number: int, results: Path) -> None:
+    """Identify a machine, and write what was found of it."""
     source = np.random.default_rng(number + 1)
     machine = draw_machine(number, source)
     record = AxisRecord.of(record_machine(machine, source), "axis1", FULL_OPENING)
-    start = time.perf_counter()
+    start = time.process_time()
     found = identify(record, paper_parameters(), PlantOptions.bench(), step=STEP)
-    print(
-        f"machine {number + 1}: residual {found.residual:.2f}, "
-        f"trial {found.trial.residual[0]:.2f}, "
-        f"not told {[estimate.name for estimate in found.not_told]}, "
-        f"left out {found.left_out}, E {machine.E:.3g} found {found.parameters.E:.4g}, "
-        f"{time.perf_counter() - start:.0f} s",
-        file=sys.stderr,
-        flush=True,
-    )
-    return machine, found
+    result = {
+        "machine": number + 1,
+        "estimates": {
+            estimate.name: {
+                "true": getattr(machine, estimate.name),
+                "value": estimate.value,
+                "deviation": estimate.deviation,
+                "interval": list(estimate.interval),
+                "is_told": estimate.is_told,
+            }
+            for estimate in found.estimates
+        },
+        "first_noise": (record.noise / TRUE_NOISE).tolist(),
+        "noise": (found.record.noise / TRUE_NOISE).tolist(),
+        "residual": found.residual.tolist(),
+        "trial": (found.trial.residual * found.record.noise / TRUE_NOISE).tolist(),
+        "is_reached": found.is_reached,
+        "is_white": found.is_white,
+        "left_out": found.left_out,
+        "rivals": [[rival.residual, rival.apart] for rival in found.rivals],
+        "processor_s": time.process_time() - start,
+    }
+    path = results / f"machine-{number + 1:03}.json"
+    path.with_suffix(".part").write_text(json.dumps(result, indent=1), encoding="utf-8")
+    path.with_suffix(".part").rename(path)
+    print(f"{path}: {result['processor_s']:.0f} s of processor", file=sys.stderr, flush=True)
 
 
 def main() -> None:
     """Identify and print."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else MACHINES
-    with ProcessPoolExecutor() as pool:
-        tried = list(pool.map(try_machine, range(count)))
-    print(f"{count} machines, {len(make_setpoints()) * TICK:.1f} s of record each\n")
-    print("| | error, median | worst | standard deviation | error / deviation, worst | told |")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
+    parser.add_argument("--results", type=Path, default=Path("identification-results"))
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    args = parser.parse_args()
+    args.results.mkdir(parents=True, exist_ok=True)
+    missing = [
+        number
+        for number in range(args.machines)
+        if not (args.results / f"machine-{number + 1:03}.json").exists()
+    ]
+    with ProcessPoolExecutor(args.workers) as pool:
+        list(pool.map(try_machine, missing, itertools.repeat(args.results)))
+    paths = sorted(args.results.glob("machine-*.json"))
+    print_tables([json.loads(path.read_text(encoding="utf-8")) for path in paths])
+
+
+def print_tables(tried: list[Result]) -> None:
+    """Print what was found of all machines."""
+    print(f"{len(tried)} machines, {len(make_setpoints()) * TICK:.1f} s of record each\n")
+    print(
+        "| | error, median | worst | standard deviation | truth in the 95 % interval "
+        "| coverage, with 95 % confidence |"
+    )
     print("|---|---|---|---|---|---|")
     for name in KINDS:
         print(_row(name, tried))
-    position = [
-        found.trial.residual[0] * found.record.noise[0] / NOISE["position"] for _, found in tried
-    ]
+    position = [result["trial"][0] for result in tried]
     print(
         f"\nposition where nothing was fitted, in multiples of the sensor's noise: median "
         f"{np.median(position):.2f}, worst {max(position):.2f}"
     )
+    for key in ("first_noise", "noise"):
+        ratios = np.array([result[key] for result in tried])
+        print(
+            f"{key}, in multiples of the true one (position, P_A, P_B): median "
+            f"{np.median(ratios, axis=0).round(3)}, least {ratios.min(axis=0).round(3)}, "
+            f"largest {ratios.max(axis=0).round(3)}"
+        )
+    for key in ("is_reached", "is_white"):
+        print(f"{key}: {sum(result[key] for result in tried)} of {len(tried)}")
+    apart = sum(bool(result["rivals"]) for result in tried)
+    print(f"another start ended elsewhere: {apart} of {len(tried)}")
+    left_out = [result["left_out"] for result in tried]
+    print(f"pieces left out: median {np.median(left_out):g}, most {max(left_out)}")
     ratios = np.array([ratio for name in KINDS for ratio in _ratios(name, tried)])
     print(
         f"{len(ratios)} errors over their stated deviations: root mean square "
-        f"{np.sqrt(np.square(ratios).mean()):.2f}, {(ratios < 2.0).mean():.1%} below 2"
+        f"{np.sqrt(np.square(ratios).mean()):.2f}, {(ratios < 1.96).mean():.1%} below 1.96"
     )
+    seconds = [result["processor_s"] for result in tried]
+    print(f"processor time a machine: median {np.median(seconds):.0f} s, most {max(seconds):.0f} s")
 
 
-def _ratios(name: str, tried: list[tuple[PlantParameters, Identification]]) -> list[float]:
+def _told(name: str, tried: list[Result]) -> list[Result]:
+    """Return the estimates of a parameter on the machines that tell it."""
+    estimates = [result["estimates"][name] for result in tried]
+    return [estimate for estimate in estimates if estimate["is_told"]]
+
+
+def _ratios(name: str, tried: list[Result]) -> list[float]:
     """Return the error of a parameter on each machine, in stated deviations."""
     return [
-        abs(estimate.value - getattr(machine, name)) / estimate.deviation
-        for machine, found in tried
-        for estimate in found.told
-        if estimate.name == name
+        abs(estimate["value"] - estimate["true"]) / estimate["deviation"]
+        for estimate in _told(name, tried)
     ]
 
 
-def _row(name: str, tried: list[tuple[PlantParameters, Identification]]) -> str:
+def _row(name: str, tried: list[Result]) -> str:
     """Return the row of a parameter; leakage goes by the largest that was drawn."""
-    errors, deviations = [], []
-    for machine, found in tried:
-        estimate = next(estimate for estimate in found.estimates if estimate.name == name)
-        if not estimate.is_told:
-            continue
-        scale = 2e-13 if name == "C_L" else getattr(machine, name)
-        errors.append(abs(estimate.value - getattr(machine, name)) / scale)
-        deviations.append(estimate.deviation / scale)
-    told = f"{len(errors)} of {len(tried)}"
-    if not errors:
-        return f"| {name} | | | | | {told} |"
-    worst = max(error / deviation for error, deviation in zip(errors, deviations, strict=True))
+    told = _told(name, tried)
+    if not told:
+        return f"| {name} | | | | 0 of 0 | |"
+    scales = np.array([2e-13 if name == "C_L" else estimate["true"] for estimate in told])
+    errors = np.array([abs(estimate["value"] - estimate["true"]) for estimate in told]) / scales
+    deviations = np.array([estimate["deviation"] for estimate in told]) / scales
+    hits = sum(
+        estimate["interval"][0] <= estimate["true"] <= estimate["interval"][1] for estimate in told
+    )
+    chance = binomtest(hits, len(told)).proportion_ci(0.95)
     return (
         f"| {name} | {100.0 * np.median(errors):.3f} % | {100.0 * max(errors):.3f} % | "
-        f"{100.0 * np.median(deviations):.3f} % | {worst:.1f} | {told} |"
+        f"{100.0 * np.median(deviations):.3f} % | {hits} of {len(told)} | "
+        f"{chance.low:.0%} to {chance.high:.0%} |"
     )
 
 

@@ -29,9 +29,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "identify",
-        description="Find the plant's parameters and their uncertainty from a recording, and say\n"
-        "which of them it does not tell. Writes parameters.toml, a table for bench.toml, and\n"
-        "trial.png and .svg, the model beside the part of the record that was not fitted.",
+        description="Estimate the plant's parameters with 95 % intervals from a recording, and\n"
+        "name those that it cannot identify. Writes parameters.toml, a table for bench.toml, and\n"
+        "trial.png and .svg, the model beside the part of the record that was not fitted.\n"
+        "Exit code 1: the model does not explain the record.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -53,7 +54,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def run(args: argparse.Namespace) -> int:
-    """Identify, write and print; `ExitCode.CHECK_FAILED` where the model explains nothing.
+    """Identify, write and print; `ExitCode.CHECK_FAILED` where the model misses a signal.
 
     Raises:
         ConfigError: a wrong argument, or a recording that is none or tells nothing.

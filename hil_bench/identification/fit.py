@@ -1,16 +1,26 @@
 """The fit: from rough and quick to fine, so that it finds its way from far off."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
+from hil_bench.identification.loss import KNEE
+from hil_bench.identification.pieces import Pieces, cut_pieces
+from hil_bench.identification.polish import MOST_STEPS, Optimum, Polish
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
+from hil_bench.identification.shooting import Shooting
 from hil_bench.identification.stages import FINE, LONGER, ROUGH, Stage
-from hil_bench.identification.uncertainty import find_covariance, leave_out_wild
+from hil_bench.identification.uncertainty import (
+    Evidence,
+    find_colour,
+    find_covariance,
+    find_information,
+    invert,
+)
 from hil_bench.identification.unknowns import Unknowns
 from hil_bench.plant import PlantOptions
 
@@ -20,10 +30,27 @@ Report = Callable[[str], None]
 
 _FEWEST_PIECES = 8
 _ITERATIONS = 6  # of the solver between two times that the pieces' starts are settled anew
+WAYS = 2
+"""Starts that are followed to the end in any case: do they end at the same place?"""
+
 _REFINED = 3  # of the candidates
 _STRANGE = 1.3  # times the median residual: a piece that the model does not explain
+_SETTLED = 1e-5  # relative gain of a step of the starts: the polish moves them on
+_RELAYS = 2  # of a badly fitting piece's start from the piece before
 _LEAST_RESIDUAL = 0.5  # of the noise: no record is believed to be better than that
 _MOSTLY = 0.8  # of the pieces must be explained, or the model itself is wrong
+
+
+class Rough(NamedTuple):
+    """Where a stage before the last has ended.
+
+    Attributes:
+        variables: the free variables.
+        cost: as `scipy.optimize.least_squares` counts it.
+    """
+
+    variables: Values
+    cost: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +58,32 @@ class Fit:
     """Where a fit has ended.
 
     Attributes:
-        variables: the free variables.
-        covariance: of them, as `find_covariance` says.
-        cost: as `scipy.optimize.least_squares` counts it.
-        residual: rms of the residuals, as a multiple of the noise.
+        optimum: of the cost.
+        covariance: of the variables, as `find_covariance` says.
+        spread: the inverse of the cost's second derivatives, for noise of the expected size.
+        residual: rms of the residuals of each signal, as a multiple of its noise, shape (3,).
+        colour: the largest autocorrelation of the residuals.
+        is_white: whether it is as small as that of white noise.
+        polish: can go on from there.
     """
 
-    variables: Values
+    optimum: Optimum
     covariance: Values
-    cost: float
-    residual: float
+    spread: Values
+    residual: Values
+    colour: float
+    is_white: bool
+    polish: Polish
+
+    @property
+    def variables(self) -> Values:
+        """The free variables."""
+        return self.optimum.variables
+
+    @property
+    def whole_residual(self) -> float:
+        """Root mean square of all residuals, as a multiple of the noise."""
+        return float(np.sqrt(np.square(self.residual).mean()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +102,20 @@ class Fitter:
     step: float
     report: Report = field(default=lambda _: None)
     _settled: dict[int, Values] = field(default_factory=dict)  # starts of the finest pieces
+    _stuck: set[int] = field(default_factory=set)  # rows of pieces whose starts do not settle
+
+    def with_record(self, record: AxisRecord) -> "Fitter":
+        """Return the same for another noise of the record."""
+        return replace(self, record=record)
+
+    def forget(self) -> None:
+        """Take all of the finest pieces again, from the smoothed measurements."""
+        self._settled.clear()
+        self._stuck.clear()
+
+    def retry(self) -> None:
+        """Take stuck pieces again, from where they have stuck."""
+        self._stuck.clear()
 
     def pieces(self, stage: Stage, stroke_end: float) -> Pieces:
         """Return the pieces of a stage.
@@ -84,15 +141,17 @@ class Fitter:
             pieces,
             max(1, round(self.record.interval / self.step / stage.coarse)),
             self.record.noise * stage.blur,
+            KNEE if stage.name == FINE.name else np.inf,
         )
         if stage.name == FINE.name:
             shooting.resume(self._settled)
         return shooting
 
-    def search(self, unknowns: Unknowns, starts: int, seed: int) -> list[Values]:
-        """Return the best two of some random candidates, refined at the shortest pieces.
+    def search(self, unknowns: Unknowns, starts: int, seed: int) -> Iterator[Values]:
+        """Yield the best of some random candidates, refined at the shortest pieces.
 
-        One was refined for a short while, the other for a longer one.
+        First those that were refined for a short while, the best two of them; then the best of
+        those that were refined for longer.
 
         Args:
             unknowns: what is sought.
@@ -110,22 +169,41 @@ class Fitter:
             costs.append(float(_soft(shooting.residuals([guess], [shooting.states])).sum()))
             self.report("search")
         best = [candidates[number] for number in np.argsort(costs)[:_REFINED]]
-        ways = []
-        for stage in (ROUGH, LONGER):
+        for stage, count in ((ROUGH, WAYS), (LONGER, 1)):
             fits = [self.fit(unknowns, candidate, stage, pieces) for candidate in best]
-            ways.append(min(fits, key=lambda fit: fit.cost).variables)
-        return ways
+            fits.sort(key=lambda fit: fit.cost)
+            yield from (fit.variables for fit in fits[:count])
 
-    def explained(self, unknowns: Unknowns, variables: Values, pieces: Pieces) -> Pieces:
+    def explained(self, unknowns: Unknowns, variables: Values, every: Pieces) -> Pieces:
         """Return the pieces less those few in which something happens that the model lacks."""
-        guess, shooting = unknowns.guess(variables), self.shooting(FINE, pieces)
-        shooting.settle(guess)
+        guess, shooting = unknowns.guess(variables), self.shooting(FINE, every)
+        shooting.settle(guess, _SETTLED)
+        for _ in range(_RELAYS):
+            shooting.relay(guess)
         self._settled.update(shooting.starts)
         misfits = shooting.misfits(guess)
-        is_fair = misfits <= _STRANGE * np.median(misfits)
-        return pieces.chosen(is_fair) if is_fair.mean() >= _MOSTLY else pieces
+        is_steady = ~shooting.turns_on_a_hair() & ~np.isin(every.rows, [*self._stuck])
+        is_fair = is_steady & (misfits <= _STRANGE * np.median(misfits))
+        for marks in (is_fair, is_steady):
+            if marks.mean() >= _MOSTLY:
+                return every.chosen(marks)
+        return every
 
-    def fit(self, unknowns: Unknowns, variables: Values, stage: Stage, pieces: Pieces) -> Fit:
+    def polish(
+        self, unknowns: Unknowns, variables: Values, pieces: Pieces, most: int = MOST_STEPS
+    ) -> Fit:
+        """Return the fit to the finest pieces that starts at `variables`, in so many steps.
+
+        The starts of the pieces are as `explained` has settled them.
+        """
+        polish = Polish(unknowns, self.shooting(FINE, pieces))
+        optimum = polish.run(variables, lambda: self.report(FINE.name), most)
+        self._settled.update(polish.shooting.starts)
+        if not optimum.is_reached:
+            self._stuck.update(pieces.rows[optimum.is_stuck].tolist())
+        return _judge(polish, optimum)
+
+    def fit(self, unknowns: Unknowns, variables: Values, stage: Stage, pieces: Pieces) -> Rough:
         """Return the fit that starts at `variables`."""
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
 
@@ -145,75 +223,56 @@ class Fitter:
             )
             self.report(stage.name)
             variables = solution.x
-            problem.end(variables)
             is_done, cost = solution.cost > (1.0 - stage.enough) * cost, solution.cost
             if is_done:
                 break
-        problem.begin(variables)
-        if stage.name == FINE.name:
-            self._settled.update(problem.shooting.starts)
-        return problem.result(variables, cost)
+        return Rough(variables, float(cost))
 
 
 @dataclass(slots=True)
 class _Problem:
-    """The residuals of one stage, as `scipy.optimize.least_squares` takes them.
-
-    The starts of the pieces follow the variables to first order, from where they were settled.
-    """
+    """The residuals of a stage before the last, as `scipy.optimize.least_squares` takes them."""
 
     unknowns: Unknowns
     shooting: Shooting
     stage: Stage
-    _center: Values = field(init=False)
-    _follow: Values = field(init=False)
 
     def begin(self, variables: Values) -> None:
-        """Settle the starts at these variables, and find how they follow."""
-        self._center, guess = variables, self.unknowns.guess(variables)
+        """Settle the starts at these variables."""
+        guess = self.unknowns.guess(variables)
         self.shooting.settle(guess, self.stage.enough, self.stage.settlings)
-        self._follow = np.zeros((len(variables), *self.shooting.states.shape))
-        if not self.stage.follows:
-            return
-        steps = self._steps(variables)
-        near = [self.unknowns.guess(variables + step) for step in np.diag(steps)]
-        self._follow = self.shooting.follow(guess, near) / steps[:, np.newaxis, np.newaxis]
-
-    def end(self, variables: Values) -> None:
-        """Leave the starts where they follow to."""
-        self.shooting.states = self._states(variables)
 
     def residuals(self, variables: Values) -> Values:
         return np.asarray(self._of([variables])[0])
 
     def slopes(self, variables: Values) -> Values:
-        steps = self._steps(variables)
+        steps = self.unknowns.steps * self.stage.precision
+        steps = np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
         found = self._of([variables, *(variables + step for step in np.diag(steps))])
-        slopes = np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
-        return leave_out_wild(slopes, len(self.shooting.states)) if self.stage.follows else slopes
-
-    def result(self, variables: Values, cost: float) -> Fit:
-        """Return the fit, and how uncertain it is."""
-        residuals, slopes = self.residuals(variables), self.slopes(variables)
-        freedom = len(residuals) - 8 * len(self.shooting.states) - 2 * len(variables)
-        rms = float(np.sqrt(np.square(residuals).sum() / freedom))
-        covariance = find_covariance(slopes, residuals, len(self.shooting.states), freedom)
-        doubt = max(1.0, _LEAST_RESIDUAL / max(rms, 1e-12)) ** 2
-        return Fit(variables, doubt * covariance, float(cost), rms)
+        return np.asarray(((found[1:] - found[0]) / steps[:, np.newaxis]).T)
 
     def _of(self, trials: Sequence[Values]) -> Values:
         guesses = [self.unknowns.guess(trial) for trial in trials]
-        signals = self.shooting.residuals(guesses, [self._states(trial) for trial in trials])
+        signals = self.shooting.residuals(guesses, [self.shooting.states] * len(trials))
         expected = (np.array(trials) - self.unknowns.start) / self.unknowns.spreads
         return np.hstack([signals, expected])
 
-    def _states(self, variables: Values) -> Values:
-        shift = np.tensordot(variables - self._center, self._follow, axes=1)
-        return np.asarray(self.shooting.states + shift)
 
-    def _steps(self, variables: Values) -> Values:
-        steps = self.unknowns.steps * self.stage.precision
-        return np.where(variables + steps > self.unknowns.bounds[1], -steps, steps)
+def _judge(polish: Polish, optimum: Optimum) -> Fit:
+    """Return a fit with how far it can be trusted."""
+    count = len(optimum.residuals)
+    signals = optimum.residuals[:, :-4].reshape(count, -1, 3)
+    fitted = 4 * count + len(optimum.variables)
+    evidence = Evidence(
+        optimum.residuals, optimum.slopes, polish.unknowns.spreads, signals.size - fitted
+    )
+    # The starts and the variables take their share of each signal's residuals.
+    power = np.square(signals).sum(axis=(0, 1)) / (evidence.freedom / 3.0)
+    colour, limit = find_colour(signals)
+    doubt = max(1.0, _LEAST_RESIDUAL**2 / max(float(power.mean()), 1e-24))
+    covariance = doubt * find_covariance(evidence, is_white=colour <= limit)
+    spread = invert(find_information(evidence))
+    return Fit(optimum, covariance, spread, np.sqrt(power), colour, colour <= limit, polish)
 
 
 def draw_candidates(

@@ -2,24 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
+from hil_bench.identification.approach import SIDE_MINIMUM, Rival, approach, find_rivals
 from hil_bench.identification.fit import Fit, Fitter, Report
+from hil_bench.identification.intervals import REACH, Interval, find_intervals
 from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.shooting import Pieces, Shooting, cut_pieces
-from hil_bench.identification.spool import fit_spool
-from hil_bench.identification.stages import AGAIN, CLOSE, FINE, LENGTH, MIDDLE, Stage
-from hil_bench.identification.unknowns import KINDS, OFFSETS, Guess, Unknowns
+from hil_bench.identification.spool import fit_spool, recorded_spool
+from hil_bench.identification.stages import FINE
+from hil_bench.identification.trial import Trial, trial_pieces, try_out
+from hil_bench.identification.unknowns import KINDS, OFFSETS, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 
-_SIDE_MINIMUM = 1.3  # times the noise: residuals above may mean one
-_REPEATS = 3  # of the fit, while it changes which pieces the model explains
+_REPEATS = 4  # of the fit, while it changes which pieces the model explains
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,43 +29,16 @@ class Estimate:
     Attributes:
         name: its symbol, as in `PlantParameters`.
         value: found, or kept as configured where the record does not tell it [SI].
-        deviation: standard deviation of the value [SI]; where it is not told, of what was found.
+        deviation: standard deviation of what was found [SI].
+        interval: about what was found, which holds the parameter with 95 % probability [SI].
         is_told: whether the record tells it.
     """
 
     name: str
     value: float
     deviation: float
+    interval: Interval
     is_told: bool
-
-
-class Run(NamedTuple):
-    """One run of the plant that was found over a part of the record.
-
-    Attributes:
-        rows: of the record, shape (rows,).
-        model: position [m], P_A and P_B [Pa], shape (rows, 3).
-    """
-
-    rows: npt.NDArray[np.int64]
-    model: Values
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """The plant that was found, beside the part of the record that was not used for the fit.
-
-    Attributes:
-        rows: of each piece of the record, shape (pieces, rows of a piece).
-        model: position [m], P_A and P_B [Pa], started anew in each piece, shape (*rows.shape, 3).
-        residual: rms of model less record of each signal, as a multiple of its noise, shape (3,).
-        runs: over each part of the record that was not used, started once.
-    """
-
-    rows: npt.NDArray[np.int64]
-    model: Values
-    residual: Values
-    runs: tuple[Run, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +52,10 @@ class Identification:
         offsets: errors of the pressure sensors, shape (2,) [Pa].
         offset_deviations: their standard deviations, shape (2,) [Pa].
         estimates: one a sought parameter.
-        residual: rms of the fit's residuals, as a multiple of the noise.
+        residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,).
+        is_reached: whether the fit has ended at an optimum.
+        is_white: whether its residuals are white, so that they count as independent.
+        rivals: other starts that have ended elsewhere.
         pieces: how many pieces of the record were fitted.
         left_out: how many were not, because the model does not explain them.
         trial: on the rest of the record.
@@ -91,7 +67,10 @@ class Identification:
     offsets: Values
     offset_deviations: Values
     estimates: tuple[Estimate, ...]
-    residual: float
+    residual: Values
+    is_reached: bool
+    is_white: bool
+    rivals: tuple[Rival, ...]
     pieces: int
     left_out: int
     trial: Trial
@@ -120,7 +99,8 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
 ) -> Identification:
     """Return the plant that a record tells.
 
-    What the record does not tell keeps the configured value, and the rest is fitted again with it.
+    What the record does not tell is fitted too, so that it does not mislead the rest, but keeps the
+    configured value in the result.
 
     Args:
         record: of the machine.
@@ -134,104 +114,84 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         report: takes a few words after each piece of work.
     """
     _check_options(options)
-    trial_pieces = _trial_pieces(record, known.h)
+    pieces = trial_pieces(record, known.h)
     spool = fit_spool(record, known)
     with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
     unknowns = Unknowns(with_spool, tuple(name for name in names if name not in spool))
     fitter = Fitter(record, options, step, report)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
+    estimates = _estimates(found, names, spool)
+    told = {estimate.name: estimate.value for estimate in estimates if estimate.is_told}
     return Identification(
-        record=record,
+        record=found.fitter.record,
         known=known,
-        parameters=guess.parameters,
+        parameters=replace(known, **told),
         offsets=guess.offsets,
         offset_deviations=_deviations(found.unknowns, found.fit)[-len(OFFSETS) :],
-        estimates=tuple(_estimates(found, names, spool)),
+        estimates=tuple(estimates),
         residual=found.fit.residual,
-        pieces=len(found.pieces.rows),
+        is_reached=found.fit.optimum.is_reached,
+        is_white=found.fit.is_white,
+        rivals=found.rivals,
+        pieces=len(found.fit.optimum.residuals),
         left_out=found.left_out,
-        trial=_try(fitter, guess, trial_pieces),
+        trial=try_out(found.fitter, guess, pieces),
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """Where the fits ended, with what the earlier ones said of what they could not tell."""
+    """Where the fits ended."""
 
     unknowns: Unknowns
     fit: Fit
-    pieces: Pieces
+    fitter: Fitter
     left_out: int
-    vague: dict[str, float]
+    rivals: tuple[Rival, ...]
 
 
 def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
-    """Fit, leave out what the record does not tell, and fit again, until all is told."""
-    stop = unknowns.known.h
-    every = fitter.pieces(FINE, stop)
-    variables = _approach(fitter, unknowns, fitter.search(unknowns, starts, seed)).variables
-    vague: dict[str, float] = {}
-    pieces = fitter.explained(unknowns, variables, every)
-    repeats = 0
-    while True:
-        fit = fitter.fit(unknowns, variables, FINE, pieces)
-        dropped, fitted = find_vague(unknowns, fit), pieces
-        pieces = fitter.explained(unknowns, fit.variables, every)
-        repeats += 1
-        is_settled = np.array_equal(pieces.rows, fitted.rows) or repeats > _REPEATS
-        if is_settled and not dropped:
-            left_out = len(every.rows) - len(fitted.rows)
-            return _Found(unknowns, fit, fitted, left_out, vague)
-        deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
-        vague |= {name: deviations[name] for name in dropped}
-        guess = unknowns.guess(fit.variables)
-        unknowns = unknowns.without(dropped)
-        variables = unknowns.variables_of(guess)
-
-
-def _approach(fitter: Fitter, unknowns: Unknowns, ways: Sequence[Values]) -> Fit:
-    """Return the best fit from what the search has found.
-
-    Another way is tried as long as the one before looks like a side minimum.
-    """
-    fits: list[Fit] = []
-    for variables in ways:
-        fits.append(_follow(fitter, unknowns, variables, (MIDDLE, CLOSE)))
-        if fits[-1].residual <= _SIDE_MINIMUM:
-            return fits[-1]
-    best = min(fits, key=lambda fit: fit.cost)
-    fits.append(_follow(fitter, unknowns, best.variables, AGAIN))
-    return min(fits, key=lambda fit: fit.cost)
-
-
-def _follow(fitter: Fitter, unknowns: Unknowns, variables: Values, stages: Sequence[Stage]) -> Fit:
-    """Return the first fine fit, to which some stages lead."""
-    for stage in stages:
-        pieces = fitter.pieces(stage, unknowns.known.h)
-        variables = fitter.fit(unknowns, variables, stage, pieces).variables
+    """Fit until the pieces that the model explains stay the same."""
     every = fitter.pieces(FINE, unknowns.known.h)
-    return fitter.fit(unknowns, variables, FINE._replace(enough=1e-3), every)
-
-
-def find_vague(unknowns: Unknowns, fit: Fit) -> list[str]:
-    """Return the parameters that a fit leaves open, the vaguest first.
-
-    One that is left open may take others with it that are told as soon as it is known, so they are
-    taken out one by one.
-    """
-    information = np.linalg.pinv(fit.covariance, hermitian=True)
-    limits = np.array([kind.told_within for kind in unknowns.kinds])
-    kept = list(range(len(limits)))
-    vague = []
-    while kept:
-        covariance = np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True)
-        excess = np.sqrt(np.diag(covariance)) / limits[kept]
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
+    first = approach(fitter, unknowns, every, starts, seed)
+    fit = first[0]
+    record = fitter.record
+    # Oil that rings looks like noise; the fit knows better, unless it misses something.
+    scale = np.where(fit.residual <= SIDE_MINIMUM, fit.residual, 1.0)
+    fitter = fitter.with_record(record.with_noise(scale * record.noise))
+    fitter.forget()  # what another start may have left
+    pieces = fitter.explained(unknowns, fit.variables, every)
+    for _ in range(_REPEATS):
+        fit = fitter.polish(unknowns, fit.variables, pieces)
+        fitted, pieces = pieces, fitter.explained(unknowns, fit.variables, every)
+        if np.array_equal(pieces.rows, fitted.rows):
             break
-        vague.append(unknowns.names[kept.pop(worst)])
-    return vague
+    left_out = len(every.rows) - len(fit.optimum.residuals)
+    return _Found(unknowns, fit, fitter, left_out, tuple(find_rivals(unknowns, fit, first[1:])))
+
+
+def find_vague(record: AxisRecord, unknowns: Unknowns, fit: Fit) -> list[str]:
+    """Return the parameters that a record does not tell.
+
+    They have been fitted with the others, so that the deviations of the others hold whatever the
+    values of these.
+    """
+    limits = [kind.told_within for kind in unknowns.kinds]
+    is_vague = np.sqrt(np.diag(fit.covariance)) > limits
+    parameters = unknowns.guess(fit.variables).parameters
+    return [
+        name
+        for name, vague in zip(unknowns.names, is_vague, strict=False)
+        if vague or (name == "alpha" and not _opens_fully(record, parameters))
+    ]
+
+
+def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
+    """Return whether the spool passes the full opening where the record is fitted."""
+    spool = recorded_spool(parameters, record)[:, 0]
+    reach = max(float(np.abs(spool[rows.start : rows.stop]).max()) for rows in record.fitted)
+    return reach > parameters.alpha + parameters.beta
 
 
 def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
@@ -257,63 +217,18 @@ def _estimates(
     unknowns, fit = found.unknowns, found.fit
     parameters = unknowns.guess(fit.variables).parameters
     deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
-    deviations |= {name: deviation for name, (_, deviation) in spool.items()} | found.vague
-    return [
-        Estimate(name, getattr(parameters, name), deviations[name], name not in found.vague)
-        for name in names
-    ]
-
-
-def _try(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
-    shooting = fitter.shooting(FINE, pieces)
-    shooting.settle(guess)
-    deviations = shooting.deviations(guess, shooting.states)
-    rows = _rows(pieces)
-    return Trial(
-        rows=rows,
-        model=fitter.record.measured[rows] + deviations,
-        residual=np.sqrt(np.square(deviations).mean(axis=(0, 1))) / fitter.record.noise,
-        runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
-    )
-
-
-def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
-    """Return one run over a part, from the settled start of its first piece."""
-    first = int(np.searchsorted(settled.pieces.rows, part.start))
-    start = settled.pieces.rows[first : first + 1]
-    pieces = Pieces(start, part.stop - 1 - int(start[0]))
-    shooting = fitter.shooting(FINE, pieces)
-    deviations = shooting.deviations(guess, settled.states[first : first + 1])
-    (rows,) = _rows(pieces)
-    return Run(rows, fitter.record.measured[rows] + deviations[0])
-
-
-def _parts(record: AxisRecord, pieces: Pieces) -> list[range]:
-    """Return the parts for the trial that have pieces."""
-    return [
-        part
-        for part in record.tried
-        if ((pieces.rows >= part.start) & (pieces.rows < part.stop)).any()
-    ]
-
-
-def _rows(pieces: Pieces) -> npt.NDArray[np.int64]:
-    return np.asarray(pieces.rows[:, np.newaxis] + 1 + np.arange(pieces.length))
-
-
-def _trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
-    """Return the pieces of the part that the fit does not see.
-
-    Raises:
-        ConfigError: there are none clear of the end stops.
-    """
-    pieces = cut_pieces(record, record.tried, record.rows_in(LENGTH), stroke_end)
-    if not len(pieces.rows):
-        raise ConfigError(
-            "the last fifth of the recording, on which the model is tried, has no piece of "
-            f"{LENGTH:g} s clear of the end stops; give a longer one, and check stroke_mm"
-        )
-    return pieces
+    intervals = find_intervals(unknowns, fit, deviations, lambda: found.fitter.report("interval"))
+    deviations |= {name: deviation for name, (_, deviation) in spool.items()}
+    vague = find_vague(found.fitter.record, unknowns, fit)
+    estimates = []
+    for name in names:
+        value, deviation = getattr(parameters, name), deviations[name]
+        about = (value - REACH * deviation, value + REACH * deviation)
+        if name in vague:
+            value = getattr(unknowns.known, name)
+        interval = intervals.get(name, about)
+        estimates.append(Estimate(name, value, deviation, interval, name not in vague))
+    return estimates
 
 
 def _check_options(options: PlantOptions) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED
-from hil_bench.identification.identify import Identification, Run
+from hil_bench.identification.identify import Identification
+from hil_bench.identification.trial import Run
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE, Unit
 
 Values = npt.NDArray[np.float64]

@@ -1,7 +1,8 @@
 """The part of a recording that identification reads, checked: one axis, SI units, even steps."""
 
 import itertools
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -25,6 +26,11 @@ _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
 _SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
 _FITTED = 0.8  # of each stretch; the rest is for the trial
+_ORDER = 8  # of the differences that show noise
+_BLOCK = 32  # rows over which their power is averaged
+_QUIET = 0.1  # of these blocks
+_QUIET_POWER = 0.480  # that quantile for white noise of power 1, from 10^8 normal numbers
+_MULTIPLE, _NEARLY_ALL = 0.01, 0.9  # how close to one, and of the steps
 _MOTION = 1e-3  # [m]
 _PACE = 50  # rows between two positions of which the way is counted: noise adds up less
 _ONE_WAY = 0.05  # of the way: less back than that is one way only
@@ -79,6 +85,10 @@ class AxisRecord:
         forth, back = way[way > 0.0].sum(), -way[way < 0.0].sum()
         return bool(min(forth, back) > max(_ONE_WAY * (forth + back), _MOTION))
 
+    def with_noise(self, noise: Values) -> Self:
+        """Return the record with a noise that is known better, above the floors."""
+        return replace(self, noise=np.maximum(noise, _FLOORS))
+
     def rows_in(self, duration: float) -> int:
         """Return how many rows span a duration [s], 10 at least."""
         return max(10, round(duration / self.interval))
@@ -120,19 +130,39 @@ class AxisRecord:
 def estimate_noise(values: Values, floor: float) -> float:
     """Return the standard deviation of a signal's noise.
 
-    Third differences leave what does not go on smoothly from row to row; their median size is
-    not moved by the few places where the signal itself jumps. White noise of standard deviation s
-    has third differences of sqrt(20) s.
+    Eighth differences leave little of what goes on smoothly from row to row, and of oscillations up
+    to a third of the sampling rate. Stiff oil rings after each step of the valve, so the quietest
+    tenth of the signal counts: of white noise, the power there is a known part of the mean.
 
     Args:
         values: of the signal.
         floor: at least this, and at least the rounding of the sensor's smallest step.
     """
-    differences = np.abs(np.diff(values))
-    steps = differences[differences > 0.0]
-    smallest = float(steps.min()) if len(steps) else 0.0
-    rough = 1.4826 * float(np.median(np.abs(np.diff(values, n=3)))) / np.sqrt(20.0)
-    return float(max(rough, floor, smallest / np.sqrt(12.0)))
+    return max(_quiet_noise(values), floor, _rounding(values))
+
+
+def _rounding(values: Values) -> float:
+    """Return the standard deviation of rounding to the smallest step between a signal's values.
+
+    It counts only where nearly all steps are multiples of the smallest one: the steps of an axis
+    that never rests are large, too.
+    """
+    steps = np.diff(np.unique(values))
+    if not len(steps):
+        return 0.0
+    multiples = steps / steps.min()
+    is_multiple = np.abs(multiples - np.rint(multiples)) < _MULTIPLE
+    return float(steps.min()) / math.sqrt(12.0) if is_multiple.mean() > _NEARLY_ALL else 0.0
+
+
+def _quiet_noise(values: Values) -> float:
+    """Return the standard deviation of noise in the quietest tenth of a signal."""
+    powers = np.square(np.diff(values, n=_ORDER)) / math.comb(2 * _ORDER, _ORDER)
+    blocks = len(powers) // _BLOCK
+    if not blocks:
+        return 0.0
+    means = powers[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
+    return float(np.sqrt(np.quantile(means, _QUIET) / _QUIET_POWER))
 
 
 def _check_columns(recording: Recording, axis: str) -> None:

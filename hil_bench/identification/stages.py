@@ -18,8 +18,6 @@ class Stage(NamedTuple):
         coarse: by which the solver's step is longer.
         precision: by which the steps for slopes are multiplied.
         enough: relative gain of a round below which the fit has converged.
-        follows: whether the pieces' starts follow the variables within a round: close to the
-            optimum that is quick, far from it it leads astray.
         settlings: steps of the pieces' starts at most; more than one only near the optimum, since
             starts that fit a wrong model well hide how wrong it is.
     """
@@ -32,7 +30,6 @@ class Stage(NamedTuple):
     coarse: int
     precision: float
     enough: float
-    follows: bool
     settlings: int
 
 
@@ -45,7 +42,6 @@ ROUGH = Stage(
     coarse=2,
     precision=1.0,
     enough=1e-3,
-    follows=False,
     settlings=1,
 )
 LONGER = ROUGH._replace(rounds=6)
@@ -60,29 +56,13 @@ MIDDLE = Stage(
     coarse=2,
     precision=0.3,
     enough=1e-3,
-    follows=False,
     settlings=1,
 )
-CLOSE = MIDDLE._replace(
-    name="close", blur=1.0, precision=1e-3, enough=1e-4, follows=True, settlings=12
-)
-FINE = Stage(
-    "fine",
-    length=LENGTH,
-    share=1.0,
-    blur=1.0,
-    rounds=15,
-    coarse=1,
-    precision=1e-3,
-    enough=1e-6,
-    follows=True,
-    settlings=12,
-)
+FINE = MIDDLE._replace(name="fine", length=LENGTH, share=1.0, blur=1.0, coarse=1)
+"""Its pieces are those of the last fit, which `hil_bench.identification.polish` makes."""
 
 AGAIN = (
     MIDDLE._replace(name="again", length=0.08, share=1.0, blur=3.0, rounds=5, precision=1.0),
-    FINE._replace(
-        name="again", rounds=5, coarse=2, precision=0.3, enough=1e-2, follows=False, settlings=1
-    ),
+    FINE._replace(name="again", rounds=5, coarse=2, enough=1e-2),
 )
 """What leads out of a side minimum: pieces too short for the motion to part, then with patience."""

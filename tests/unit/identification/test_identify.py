@@ -1,14 +1,23 @@
 """What a record tells of a plant, and what it does not."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from support.machine_record import FULL_OPENING, Machine, random_steps
+from support.machine_record import (
+    FULL_OPENING,
+    POSITION_NOISE,
+    PRESSURE_NOISE,
+    Machine,
+    random_steps,
+)
 
 from hil_bench.errors import ConfigError
-from hil_bench.identification.identify import Identification, identify
+from hil_bench.identification.identify import Identification, find_vague, identify
 from hil_bench.identification.record import AxisRecord
+from hil_bench.identification.unknowns import Guess, Unknowns
 from hil_bench.plant import (
     EntrainedAir,
     PlantOptions,
@@ -50,6 +59,29 @@ def test_without_saturation_alpha_is_not_told_and_stays(found: Identification) -
     assert found.parameters.alpha == paper_parameters().alpha
 
 
+def test_an_opening_that_no_setpoint_reaches_is_not_told(found: Identification) -> None:
+    # Whatever the deviation: the fit is made to claim that it knows alpha exactly.
+    unknowns = Unknowns(paper_parameters(), ("w", "alpha", "E", "F_c", "m"))
+    values = replace(found.parameters, alpha=3.0 * paper_parameters().alpha)
+    variables = unknowns.variables_of(Guess(values, found.offsets))
+    sure = 1e-20 * np.eye(len(variables))
+    fit = cast("Any", SimpleNamespace(variables=variables, covariance=sure))
+
+    assert find_vague(found.record, unknowns, fit) == ["alpha"]
+
+
+def test_noise_is_found_to_what_was_added(found: Identification) -> None:
+    # The residuals of 2.9 s scatter by 1.3 %.
+    assert found.record.noise == pytest.approx([POSITION_NOISE, *2 * [PRESSURE_NOISE]], rel=0.05)
+
+
+def test_the_fit_has_reached_its_optimum(found: Identification) -> None:
+    assert found.is_reached
+    assert found.is_white
+    for estimate in found.told:
+        assert estimate.interval[0] < estimate.value < estimate.interval[1]
+
+
 def test_an_offset_of_a_pressure_sensor_is_told_apart(found: Identification) -> None:
     # 0.2 bar on P_A alone; what both share hardly shows
     difference = found.offsets[0] - found.offsets[1]
@@ -74,8 +106,11 @@ def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
 
     found = run(machine.record(setpoints)[400:], paper_parameters(), ("w", "F_s", "chi"))
 
-    assert "chi" in [estimate.name for estimate in found.not_told]
+    # What can be seen is (F_s - F_c) exp(-(v / chi)^0.8) at 40 mm/s: one number of two.
+    assert [estimate.name for estimate in found.not_told] == ["F_s", "chi"]
     assert found.parameters.chi == paper_parameters().chi
+    (chi,) = [estimate for estimate in found.estimates if estimate.name == "chi"]
+    assert chi.interval[0] < 5e-3 < chi.interval[1]
 
 
 def test_a_recorded_spool_is_fitted_by_itself() -> None:

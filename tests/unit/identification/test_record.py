@@ -49,11 +49,51 @@ def test_noise_is_that_which_was_added_whatever_the_motion_does() -> None:
     assert found == pytest.approx(2e-6, rel=0.05)
 
 
+def test_oil_that_rings_is_no_noise() -> None:
+    # A step of the valve each 150 ms makes 2 bar of ringing at 150 Hz, which dies out within 40 ms,
+    # as stiff oil does. The median of third differences finds 8 kPa there.
+    source = np.random.default_rng(4)
+    since = np.tile(1e-3 * np.arange(150), 200)
+    ringing = 2e5 * np.exp(-since / 0.04) * np.sin(2.0 * np.pi * 150.0 * since)
+
+    found = estimate_noise(ringing + 5e3 * source.standard_normal(30_000), floor=1e-9)
+
+    assert found == pytest.approx(5e3, rel=0.1)
+
+
+@pytest.mark.parametrize("rows", [320, 3000, 30_000])
+def test_white_noise_is_found_in_short_records_too(rows: int) -> None:
+    source = np.random.default_rng(5)
+    found = [estimate_noise(source.standard_normal(rows), floor=1e-9) for _ in range(50)]
+
+    # The quietest tenth of n blocks scatters by some 30 % / sqrt(n).
+    assert np.mean(found) == pytest.approx(1.0, rel=0.03 if rows > 1000 else 0.1)
+    assert np.std(found) < 0.5 / np.sqrt(rows / 32)
+
+
+def test_what_the_fit_knows_of_noise_stays_above_the_floors(recording: Recording) -> None:
+    record = AxisRecord.of(recording, "lift", FULL_OPENING)
+
+    better = record.with_noise(np.array([0.0, 2e3, 3e3]))
+
+    assert better.noise.tolist() == [0.3e-6, 2e3, 3e3]  # the floor of the position is 0.3 um
+
+
 def test_noise_is_at_least_the_rounding_of_the_sensor() -> None:
     # uniform rounding errors of a step q have the standard deviation q / sqrt(12)
     values = np.repeat(1e-5 * np.arange(100.0), 50)
 
     assert estimate_noise(values, floor=1e-9) == pytest.approx(1e-5 / np.sqrt(12.0))
+
+
+def test_motion_that_never_stops_is_no_rounding() -> None:
+    # 40 um from row to row; the noise is 2 um.
+    source = np.random.default_rng(6)
+    motion = 4e-5 * np.arange(4000.0)
+
+    found = estimate_noise(motion + 2e-6 * source.standard_normal(4000), floor=1e-9)
+
+    assert found == pytest.approx(2e-6, rel=0.1)
 
 
 def test_noise_is_at_least_the_floor() -> None:

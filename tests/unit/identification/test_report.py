@@ -7,22 +7,29 @@ import numpy as np
 import pytest
 
 from hil_bench.config import load_config
-from hil_bench.identification.identify import Estimate, Identification, Run, Trial
+from hil_bench.identification.approach import Rival
+from hil_bench.identification.identify import Estimate, Identification
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.identification.trial import Run, Trial
 from hil_bench.plant import paper_parameters
 
 TABLE_1 = paper_parameters()
 ESTIMATES = (
-    Estimate("beta", 2.51234e-4, 1.2e-7, is_told=True),
-    Estimate("C_L", 0.0, 1e-15, is_told=True),
-    Estimate("E", 1.2345e9, 2.2e6, is_told=True),
-    Estimate("chi", 0.02, 0.05, is_told=False),
+    Estimate("beta", 2.51234e-4, 1.2e-7, (2.50999e-4, 2.51469e-4), is_told=True),
+    Estimate("C_L", 0.0, 1e-15, (0.0, 1.96e-15), is_told=True),
+    Estimate("E", 1.2345e9, 2.2e6, (1.2302e9, 1.2388e9), is_told=True),
+    Estimate("chi", 0.02, 0.05, (-0.078, 0.118), is_told=False),
 )
 
 
-def make(residual: float = 0.9) -> Identification:
-    """Return what might have been found, on a record of 10 rows."""
+def make(residual: float = 0.9, pressure: float = 1.0) -> Identification:
+    """Return what might have been found, on a record of 10 rows.
+
+    Args:
+        residual: of the position where nothing was fitted, as a multiple of its noise.
+        pressure: of P_A, likewise.
+    """
     rows = np.arange(8, 10)
     return Identification(
         record=AxisRecord(
@@ -41,13 +48,16 @@ def make(residual: float = 0.9) -> Identification:
         offsets=np.array([2e4, 100.0]),
         offset_deviations=np.array([300.0, 300.0]),
         estimates=ESTIMATES,
-        residual=1.01,
+        residual=np.array([1.01, 1.0, 1.0]),
+        is_reached=True,
+        is_white=True,
+        rivals=(),
         pieces=12,
         left_out=1,
         trial=Trial(
             rows=rows[np.newaxis],
             model=np.zeros((1, 2, 3)),
-            residual=np.array([residual, 1.0, 1.0]),
+            residual=np.array([residual, pressure, 1.0]),
             runs=(Run(rows, np.full((2, 3), 1e-3)),),
         ),
     )
@@ -76,8 +86,8 @@ def test_the_table_has_two_uncertain_digits() -> None:
     lines = {line.split()[0]: line.split()[1:] for line in summarise(make()).splitlines() if line}
 
     # 0.251234 mm +- 0.00012 mm, in the keys' units
-    assert lines["spool_overlap_mm"] == ["0.25123", "0.00012", "0.3"]
-    assert lines["bulk_modulus_mpa"] == ["1234.5", "2.2", "100"]
+    assert lines["spool_overlap_mm"] == ["0.25123", "0.00012", "0.25100", "0.25147", "0.3"]
+    assert lines["bulk_modulus_mpa"] == ["1234.5", "2.2", "1230.2", "1238.8", "100"]
 
 
 def test_what_is_not_told_comes_with_what_would_tell_it() -> None:
@@ -92,7 +102,9 @@ def test_what_is_not_told_comes_with_what_would_tell_it() -> None:
 
 
 def test_residuals_that_are_not_noise_come_with_a_warning() -> None:
-    texts = [summarise(replace(make(), residual=residual)) for residual in (1.5, 1.6)]
+    texts = [
+        summarise(replace(make(), residual=np.array([1.0, 1.0, largest]))) for largest in (1.5, 1.6)
+    ]
 
     assert ["side minimum" in text for text in texts] == [False, True]
 
@@ -119,7 +131,46 @@ def test_a_record_of_one_direction_comes_with_a_warning() -> None:
 def test_a_model_that_does_not_follow_the_record_is_named() -> None:
     assert is_explained(make(residual=3.0))
     assert not is_explained(make(residual=3.1))
-    assert "does NOT explain" in summarise(make(residual=3.1))
+    # 3.1 times 2 um
+    assert "NOT explain this record: it misses position by 6.2 um rms, 3.1 times its noise, in" in (
+        summarise(make(residual=3.1))
+    )
+
+
+def test_pressures_that_miss_by_five_times_the_noise_are_not_explained() -> None:
+    found = make(pressure=5.0)
+
+    assert not is_explained(found)
+    # 5 times 5 kPa
+    assert "P_A by 0.25 bar rms, 5 times its noise, in the trial" in summarise(found)
+
+
+def test_a_fit_that_misses_a_signal_is_not_explained() -> None:
+    found = replace(make(), residual=np.array([1.0, 1.0, 3.2]))
+
+    assert not is_explained(found)
+    assert "P_B by 0.16 bar rms, 3.2 times its noise, in the fit" in summarise(found)
+
+
+def test_a_fit_short_of_its_optimum_says_so() -> None:
+    assert "did NOT reach its optimum" in summarise(replace(make(), is_reached=False))
+    assert "did NOT reach" not in summarise(make())
+
+
+def test_coloured_residuals_come_with_what_the_intervals_hold_for() -> None:
+    assert "not white noise" in summarise(replace(make(), is_white=False))
+
+
+def test_starts_that_ended_elsewhere_are_named() -> None:
+    apart = {"E": 41.0, "F_c": 3.5, "m": 12.0, "chi": 4.0}
+    worse, alike = (
+        summarise(replace(make(), rivals=(Rival(residual, apart),))) for residual in (2.5, 1.01)
+    )
+
+    assert "with residuals of 2.5 times the noise (1 here)" in worse
+    assert "bulk_modulus_mpa by 41, moving_mass_kg by 12" in worse
+    assert "side minimum" in worse
+    assert "fits both about equally well" in alike
 
 
 def test_programs_read_the_keys_and_units_of_bench_toml() -> None:
@@ -129,8 +180,11 @@ def test_programs_read_the_keys_and_units_of_bench_toml() -> None:
         "is_told": True,
         "value": pytest.approx(1234.5),
         "standard_deviation": pytest.approx(2.2),
+        "interval_95": pytest.approx([1230.2, 1238.8]),
         "configured": pytest.approx(100.0),
         "unit": "MPa",
     }
     assert content["trial_residual"]["position"] == 0.9
     assert content["pressure_offsets_bar"] == pytest.approx([0.2, 0.001])
+    assert content["fit_residual"]["position"] == 1.01
+    assert content["is_converged"]

@@ -19,8 +19,11 @@ from hil_bench.plant.state import (
     PlantOutput,
     PlantState,
     balanced_state,
+    check_cavity,
+    check_position,
     require_finite_state,
 )
+from hil_bench.plant.state_row import STEPS, SUPPLY
 from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
 from hil_bench.plant.validation import require_finite
 
@@ -37,7 +40,7 @@ _LARGEST_STEP = {
     Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
 
-_P_S = 8  # its place in the state of an extended plant
+_Z_F = 9  # its place in the state of an extended plant
 
 
 class FullOrderPlant:
@@ -92,14 +95,14 @@ class FullOrderPlant:
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         self._state = make_row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
-        self._supply = (self._state, _P_S) if is_extended else (self._constants, ORIFICE_P_S)
+        self._supply = (self._state, SUPPLY) if is_extended else (self._constants, ORIFICE_P_S)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
     def state(self) -> PlantState:
         """The present state."""
         row = self._state
-        return PlantState(*(float(row[index]) for index in range(6)))
+        return PlantState(*(float(row[place]) for place in range(len(PlantState._fields))))
 
     @property
     def extension(self) -> ExtensionState:
@@ -107,7 +110,7 @@ class FullOrderPlant:
         row = self._state
         if not self._is_extended:
             return ExtensionState(0.0, 0.0, self.parameters.P_S)
-        return ExtensionState(float(row[6]) * self.dt, float(row[7]), float(row[8]))
+        return ExtensionState(float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]))
 
     @property
     def output(self) -> PlantOutput:
@@ -171,10 +174,10 @@ def _check_state(state: PlantState, parameters: PlantParameters, options: PlantO
             raise ParameterError(
                 f"{symbol} = {pressure:g} Pa: must be at least the cavitation floor, {floor:g} Pa"
             )
-    if options.end_stop is not None and abs(state.x) > parameters.h:
-        raise ParameterError(
-            f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
-        )
+    x = min(max(state.x, -parameters.h), parameters.h)
+    check_cavity("A", state.V_CA, parameters.V_A0 + parameters.A_A * x, state.P_A, floor)
+    check_cavity("B", state.V_CB, parameters.V_B0 - parameters.A_B * x, state.P_B, floor)
+    check_position(state.x, parameters, options)
 
 
 def _check_extension(

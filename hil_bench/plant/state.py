@@ -1,13 +1,18 @@
 """What enters the plant, what it remembers and what it shows."""
 
+import math
 from typing import NamedTuple
 
+from hil_bench.errors import ParameterError
+from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.validation import require_finite
 
+_HARDEST = 10.0
+
 
 class PlantState(NamedTuple):
-    """The six states of the full-order model.
+    """The six states of the full-order model, and what is void where a chamber cavitates.
 
     Attributes:
         x: piston position from mid-stroke [m].
@@ -16,6 +21,8 @@ class PlantState(NamedTuple):
         P_B: pressure in chamber B [Pa].
         nu: spool position [m].
         nu_dot: spool velocity [m/s].
+        V_CA: volume of the cavity in chamber A, 0 above the cavitation floor [m³].
+        V_CB: volume of the cavity in chamber B, 0 above the cavitation floor [m³].
     """
 
     x: float
@@ -24,6 +31,8 @@ class PlantState(NamedTuple):
     P_B: float
     nu: float
     nu_dot: float
+    V_CA: float = 0.0
+    V_CB: float = 0.0
 
 
 class PlantInput(NamedTuple):
@@ -64,9 +73,54 @@ class PlantOutput(NamedTuple):
 
 def require_finite_state(state: PlantState) -> None:
     """Refuse a state that is not finite; the message names the first symbol that is not."""
-    units = ("m", "m/s", "Pa", "Pa", "m", "m/s")
+    units = ("m", "m/s", "Pa", "Pa", "m", "m/s", "m³", "m³")
     for symbol, value, unit in zip(PlantState._fields, state, units, strict=True):
         require_finite(symbol, value, unit)
+
+
+def check_cavity(
+    chamber: str, cavity: float, volume: float, pressure: float, floor: float | None
+) -> None:
+    """Refuse a cavity that its chamber cannot have.
+
+    Args:
+        chamber: "A" or "B".
+        cavity: in it [m³].
+        volume: of the chamber [m³].
+        pressure: in the chamber [Pa].
+        floor: cavitation floor [Pa], None for no floor.
+
+    Raises:
+        ParameterError: for a cavity that is negative, as large as the chamber or above the floor.
+    """
+    named = f"V_C{chamber} = {cavity:g} m³"
+    if not 0.0 <= cavity < volume:
+        raise ParameterError(
+            f"{named}: must be 0 or greater, and smaller than the chamber, {volume:g} m³"
+        )
+    is_above = floor is None or not math.isclose(pressure, floor, rel_tol=1e-9, abs_tol=1e-3)
+    if cavity > 0.0 and is_above:
+        limit = "there is no cavitation floor" if floor is None else f"the floor is at {floor:g} Pa"
+        raise ParameterError(f"{named}: must be 0 at P_{chamber} = {pressure:g} Pa, for {limit}")
+
+
+def check_position(x: float, parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse a position to which no pressure and no impact takes the piston.
+
+    Args:
+        x: piston position [m].
+        parameters: of the plant.
+        options: of the plant; without an end stop every position is right.
+
+    Raises:
+        ParameterError: for a piston deeper in a stop than `_HARDEST` times P_S A presses it.
+    """
+    stop = options.end_stop
+    if stop is None:
+        return
+    depth = _HARDEST * parameters.P_S * max(parameters.A_A, parameters.A_B) / stop.stiffness
+    if abs(x) > parameters.h + depth:
+        raise ParameterError(f"x = {x:g} m: must lie between the end stops at +-{parameters.h:g} m")
 
 
 def balanced_state(

@@ -74,8 +74,8 @@ def test_with_everything_off_the_bits_are_those_of_the_plain_kernels(
     )
     for u, F_L in ((1.3e-3, 0.0), (-1.3e-3, 6e4), (1e-3, -6e4), (2e-4, 100.0)):
         assert plain(state, row, u, F_L, 5000) == extended(longer, longer_row, u, F_L, 5000)
-        assert [state[i] for i in range(6)] == [longer[i] for i in range(6)]
-    assert longer[8] == paper.P_S
+        assert [state[i] for i in range(8)] == [longer[i] for i in range(8)]
+    assert longer[10] == paper.P_S
 
 
 def test_a_series_goes_on_where_the_state_says(paper: PlantParameters) -> None:

@@ -2,8 +2,10 @@
 
 import math
 from collections import deque
+from types import NoneType
 
 from hil_bench.errors import ParameterError
+from hil_bench.plant.checks import check_cavity, check_position
 from hil_bench.plant.constants import ORIFICE_P_S
 from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
@@ -16,17 +18,20 @@ from hil_bench.plant.reduced_steps import (
     change_supply,
     pack_reduced,
 )
-from hil_bench.plant.stability import euler_limit, find_reduced_modes, runge_kutta_limit
+from hil_bench.plant.stability import (
+    euler_limit,
+    find_reduced_modes,
+    largest_reduced_midpoint_step,
+    runge_kutta_limit,
+)
 from hil_bench.plant.state import (
     PlantInput,
     PlantOutput,
     PlantState,
-    check_cavity,
-    check_position,
     require_finite_state,
 )
-from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
-from hil_bench.plant.validation import require_finite, require_not_negative
+from hil_bench.plant.stepping import Solver, bound_input, check_solver, check_step, divergence
+from hil_bench.plant.validation import require_finite, require_kind, require_not_negative
 
 LONGEST_DELAY = 1.0
 """Longest delay in place of the spool's lag, hundreds of times a real one [s]."""
@@ -81,9 +86,11 @@ class ReducedOrderPlant:
         state: PlantState | None = None,
         delay: float = 0.0,
     ) -> None:
+        require_kind("parameters", parameters, PlantParameters)
+        require_kind("options", options, PlantOptions, NoneType)
         self.parameters = parameters
         self.options = PlantOptions.bench() if options is None else options
-        self.solver = solver
+        self.solver = solver = check_solver(solver)
         self.dt = dt
         self.delay = delay
         check_reduced_model(parameters, self.options)
@@ -120,11 +127,12 @@ class ReducedOrderPlant:
 
     @supply_pressure.setter
     def supply_pressure(self, pressure: float) -> None:
-        require_finite("supply_pressure", pressure, "Pa")
+        require_not_negative("supply_pressure", pressure, "Pa")
         change_supply(self._constants, pressure)
 
     def restart(self, state: PlantState) -> None:
         """Go on from another state: its x, v and P_A - P_B, eq. (15) does the rest."""
+        require_kind("state", state, PlantState)
         P_S, floor = self.parameters.P_S, self.options.cavitation_floor
         P_L = state.P_A - state.P_B
         if floor is not None:
@@ -193,12 +201,12 @@ def balanced_reduced_state(
 def largest_reduced_step(
     parameters: PlantParameters, options: PlantOptions, solver: Solver
 ) -> float:
-    """Return the largest step at which a solver takes the reduced model [s].
+    """Return the largest step that a solver can take with the reduced model [s].
 
-    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
+    As `hil_bench.plant.full_order.largest_step`.
     """
-    if solver not in _LIMIT:
-        return math.inf
+    if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return largest_reduced_midpoint_step(parameters, options)
     return _LIMIT[solver](find_reduced_modes(parameters, options))
 
 
@@ -243,6 +251,7 @@ def _motion(state: PlantState) -> Motion:
 
 
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
+    require_kind("state", state, PlantState)
     require_finite_state(state)
     P_S = parameters.P_S
     if abs(state.P_A + state.P_B - P_S) > 1e-6 * P_S:

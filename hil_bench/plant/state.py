@@ -1,14 +1,9 @@
 """What enters the plant, what it remembers and what it shows."""
 
-import math
 from typing import NamedTuple
 
-from hil_bench.errors import ParameterError
-from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.validation import require_finite
-
-_HARDEST = 10.0
 
 
 class PlantState(NamedTuple):
@@ -76,51 +71,6 @@ def require_finite_state(state: PlantState) -> None:
     units = ("m", "m/s", "Pa", "Pa", "m", "m/s", "m³", "m³")
     for symbol, value, unit in zip(PlantState._fields, state, units, strict=True):
         require_finite(symbol, value, unit)
-
-
-def check_cavity(
-    chamber: str, cavity: float, volume: float, pressure: float, floor: float | None
-) -> None:
-    """Refuse a cavity that its chamber cannot have.
-
-    Args:
-        chamber: "A" or "B".
-        cavity: in it [m³].
-        volume: of the chamber [m³].
-        pressure: in the chamber [Pa].
-        floor: cavitation floor [Pa], None for no floor.
-
-    Raises:
-        ParameterError: for a cavity that is negative, as large as the chamber or above the floor.
-    """
-    named = f"V_C{chamber} = {cavity:g} m³"
-    if not 0.0 <= cavity < volume:
-        raise ParameterError(
-            f"{named}: must be 0 or greater, and smaller than the chamber, {volume:g} m³"
-        )
-    is_above = floor is None or not math.isclose(pressure, floor, rel_tol=1e-9, abs_tol=1e-3)
-    if cavity > 0.0 and is_above:
-        limit = "there is no cavitation floor" if floor is None else f"the floor is at {floor:g} Pa"
-        raise ParameterError(f"{named}: must be 0 at P_{chamber} = {pressure:g} Pa, for {limit}")
-
-
-def check_position(x: float, parameters: PlantParameters, options: PlantOptions) -> None:
-    """Refuse a position to which no pressure and no impact takes the piston.
-
-    Args:
-        x: piston position [m].
-        parameters: of the plant.
-        options: of the plant; without an end stop every position is right.
-
-    Raises:
-        ParameterError: for a piston deeper in a stop than `_HARDEST` times P_S A presses it.
-    """
-    stop = options.end_stop
-    if stop is None:
-        return
-    depth = _HARDEST * parameters.P_S * max(parameters.A_A, parameters.A_B) / stop.stiffness
-    if abs(x) > parameters.h + depth:
-        raise ParameterError(f"x = {x:g} m: must lie between the end stops at +-{parameters.h:g} m")
 
 
 def balanced_state(

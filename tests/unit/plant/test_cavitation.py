@@ -223,15 +223,15 @@ def test_refuses_a_cavity_without_a_floor(paper: PlantParameters) -> None:
         FullOrderPlant(paper, options=PlantOptions.paper(), state=state)
 
 
-amounts = st.floats(-1e-3, 1e-3)
 compliances = st.floats(1e-12, 1e-6)
+flows = st.floats(-1e-2, -1e-3) | st.floats(-1e-3, 1e-3)
 
 
 @given(
-    to_floor=st.tuples(st.floats(-1e7, 0.0), st.floats(-1e7, 0.0)),
-    nets=st.tuples(amounts, amounts),
+    to_floor=st.tuples(st.floats(-1e3, 0.0), st.floats(-1e3, 0.0)),
+    nets=st.tuples(flows, flows),
     rows=st.tuples(compliances, compliances, st.floats(0.0, 1e-7)),
-    force=st.floats(-1e5, 1e5),
+    force=st.floats(-1e3, 1e3),
     inertia=st.floats(1e2, 1e7),
 )
 def test_a_chamber_is_at_the_floor_or_filled(

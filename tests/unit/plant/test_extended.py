@@ -129,7 +129,7 @@ option_sets = st.builds(
     air=st.none()
     | st.builds(EntrainedAir, air_fraction=st.floats(1e-6, 0.5), air_exponent=st.floats(1.0, 2.0)),
     bristles=st.none()
-    | st.builds(LuGreFriction, sigma_0=st.floats(1e3, 1e12), sigma_1=st.floats(0.0, 1e7)),
+    | st.builds(LuGreFriction, sigma_0=st.floats(1e3, 1e12), sigma_1=st.floats(0.0, 4000.0)),
     supply=st.none()
     | st.builds(
         SupplyUnit,

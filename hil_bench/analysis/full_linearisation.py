@@ -117,7 +117,7 @@ def linearise_full(
     """
     options = PlantOptions.paper() if options is None else options
     _check_corners(parameters, options, point)
-    state, given = np.array(point.state), np.array(point.plant_input)
+    state, given = np.array(point.state[:6]), np.array(point.plant_input)
     states, inputs = _steps(parameters)
 
     def rates(state: Matrix, given: Matrix) -> Matrix:

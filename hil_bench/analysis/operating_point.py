@@ -119,7 +119,7 @@ def _refined(
     pressure = parameters.P_S - parameters.P_T
     scales = np.array([pressure, pressure, abs(start.state[unknown[2]])])
     plant_input = start.plant_input
-    state = np.array(start.state)
+    state = np.array(start.state[:6])  # no cavity at an operating point
 
     def rates(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return state_rates(parameters, options, PlantState(*map(float, values)), plant_input)[1:4]

@@ -25,13 +25,14 @@ from hil_bench.config.keys import (
 from hil_bench.config.records import AxisConfig
 from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
+from hil_bench.plant.checks import check_full_model
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
 from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
 from hil_bench.plant.models import Model, largest_stable_step
 from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.reduced_order import check_delay, check_reduced_model
-from hil_bench.plant.stepping import Solver
+from hil_bench.plant.stepping import Solver, shortcoming
 
 _DEFAULT_AXIS = "axis1"
 
@@ -122,6 +123,8 @@ def _build_axis(name: str, axis: Settings) -> AxisConfig:
         check_delay(record.spool_delay)
     elif record.spool_delay:
         raise ParameterError(f'delay = {record.spool_delay:g} s: only for model = "reduced"')
+    else:
+        check_full_model(record.parameters, record.options)
     return record
 
 
@@ -158,12 +161,16 @@ def _check_solver(axis: AxisConfig, step_us: int, problems: Problems) -> None:
     limit_us = largest_stable_step(axis.model, axis.parameters, axis.options, axis.solver) * 1e6
     if step_us <= limit_us:
         return
-    right = f'give solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"'
+    rights = []
+    if axis.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        rights.append(f'solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"')
     if limit_us >= 1.0:
-        right += f" or bench.step_us = {math.floor(limit_us)}"
+        rights.append(f"bench.step_us = {math.floor(limit_us)}")
+    right = " or ".join(rights) or "a larger moving_mass_kg or a smaller bulk_modulus_mpa"
+    wrong = f'"{axis.solver.value}" {shortcoming(axis.solver)} with these parameters'
     problems.add(
         problems.place(f"plant.{axis.name}", "solver"),
-        f'"{axis.solver.value}" is unstable with these parameters at step_us = {step_us}; {right}',
+        f"{wrong} at step_us = {step_us}; give {right}",
     )
 
 

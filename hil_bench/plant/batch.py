@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.plant.constants import pack, unpack_lane
-from hil_bench.plant.implicit_midpoint import move_cylinder
+from hil_bench.plant.implicit_midpoint import Cylinder, move_cylinder
 from hil_bench.plant.kernel import Floats, kernel, long_kernel
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
@@ -48,16 +48,16 @@ def pack_block(plants: PlantSet, dt: float) -> Values:
 
 
 @kernel
-def move_lane(block: Floats, lane: int) -> tuple[float, float, float, float, float, float]:
-    """Return the states of one plant of a block one step later."""
+def move_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float]:
+    """Return the cylinder, nu and nu_dot of one plant of a block one step later."""
     constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
     nu, nu_dot = block[4 * LANES + lane], block[5 * LANES + lane]
     moved, moved_dot = move_spool(nu, nu_dot, block[_SETPOINT * LANES + lane], constants[3])
     z_middle = orifice_state(0.5 * (nu + moved), constants[2])
     x, v = block[lane], block[LANES + lane]
     P_A, P_B = block[2 * LANES + lane], block[3 * LANES + lane]
-    x, v, P_A, P_B = move_cylinder((x, v, P_A, P_B), z_middle, 0.0, constants)
-    return x, v, P_A, P_B, moved, moved_dot
+    cylinder = (x, v, P_A, P_B, block[6 * LANES + lane], block[7 * LANES + lane])
+    return move_cylinder(cylinder, z_middle, 0.0, constants), moved, moved_dot
 
 
 @kernel
@@ -86,10 +86,11 @@ def run_block(block: Floats, setpoints: Floats, seen: Floats, steps: int, every:
         for lane in range(LANES):
             block[_SETPOINT * LANES + lane] = setpoints[step * LANES + lane]
         for lane in range(LANES):
-            x, v, P_A, P_B, nu, nu_dot = move_lane(block, lane)
+            (x, v, P_A, P_B, V_CA, V_CB), nu, nu_dot = move_lane(block, lane)
             block[lane], block[LANES + lane] = x, v
             block[2 * LANES + lane], block[3 * LANES + lane] = P_A, P_B
             block[4 * LANES + lane], block[5 * LANES + lane] = nu, nu_dot
+            block[6 * LANES + lane], block[7 * LANES + lane] = V_CA, V_CB
         if (step + 1) % every == 0:
             show_block(block, seen, (step + 1) // every - 1)
 
@@ -122,7 +123,7 @@ def run_starts(
 
     Args:
         plant: without extensions; it is not checked here.
-        starts: the fields of `PlantState`, shape (starts, 6).
+        starts: the fields of `PlantState`, shape (starts, 8); without cavities (starts, 6).
         setpoints: as `spread_setpoints` gives them.
         dt: step [s].
         every: steps between two rows.
@@ -132,9 +133,10 @@ def run_starts(
     """
     count = len(starts)
     block = np.empty((_STATES + 1 + len(constants := pack(*plant, dt)), LANES))
-    block[:_STATES, :count] = starts.T
-    block[:_STATES, count:] = starts[-1, :, np.newaxis]
-    block[_SETPOINT] = 0.0
+    given = starts.shape[1]
+    block[:given, :count] = starts.T
+    block[:given, count:] = starts[-1, :, np.newaxis]
+    block[given:_CONSTANTS] = 0.0
     block[_CONSTANTS:] = np.array(constants)[:, np.newaxis]
     return _run(block.reshape(-1), setpoints, every)[:count]
 

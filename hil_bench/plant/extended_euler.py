@@ -6,6 +6,7 @@ time in which they slip.
 
 from hil_bench.plant.bristles import bend, resist, settle, slip_rate
 from hil_bench.plant.bulk_modulus import bulk_modulus
+from hil_bench.plant.cavitation import compress
 from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
@@ -14,25 +15,28 @@ from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import find_point, series_force, stop_force
 from hil_bench.plant.orifice import port_flow
 from hil_bench.plant.spool import orifice_state
-from hil_bench.plant.state_row import Seen, keep_extended, read_states
+from hil_bench.plant.state_row import POINT, STEPS, Seen, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
+
+Filling = tuple[float, float, float, float]
+"""(P_A, P_B, V_CA, V_CB)."""
 
 
 @kernel
 def compress_oil_explicit(
     x: float,
     v: float,
-    pressures: tuple[float, float],
+    filling: Filling,
     flows: tuple[float, float],
     constants: Constants,
     extension: ExtendedConstants,
-) -> tuple[float, float]:
-    """Return P_A and P_B one step later [Pa].
+) -> Filling:
+    """Return P_A, P_B [Pa], V_CA and V_CB [m³] one step later.
 
     Args:
         x: piston position [m].
         v: piston velocity [m/s].
-        pressures: P_A and P_B [Pa].
+        filling: P_A, P_B, V_CA and V_CB.
         flows: Q_A and Q_B [m³/s].
         constants: in their groups.
         extension: those of the extensions.
@@ -40,13 +44,14 @@ def compress_oil_explicit(
     (dt, _, _, floor), _, _, _, (_, _, P_T, _, _), chambers, _, _ = constants
     (C_LA, C_LB), air, _, _, _ = extension
     E, C_L, _, _, _, _, _ = chambers
-    P_A, P_B = pressures
+    P_A, P_B, V_CA, V_CB = filling
     V_A, V_B = chamber_volumes(x, chambers)
     net_A, net_B = net_flows(flows[0], flows[1], v, C_L * (P_A - P_B), chambers)
     net_A, net_B = net_A - C_LA * (P_A - P_T), net_B - C_LB * (P_B - P_T)
-    P_A += dt * bulk_modulus(P_A, E, air) / V_A * net_A
-    P_B += dt * bulk_modulus(P_B, E, air) / V_B * net_B
-    return floor if P_A < floor else P_A, floor if P_B < floor else P_B
+    gain_A, gain_B = dt * bulk_modulus(P_A, E, air) / V_A, dt * bulk_modulus(P_B, E, air) / V_B
+    P_A, V_CA = compress(P_A, V_CA, net_A, dt, gain_A, floor)
+    P_B, V_CB = compress(P_B, V_CB, net_B, dt, gain_B, floor)
+    return P_A, P_B, V_CA, V_CB
 
 
 @kernel
@@ -94,7 +99,7 @@ def advance_extended_euler(
     """Move the state on by some steps of forward Euler, in place.
 
     Args:
-        state: x, v, P_A, P_B, nu, nu_dot, steps since time 0, z_f, P_S, point of the load series.
+        state: of a plant with extensions (`hil_bench.plant.state_row`).
         constants: as `hil_bench.plant.extended_constants.pack_extended` gives them.
         u: spool set-point [m].
         F_L: external load besides those of the options [N].
@@ -106,21 +111,24 @@ def advance_extended_euler(
     groups, extension = unpack(constants), unpack_extended(constants)
     (dt, m, _, floor), spool, opening, _, (K, _, P_T, width, signed), chambers, _, stop = groups
     _, _, _, (constant, spring, rest), supply = extension
-    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = read_states(state)
-    point, last = SERIES + int(state[9]), len(constants) - 2
+    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
+    point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += constant
     for step in range(steps):
         z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
         Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
-        t = (state[6] + step) * dt
+        t = (state[STEPS] + step) * dt
         point = find_point(constants, point, last, t)
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
         f, z_f = rub(v, z_f, groups, extension)
         force = P_A * chambers[2] - P_B * chambers[3] - f - load + stop_force(x, v, stop)
         P_S = charge_explicit(P_S, Q_A if z > 0.0 else Q_B, dt, supply)
         P_S = floor if P_S < floor else P_S
-        P_A, P_B = compress_oil_explicit(x, v, (P_A, P_B), (Q_A, Q_B), groups, extension)
+        P_A, P_B, V_CA, V_CB = compress_oil_explicit(
+            x, v, (P_A, P_B, V_CA, V_CB), (Q_A, Q_B), groups, extension
+        )
         x, v = x + dt * v, v + dt * force / m
         acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
-    return keep_extended(state, (x, v, P_A, P_B, nu, nu_dot, z_f, P_S), steps, point, groups)
+    states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
+    return keep_extended(state, states, steps, point, groups)

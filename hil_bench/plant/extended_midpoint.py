@@ -17,13 +17,13 @@ from hil_bench.plant.bristles import (
     slip_rate,
 )
 from hil_bench.plant.bulk_modulus import AirConstants, bulk_modulus
+from hil_bench.plant.cavitation import Oil, Response
 from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
 from hil_bench.plant.implicit_midpoint import (
     NO_DRAG,
     Cylinder,
-    Response,
     eliminate_pressures,
     finish_step,
     implicit_share,
@@ -34,7 +34,7 @@ from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import find_point, series_force
 from hil_bench.plant.orifice import linearise_flow
 from hil_bench.plant.spool import move_spool, orifice_state
-from hil_bench.plant.state_row import Seen, keep_extended, read_states
+from hil_bench.plant.state_row import POINT, STEPS, Seen, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
 
 Charge = tuple[float, float]
@@ -105,11 +105,11 @@ def draw(net: float, share: float, charge: Charge) -> tuple[float, float]:
 @kernel
 def compress_oil(
     cylinder: Cylinder, z: float, P_S: float, constants: Constants, extension: ExtendedConstants
-) -> tuple[Response, Charge, float]:
-    """Return how both chambers respond to the step, the supply's charge, and the share it feeds.
+) -> tuple[Oil, Charge, float]:
+    """Return the oil of the step, the supply's charge, and the share that it feeds.
 
     Args:
-        cylinder: x, v, P_A, P_B at the start of the step.
+        cylinder: at the start of the step.
         z: orifice state in the middle of the step [m].
         P_S: supply pressure at the start of the step [Pa].
         constants: in their groups.
@@ -118,7 +118,7 @@ def compress_oil(
     (dt, _, per_E_dt, _), _, _, _, (K, _, P_T, transition, signed), chambers, _, _ = constants
     (C_LA, C_LB), air, _, _, supply = extension
     E, C_L, _, _, _, _, _ = chambers
-    x, v, P_A, P_B = cylinder
+    x, v, P_A, P_B, _, _ = cylinder
 
     orifice = (K, P_S, P_T, transition, signed)
     Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
@@ -144,7 +144,7 @@ def compress_oil(
     c = 0.5 * C_L
     a = C_A + c + share_A + 0.5 * C_LA
     b = C_B + c + share_B + 0.5 * C_LB
-    return eliminate_pressures(net_A, net_B, a, b, c, chambers), charge, fed
+    return (a, b, c, net_A, net_B), charge, fed
 
 
 @kernel
@@ -185,10 +185,10 @@ def move_extended(
     constants: Constants,
     extension: ExtendedConstants,
 ) -> tuple[Cylinder, float, float]:
-    """Return (x, v, P_A, P_B), z_f and P_S one step later.
+    """Return the cylinder, z_f and P_S one step later.
 
     Args:
-        cylinder: x, v, P_A, P_B at the start of the step.
+        cylinder: at the start of the step.
         z: orifice state in the middle of the step [m].
         F_L: external load in the middle of the step, without the spring's [N].
         z_f: bristle deflection at the start of the step [m].
@@ -198,8 +198,8 @@ def move_extended(
     """
     (dt, m, _, floor), _, _, _, _, chambers, friction, _ = constants
     _, _, bristles, (_, spring, rest), _ = extension
-    x, v, P_A, P_B = cylinder
-    response, charge, fed = compress_oil(cylinder, z, P_S, constants, extension)
+    x, v, P_A, P_B, _, _ = cylinder
+    oil, charge, fed = compress_oil(cylinder, z, P_S, constants, extension)
 
     load = F_L + spring * (x + 0.5 * dt * v - rest)
     drive = P_A * chambers[2] - P_B * chambers[3]
@@ -207,13 +207,14 @@ def move_extended(
     if bristles[0] == 0.0:
         drag = linearise_drag(v, m / dt, friction)
         force = drive - drag[0] * v - load
-        moved = finish_step(cylinder, force, inertia, drag, response, constants)
+        moved = finish_step(cylinder, force, inertia, drag, oil, constants)
     else:
+        response = eliminate_pressures(oil, chambers)
         bending = find_bending(drive - load, v, inertia, z_f, response, constants, bristles)
         held, slope = resist(z_f, bending, friction[2], dt, bristles)
         force = drive - held - slope * v - load
         inertia += 0.5 * slope
-        moved = finish_step(cylinder, force, inertia, NO_DRAG, response, constants)
+        moved = finish_step(cylinder, force, inertia, NO_DRAG, oil, constants)
         limit = (friction[0] + friction[1]) / bristles[0]
         z_f = settle(z_f, 0.5 * (v + moved[1]), bending, limit)
 
@@ -229,7 +230,7 @@ def advance_extended_midpoint(
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
-        state: x, v, P_A, P_B, nu, nu_dot, steps since time 0, z_f, P_S, point of the load series.
+        state: of a plant with extensions (`hil_bench.plant.state_row`).
         constants: as `hil_bench.plant.extended_constants.pack_extended` gives them.
         u: spool set-point [m].
         F_L: external load besides those of the options [N].
@@ -240,18 +241,18 @@ def advance_extended_midpoint(
     """
     groups, extension = unpack(constants), unpack_extended(constants)
     (dt, _, _, _), _, opening, transition, _, _, _, _ = groups
-    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = read_states(state)
-    point, last = SERIES + int(state[9]), len(constants) - 2
+    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
+    cylinder = (x, v, P_A, P_B, V_CA, V_CB)
+    point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += extension[3][0]
     for step in range(steps):
         nu_before = nu
         nu, nu_dot = move_spool(nu, nu_dot, u, transition)
         z_middle = orifice_state(0.5 * (nu_before + nu), opening)
-        t_middle = (state[6] + step + 0.5) * dt
+        t_middle = (state[STEPS] + step + 0.5) * dt
         point = find_point(constants, point, last, t_middle)
         load = F_L + series_force(constants, point, last, t_middle)
-        cylinder = (x, v, P_A, P_B)
-        (x, v, P_A, P_B), z_f, P_S = move_extended(
-            cylinder, z_middle, load, z_f, P_S, groups, extension
-        )
-    return keep_extended(state, (x, v, P_A, P_B, nu, nu_dot, z_f, P_S), steps, point, groups)
+        cylinder, z_f, P_S = move_extended(cylinder, z_middle, load, z_f, P_S, groups, extension)
+    x, v, P_A, P_B, V_CA, V_CB = cylinder
+    states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
+    return keep_extended(state, states, steps, point, groups)

@@ -1,5 +1,6 @@
 """The paper's solver: forward Euler of all six states, each from the old values of all others."""
 
+from hil_bench.plant.cavitation import compress
 from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import unpack
 from hil_bench.plant.friction import friction_force
@@ -17,7 +18,7 @@ def advance_forward_euler(
     """Move the state on by some steps of forward Euler, in place.
 
     Args:
-        state: x, v, P_A, P_B, nu, nu_dot.
+        state: x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB.
         constants: as `hil_bench.plant.constants.pack` gives them.
         u: spool set-point [m].
         F_L: external load [N].
@@ -31,6 +32,7 @@ def advance_forward_euler(
     dt, m, _, floor = step
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
+    V_CA, V_CB = state[6], state[7]
     for _ in range(steps):
         z = orifice_state(nu, opening)
         Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
@@ -39,8 +41,7 @@ def advance_forward_euler(
         force = P_A * A_A - P_B * A_B - friction_force(v, friction) - F_L + stop_force(x, v, stop)
         acceleration = stiffness * (u - nu) - damping * nu_dot
         x, v = x + dt * v, v + dt * force / m
-        P_A, P_B = P_A + dt * E / V_A * net_A, P_B + dt * E / V_B * net_B
+        P_A, V_CA = compress(P_A, V_CA, net_A, dt, dt * E / V_A, floor)
+        P_B, V_CB = compress(P_B, V_CB, net_B, dt, dt * E / V_B, floor)
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
-        P_A = floor if P_A < floor else P_A
-        P_B = floor if P_B < floor else P_B
-    return keep(state, (x, v, P_A, P_B, nu, nu_dot), groups)
+    return keep(state, (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB), groups)

@@ -1,8 +1,9 @@
 """The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
 
 import math
+from types import NoneType
 
-from hil_bench.errors import ParameterError
+from hil_bench.plant.checks import check_extension, check_full_model, check_state
 from hil_bench.plant.constants import ORIFICE_P_S, pack
 from hil_bench.plant.extended_constants import ExtensionState, pack_extended
 from hil_bench.plant.extended_euler import advance_extended_euler
@@ -13,16 +14,20 @@ from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.runge_kutta import advance_runge_kutta
-from hil_bench.plant.stability import largest_euler_step, largest_runge_kutta_step
+from hil_bench.plant.stability import (
+    largest_euler_step,
+    largest_midpoint_step,
+    largest_runge_kutta_step,
+)
 from hil_bench.plant.state import (
     PlantInput,
     PlantOutput,
     PlantState,
     balanced_state,
-    require_finite_state,
 )
-from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
-from hil_bench.plant.validation import require_finite
+from hil_bench.plant.state_row import STEPS, SUPPLY
+from hil_bench.plant.stepping import Solver, bound_input, check_solver, check_step, divergence
+from hil_bench.plant.validation import require_kind, require_not_negative
 
 _ADVANCE = {
     (Solver.FORWARD_EULER, False): advance_forward_euler,
@@ -34,10 +39,11 @@ _ADVANCE = {
 
 _LARGEST_STEP = {
     Solver.FORWARD_EULER: largest_euler_step,
+    Solver.LINEARLY_IMPLICIT_MIDPOINT: largest_midpoint_step,
     Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
 
-_P_S = 8  # its place in the state of an extended plant
+_Z_F = 9  # its place in the state of an extended plant
 
 
 class FullOrderPlant:
@@ -74,17 +80,18 @@ class FullOrderPlant:
         state: PlantState | None = None,
         extension: ExtensionState | None = None,
     ) -> None:
+        require_kind("parameters", parameters, PlantParameters)
+        require_kind("options", options, PlantOptions, NoneType)
         self.parameters = parameters
         self.options = PlantOptions.bench() if options is None else options
-        self.solver = solver
+        self.solver = solver = check_solver(solver)
         self.dt = dt
-        if self.options.bristles is not None and parameters.F_c == 0.0:
-            raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
+        check_full_model(parameters, self.options)
         check_step(dt, largest_step(parameters, self.options, solver), self.options, solver)
-        t, z_f, P_S = _check_extension(extension, parameters)
+        t, z_f, P_S = check_extension(extension, parameters, self.options)
         F_L = self.options.load_at(0.0, t)
         start = balanced_state(parameters, F_L=F_L) if state is None else state
-        _check_state(start, parameters, self.options)
+        check_state(start, parameters, self.options)
         # The solver for references has one kernel, which knows all extensions.
         self._is_extended = is_extended = self.options.is_extended or solver is Solver.RUNGE_KUTTA
         self._advance = _ADVANCE[solver, is_extended]
@@ -92,14 +99,14 @@ class FullOrderPlant:
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         self._state = make_row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
-        self._supply = (self._state, _P_S) if is_extended else (self._constants, ORIFICE_P_S)
+        self._supply = (self._state, SUPPLY) if is_extended else (self._constants, ORIFICE_P_S)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
     def state(self) -> PlantState:
         """The present state."""
         row = self._state
-        return PlantState(*(float(row[index]) for index in range(6)))
+        return PlantState(*(float(row[place]) for place in range(len(PlantState._fields))))
 
     @property
     def extension(self) -> ExtensionState:
@@ -107,7 +114,7 @@ class FullOrderPlant:
         row = self._state
         if not self._is_extended:
             return ExtensionState(0.0, 0.0, self.parameters.P_S)
-        return ExtensionState(float(row[6]) * self.dt, float(row[7]), float(row[8]))
+        return ExtensionState(float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]))
 
     @property
     def output(self) -> PlantOutput:
@@ -122,13 +129,13 @@ class FullOrderPlant:
 
     @supply_pressure.setter
     def supply_pressure(self, pressure: float) -> None:
-        require_finite("supply_pressure", pressure, "Pa")
+        require_not_negative("supply_pressure", pressure, "Pa")
         row, place = self._supply
         row[place] = pressure
 
     def restart(self, state: PlantState) -> None:
         """Go on from another state; what the extensions hold stays."""
-        _check_state(state, self.parameters, self.options)
+        check_state(state, self.parameters, self.options)
         for number, value in enumerate(state):
             self._state[number] = value
         self._output = self._advance_by(state.nu, 0.0, 0)
@@ -139,8 +146,8 @@ class FullOrderPlant:
         Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` of
         `hil_bench.plant.stepping` they act as the limit does.
 
-        An input that is not finite, a negative number of steps and a solver that has diverged are
-        refused.
+        An input that is not finite, a number of steps that is no count and a solver that has
+        diverged are refused.
         """
         u, F_L = bound_input(plant_input, steps)
         return self._advance_by(u, F_L, steps)
@@ -154,37 +161,9 @@ class FullOrderPlant:
 
 
 def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Solver) -> float:
-    """Return the largest step at which a solver is stable over the operating range [s].
+    """Return the largest step that a solver can take over the operating range [s].
 
-    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
+    That is where forward Euler and Runge-Kutta are stable, 0 where forward Euler is at no step; and
+    where the linearly implicit midpoint rule, stable at every step, follows the piston's swing.
     """
-    if solver not in _LARGEST_STEP:
-        return math.inf
     return _LARGEST_STEP[solver](parameters, options)
-
-
-def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
-    require_finite_state(state)
-    floor = options.cavitation_floor
-    for symbol, pressure in (("P_A", state.P_A), ("P_B", state.P_B), ("P_T", parameters.P_T)):
-        if floor is not None and pressure < floor:
-            raise ParameterError(
-                f"{symbol} = {pressure:g} Pa: must be at least the cavitation floor, {floor:g} Pa"
-            )
-    if options.end_stop is not None and abs(state.x) > parameters.h:
-        raise ParameterError(
-            f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
-        )
-
-
-def _check_extension(
-    extension: ExtensionState | None, parameters: PlantParameters
-) -> ExtensionState:
-    """Return the extension's start."""
-    if extension is None:
-        return ExtensionState(0.0, 0.0, parameters.P_S)
-    for symbol, value, unit in zip(
-        ExtensionState._fields, extension, ("s", "m", "Pa"), strict=True
-    ):
-        require_finite(symbol, value, unit)
-    return extension

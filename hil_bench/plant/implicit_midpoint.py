@@ -11,6 +11,7 @@ away or comes to rest that the tangent made most of the error (`docs/solvers.md`
 
 import math
 
+from hil_bench.plant.cavitation import Oil, Response, hold, share_out
 from hil_bench.plant.chamber import ChamberConstants, chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
 from hil_bench.plant.friction import FrictionConstants, linearise_friction
@@ -20,8 +21,8 @@ from hil_bench.plant.orifice import linearise_flow
 from hil_bench.plant.spool import move_spool, orifice_state
 from hil_bench.plant.state_row import Seen, keep
 
-Cylinder = tuple[float, float, float, float]
-"""(x, v, P_A, P_B)."""
+Cylinder = tuple[float, float, float, float, float, float]
+"""(x, v, P_A, P_B, V_CA, V_CB)."""
 
 Drag = tuple[float, float, float]
 """What the friction curve is at the start of a step: (secant, tangent, implicit share) [N s/m]."""
@@ -51,43 +52,14 @@ def implicit_share(secant: float, tangent: float, inertia: float) -> float:
 
 
 @kernel
-def respond(
-    pressure: float, change: float, fall: float, floor: float, dv: float
-) -> tuple[float, float]:
-    """Return a chamber's response, held at the floor if velocity change `dv` takes it below.
+def eliminate_pressures(oil: Oil, chambers: ChamberConstants) -> Response:
+    """Return how both pressures respond to the step's velocity change, with no cavity at its end.
 
     Args:
-        pressure: at the start of the step [Pa].
-        change: of pressure over the step, were there no velocity change [Pa].
-        fall: of pressure per velocity change [Pa s/m].
-        floor: lowest pressure [Pa].
-        dv: velocity change [m/s].
-    """
-    if pressure + change - fall * dv < floor:
-        return floor - pressure, 0.0
-    return change, fall
-
-
-Response = tuple[float, float, float, float]
-"""(dP_A, fall_A, dP_B, fall_B): the pressures change by dP - fall dv over the step."""
-
-
-@kernel
-def eliminate_pressures(
-    net_A: float, net_B: float, a: float, b: float, c: float, chambers: ChamberConstants
-) -> Response:
-    """Return how both pressures respond to the step's velocity change dv.
-
-    [[a, -c], [-c, b]] (dP_A, dP_B) = (net_A - A_A dv / 2, net_B + A_B dv / 2)
-
-    Args:
-        net_A: flow that compresses the oil in A, at the start of the step [m³/s].
-        net_B: flow that compresses the oil in B, at the start of the step [m³/s].
-        a: compliance of A over dt and what damps there [m³/(s Pa)].
-        b: compliance of B over dt and what damps there [m³/(s Pa)].
-        c: share of the leakage between both [m³/(s Pa)].
+        oil: of the step.
         chambers: the constants.
     """
+    a, b, c, net_A, net_B = oil
     _, _, A_A, A_B, _, _, _ = chambers
     per_det = 1.0 / (a * b - c * c)
     return (
@@ -96,6 +68,13 @@ def eliminate_pressures(
         (c * net_A + a * net_B) * per_det,
         0.5 * (c * A_A - a * A_B) * per_det,
     )
+
+
+@kernel
+def pressure_rises(response: Response, dv: float) -> tuple[float, float]:
+    """Return by how much both pressures rise over a step with this velocity change [Pa]."""
+    dP_A, fall_A, dP_B, fall_B = response
+    return dP_A - fall_A * dv, dP_B - fall_B * dv
 
 
 @kernel
@@ -169,54 +148,59 @@ def finish_step(
     force: float,
     inertia: float,
     drag: Drag,
-    response: Response,
+    oil: Oil,
     constants: Constants,
 ) -> Cylinder:
-    """Return x, v, P_A, P_B one step later, with the cavitation floor and the end stops in force.
+    """Return the cylinder one step later, with the cavitation floor and the end stops in force.
 
     Args:
-        cylinder: x, v, P_A, P_B at the start of the step.
+        cylinder: at the start of the step.
         force: on the piston at the start of the step [N].
         inertia: m / dt and what damps the piston besides the friction curve [N s/m].
         drag: the friction curve at the start of the step; `NO_DRAG` for none.
-        response: of the pressures.
+        oil: of the step, before any cavity is filled.
         constants: in their groups.
     """
     (dt, m, _, floor), _, _, _, _, chambers, friction, stop = constants
     inertia += drag[2]
-    x, v, P_A, P_B = cylinder
-    dP_A, fall_A, dP_B, fall_B = response
+    x, v, P_A, P_B, V_CA, V_CB = cylinder
+    response = eliminate_pressures(oil, chambers)
     dv, resistance = velocity_change(force, inertia, response, chambers)
-    if P_A + dP_A - fall_A * dv < floor or P_B + dP_B - fall_B * dv < floor:
-        dP_A, fall_A = respond(P_A, dP_A, fall_A, floor, dv)
-        dP_B, fall_B = respond(P_B, dP_B, fall_B, floor, dv)
-        held = (dP_A, fall_A, dP_B, fall_B)
+    is_open = V_CA > 0.0 or V_CB > 0.0
+    if is_open:
+        a, b, c, net_A, net_B = oil
+        oil = (a, b, c, net_A - V_CA / dt, net_B - V_CB / dt)
+        response = eliminate_pressures(oil, chambers)
+        dv, resistance = velocity_change(force, inertia, response, chambers)
+    rise_A, rise_B = pressure_rises(response, dv)
+    if P_A + rise_A < floor or P_B + rise_B < floor:
+        held = hold(floor - P_A, floor - P_B, force, inertia, oil, chambers)
         dv, resistance = velocity_change(force, inertia, held, chambers)
     dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
     dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
-    P_A += dP_A - fall_A * dv
-    P_B += dP_B - fall_B * dv
-    return (
-        x + dt * (v + 0.5 * dv),
-        v + dv,
-        floor if P_A < floor else P_A,
-        floor if P_B < floor else P_B,
-    )
+    rise_A, rise_B = pressure_rises(response, dv)
+    x, v = x + dt * (v + 0.5 * dv), v + dv
+    if P_A + rise_A < floor or P_B + rise_B < floor:
+        rise_A, rise_B, void_A, void_B = share_out(floor - P_A, floor - P_B, dv, oil, chambers)
+        P_A = floor if void_A > 0.0 else P_A + rise_A
+        P_B = floor if void_B > 0.0 else P_B + rise_B
+        return x, v, P_A, P_B, dt * void_A, dt * void_B
+    return x, v, P_A + rise_A, P_B + rise_B, 0.0, 0.0
 
 
 @kernel
 def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants) -> Cylinder:
-    """Return x, v, P_A, P_B one step later.
+    """Return the cylinder one step later.
 
     Args:
-        cylinder: x, v, P_A, P_B at the start of the step.
+        cylinder: at the start of the step.
         z: orifice state in the middle of the step [m].
         F_L: external load [N].
         constants: in their groups.
     """
     (dt, m, per_E_dt, _), _, _, _, orifice, chambers, friction, _ = constants
     _, C_L, A_A, A_B, _, _, _ = chambers
-    x, v, P_A, P_B = cylinder
+    x, v, P_A, P_B, _, _ = cylinder
 
     Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
     Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
@@ -227,11 +211,10 @@ def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants
     c = 0.5 * C_L
     a = C_A + c + implicit_share(secant_A, tangent_A, C_A)
     b = C_B + c + implicit_share(secant_B, tangent_B, C_B)
-    response = eliminate_pressures(net_A, net_B, a, b, c, chambers)
 
     drag = linearise_drag(v, m / dt, friction)
     force = P_A * A_A - P_B * A_B - drag[0] * v - F_L
-    return finish_step(cylinder, force, m / dt, drag, response, constants)
+    return finish_step(cylinder, force, m / dt, drag, (a, b, c, net_A, net_B), constants)
 
 
 @kernel
@@ -241,7 +224,7 @@ def advance_implicit_midpoint(
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
-        state: x, v, P_A, P_B, nu, nu_dot.
+        state: x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB.
         constants: as `hil_bench.plant.constants.pack` gives them.
         u: spool set-point [m].
         F_L: external load [N].
@@ -252,10 +235,12 @@ def advance_implicit_midpoint(
     """
     groups = unpack(constants)
     _, _, opening, transition, _, _, _, _ = groups
-    x, v, P_A, P_B, nu, nu_dot = state[0], state[1], state[2], state[3], state[4], state[5]
+    cylinder = (state[0], state[1], state[2], state[3], state[6], state[7])
+    nu, nu_dot = state[4], state[5]
     for _ in range(steps):
         nu_before = nu
         nu, nu_dot = move_spool(nu, nu_dot, u, transition)
         z_middle = orifice_state(0.5 * (nu_before + nu), opening)
-        x, v, P_A, P_B = move_cylinder((x, v, P_A, P_B), z_middle, F_L, groups)
-    return keep(state, (x, v, P_A, P_B, nu, nu_dot), groups)
+        cylinder = move_cylinder(cylinder, z_middle, F_L, groups)
+    x, v, P_A, P_B, V_CA, V_CB = cylinder
+    return keep(state, (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB), groups)

@@ -6,7 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant.validation import require_finite, require_not_negative, require_positive
+from hil_bench.plant.validation import (
+    require_finite,
+    require_kind,
+    require_not_negative,
+    require_positive,
+)
 
 GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s²]."""
@@ -96,6 +101,8 @@ class LoadSeries:
     forces: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        require_kind("times of load_series", self.times, tuple, list)
+        require_kind("forces of load_series", self.forces, tuple, list)
         if not self.times or len(self.times) != len(self.forces):
             raise ParameterError(
                 f"load_series = {len(self.times)} times and {len(self.forces)} forces: "

@@ -55,9 +55,9 @@ def plant_at_rest(
 def largest_stable_step(
     model: Model, parameters: PlantParameters, options: PlantOptions, solver: Solver
 ) -> float:
-    """Return the largest step at which a solver is stable over the operating range [s].
+    """Return the largest step that a solver can take over the operating range [s].
 
-    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
+    As `hil_bench.plant.full_order.largest_step`.
     """
     find = largest_reduced_step if model is Model.REDUCED else largest_step
     return find(parameters, options, solver)

@@ -2,12 +2,18 @@
 
 import math
 from dataclasses import dataclass
+from types import NoneType
 from typing import Self
 
 from hil_bench.errors import ParameterError
 from hil_bench.plant.extensions import ATMOSPHERE, EntrainedAir, LuGreFriction, SupplyUnit
-from hil_bench.plant.loads import Load, LoadSeries, MassOnSlope
-from hil_bench.plant.validation import require_finite, require_not_negative, require_positive
+from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
+from hil_bench.plant.validation import (
+    require_finite,
+    require_kind,
+    require_not_negative,
+    require_positive,
+)
 
 VACUUM_PRESSURE = -ATMOSPHERE
 """Absolute vacuum as a gauge pressure, under the standard atmosphere [Pa]."""
@@ -77,6 +83,7 @@ class PlantOptions:
     loads: tuple[Load, ...] = ()
 
     def __post_init__(self) -> None:
+        self._check_kinds()
         if self.tanh_gain != math.inf:
             require_positive("tanh_gain", self.tanh_gain, "s/m")
         require_not_negative("laminar_transition", self.laminar_transition, "Pa")
@@ -90,11 +97,21 @@ class PlantOptions:
             require_not_negative("beta_negative", self.beta_negative, "m")
         if self.cavitation_floor is not None:
             require_finite("cavitation_floor", self.cavitation_floor, "Pa")
-            if self.cavitation_floor > 0.0:
+            if self.cavitation_floor > 0.0 or self.cavitation_floor < VACUUM_PRESSURE - 1.0:
                 raise ParameterError(
                     f"cavitation_floor = {self.cavitation_floor:g} Pa: must be 0 or less, "
                     f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)"
                 )
+
+    def _check_kinds(self) -> None:
+        require_kind("signed_root", self.signed_root, bool)
+        require_kind("end_stop", self.end_stop, EndStop, NoneType)
+        require_kind("air", self.air, EntrainedAir, NoneType)
+        require_kind("bristles", self.bristles, LuGreFriction, NoneType)
+        require_kind("supply", self.supply, SupplyUnit, NoneType)
+        require_kind("loads", self.loads, tuple)
+        for load in self.loads:
+            require_kind("loads", load, ConstantLoad, SpringLoad, MassOnSlope, LoadSeries)
 
     @property
     def is_extended(self) -> bool:

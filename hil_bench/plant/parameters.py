@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
+from hil_bench.plant.extensions import ATMOSPHERE
 from hil_bench.plant.validation import require_finite, require_not_negative, require_positive
 
 _POSITIVE = {
@@ -18,13 +19,14 @@ _POSITIVE = {
     "A_B": "m²",
     "V_A0": "m³",
     "V_B0": "m³",
+    "P_S": "Pa",
     "m": "kg",
     "chi": "m/s",
     "delta": "",
     "h": "m",
 }
 _NOT_NEGATIVE = {"beta": "m", "C_L": "m³/(s Pa)", "F_c": "N", "F_s": "N", "sigma": "kg/s"}
-_FINITE = {"P_S": "Pa", "P_T": "Pa"}
+_FINITE = {"P_T": "Pa"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +96,10 @@ class PlantParameters:
         self._check_relations()
 
     def _check_relations(self) -> None:
+        if self.P_T < -ATMOSPHERE:
+            raise ParameterError(
+                f"P_T = {self.P_T:g} Pa: must be at least {-ATMOSPHERE:g} Pa, absolute vacuum"
+            )
         if self.P_S <= self.P_T:
             raise ParameterError(
                 f"P_S = {self.P_S:g} Pa: must be greater than P_T = {self.P_T:g} Pa"

@@ -2,23 +2,36 @@
 
 import math
 from collections import deque
+from types import NoneType
 
 from hil_bench.errors import ParameterError
+from hil_bench.plant.checks import check_cavity, check_position
 from hil_bench.plant.constants import ORIFICE_P_S
 from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.reduced_steps import (
+    Motion,
     advance_reduced_euler,
     advance_reduced_midpoint,
     advance_reduced_runge_kutta,
     change_supply,
     pack_reduced,
 )
-from hil_bench.plant.stability import euler_limit, find_reduced_modes, runge_kutta_limit
-from hil_bench.plant.state import PlantInput, PlantOutput, PlantState, require_finite_state
-from hil_bench.plant.stepping import Solver, bound_input, check_step, divergence
-from hil_bench.plant.validation import require_finite, require_not_negative
+from hil_bench.plant.stability import (
+    euler_limit,
+    find_reduced_modes,
+    largest_reduced_midpoint_step,
+    runge_kutta_limit,
+)
+from hil_bench.plant.state import (
+    PlantInput,
+    PlantOutput,
+    PlantState,
+    require_finite_state,
+)
+from hil_bench.plant.stepping import Solver, bound_input, check_solver, check_step, divergence
+from hil_bench.plant.validation import require_finite, require_kind, require_not_negative
 
 LONGEST_DELAY = 1.0
 """Longest delay in place of the spool's lag, hundreds of times a real one [s]."""
@@ -28,6 +41,8 @@ _ADVANCE = {
     Solver.LINEARLY_IMPLICIT_MIDPOINT: advance_reduced_midpoint,
     Solver.RUNGE_KUTTA: advance_reduced_runge_kutta,
 }
+
+_CAVITY = 3  # its place in the row of states
 
 _LIMIT = {Solver.FORWARD_EULER: euler_limit, Solver.RUNGE_KUTTA: runge_kutta_limit}
 
@@ -71,9 +86,11 @@ class ReducedOrderPlant:
         state: PlantState | None = None,
         delay: float = 0.0,
     ) -> None:
+        require_kind("parameters", parameters, PlantParameters)
+        require_kind("options", options, PlantOptions, NoneType)
         self.parameters = parameters
         self.options = PlantOptions.bench() if options is None else options
-        self.solver = solver
+        self.solver = solver = check_solver(solver)
         self.dt = dt
         self.delay = delay
         check_reduced_model(parameters, self.options)
@@ -84,7 +101,7 @@ class ReducedOrderPlant:
         _check_state(start, parameters, self.options)
         self._advance = _ADVANCE[solver]
         self._constants = make_row(pack_reduced(parameters, self.options, dt))
-        self._state = make_row((start.x, start.v, start.P_A - start.P_B, 0.0, 0.0))
+        self._state = make_row((*_motion(start), 0.0, 0.0))
         self._nu = start.nu
         self._delay_steps = round(delay / dt)
         self._made = 0
@@ -95,7 +112,8 @@ class ReducedOrderPlant:
     def state(self) -> PlantState:
         """The present state."""
         x, v, P_A, P_B = self._output[:4]
-        return PlantState(x=x, v=v, P_A=P_A, P_B=P_B, nu=self._nu, nu_dot=0.0)
+        cavity = float(self._state[_CAVITY])
+        return PlantState(x, v, P_A, P_B, self._nu, 0.0, max(-cavity, 0.0), max(cavity, 0.0))
 
     @property
     def output(self) -> PlantOutput:
@@ -109,18 +127,20 @@ class ReducedOrderPlant:
 
     @supply_pressure.setter
     def supply_pressure(self, pressure: float) -> None:
-        require_finite("supply_pressure", pressure, "Pa")
+        require_not_negative("supply_pressure", pressure, "Pa")
         change_supply(self._constants, pressure)
 
     def restart(self, state: PlantState) -> None:
         """Go on from another state: its x, v and P_A - P_B, eq. (15) does the rest."""
+        require_kind("state", state, PlantState)
         P_S, floor = self.parameters.P_S, self.options.cavitation_floor
         P_L = state.P_A - state.P_B
         if floor is not None:
             P_L = math.copysign(min(abs(P_L), P_S - 2.0 * floor), P_L)
         balanced = state._replace(P_A=0.5 * (P_S + P_L), P_B=0.5 * (P_S - P_L), nu_dot=0.0)
         _check_state(balanced, self.parameters, self.options)
-        self._state[0], self._state[1], self._state[2] = state.x, state.v, P_L
+        for place, value in enumerate(_motion(balanced)):
+            self._state[place] = value
         self._nu = state.nu
         self._output = self._advance_by(self._nu, 0.0, 0)
 
@@ -181,12 +201,12 @@ def balanced_reduced_state(
 def largest_reduced_step(
     parameters: PlantParameters, options: PlantOptions, solver: Solver
 ) -> float:
-    """Return the largest step at which a solver takes the reduced model [s].
+    """Return the largest step that a solver can take with the reduced model [s].
 
-    Infinite for the linearly implicit midpoint rule; 0 where forward Euler is stable at no step.
+    As `hil_bench.plant.full_order.largest_step`.
     """
-    if solver not in _LIMIT:
-        return math.inf
+    if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return largest_reduced_midpoint_step(parameters, options)
     return _LIMIT[solver](find_reduced_modes(parameters, options))
 
 
@@ -225,7 +245,13 @@ def check_delay(delay: float) -> None:
         raise ParameterError(f"delay = {delay:g} s: must be {LONGEST_DELAY:g} s or less")
 
 
+def _motion(state: PlantState) -> Motion:
+    """Return what the kernels move on."""
+    return state.x, state.v, state.P_A - state.P_B, state.V_CB - state.V_CA
+
+
 def _check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
+    require_kind("state", state, PlantState)
     require_finite_state(state)
     P_S = parameters.P_S
     if abs(state.P_A + state.P_B - P_S) > 1e-6 * P_S:
@@ -240,7 +266,9 @@ def _check_state(state: PlantState, parameters: PlantParameters, options: PlantO
             f"P_A = {state.P_A:g} Pa, P_B = {state.P_B:g} Pa: "
             f"must be at least the cavitation floor, {floor:g} Pa"
         )
-    if options.end_stop is not None and abs(state.x) > parameters.h:
-        raise ParameterError(
-            f"x = {state.x:g} m: must lie between the end stops at +-{parameters.h:g} m"
-        )
+    for chamber, pressure, cavity in (
+        ("A", state.P_A, state.V_CA),
+        ("B", state.P_B, state.V_CB),
+    ):
+        check_cavity(chamber, cavity, parameters.total_volume, pressure, floor)
+    check_position(state.x, parameters, options)

@@ -34,8 +34,12 @@ from hil_bench.plant.state_row import Seen
 _LARGEST_P_L = 3  # places in the row of constants
 _ORIFICE_P_T = ORIFICE_P_S + 1
 
-Motion = tuple[float, float, float]
-"""(x, v, P_L), or their rates of change."""
+Motion = tuple[float, float, float, float]
+"""(x, v, P_L, cavity), or their rates of change.
+
+The cavity [m³] is what the oil lacks where P_L is held: above 0 in chamber B at the largest P_L,
+below 0 in chamber A at the smallest one.
+"""
 
 
 def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
@@ -90,32 +94,49 @@ def hold_load_pressure(P_L: float, limit: float) -> float:
 
 
 @kernel
+def hold_motion(motion: Motion, constants: Constants) -> Motion:
+    """Return a motion of the same oil in which P_L is at its limit or the cavity closed."""
+    x, v, P_L, cavity = motion
+    limit, (E, _, _, _, V_t, _, _) = constants[0][3], constants[5]
+    if -limit <= P_L <= limit and cavity == 0.0:
+        return motion
+    free = P_L + E / V_t * cavity
+    P_L = hold_load_pressure(free, limit)
+    return x, v, P_L, (free - P_L) * (V_t / E)
+
+
+@kernel
 def motion_rates(
     motion: Motion, z: float, F_L: float, loads: LoadConstants, constants: Constants
 ) -> Motion:
     """Return the right-hand side of eqs. (16), (17).
 
     Args:
-        motion: x [m], v [m/s] and P_L [Pa].
+        motion: at which.
         z: orifice state [m].
         F_L: external load but for the springs of the loads [N].
         loads: their constants, whose force F_L has already.
         constants: of the reduced model, in their groups.
     """
     (_, m, _, limit), _, _, _, orifice, (E, C_L, A, _, V_t, _, _), friction, stop = constants
-    x, v, P_L = motion
-    P_L = hold_load_pressure(P_L, limit)
+    x, v, P_L, cavity = hold_motion(motion, constants)
     net = load_flow(z, P_L, orifice)[0] - A * v - C_L * P_L
-    if (P_L <= -limit and net < 0.0) or (P_L >= limit and net > 0.0):
-        net = 0.0
     force = P_L * A - friction_force(v, friction) - F_L - loads[1] * (x - loads[2])
-    return v, (force + stop_force(x, v, stop)) / m, E / V_t * net
+    acceleration = (force + stop_force(x, v, stop)) / m
+    if cavity != 0.0 or (P_L <= -limit and net < 0.0) or (P_L >= limit and net > 0.0):
+        return v, acceleration, 0.0, net
+    return v, acceleration, E / V_t * net, 0.0
 
 
 @kernel
 def shift_motion(motion: Motion, rates: Motion, dt: float) -> Motion:
     """Return the motion after `dt` [s] at constant rates."""
-    return motion[0] + dt * rates[0], motion[1] + dt * rates[1], motion[2] + dt * rates[2]
+    return (
+        motion[0] + dt * rates[0],
+        motion[1] + dt * rates[1],
+        motion[2] + dt * rates[2],
+        motion[3] + dt * rates[3],
+    )
 
 
 @kernel
@@ -133,23 +154,25 @@ def move_reduced(
     """
     (dt, m, per_E_dt, limit), _, _, _, orifice, chambers, friction, stop = constants
     _, C_L, A, _, V_t, _, _ = chambers
-    x, v, P_L = motion
+    x, v, P_L, cavity = motion
     Q_L, secant, tangent = load_flow(z, P_L, orifice)
     C = V_t * per_E_dt
     loss = C + 0.5 * C_L + implicit_share(secant, tangent, C)
-    response = ((Q_L - A * v - C_L * P_L) / loss, 0.5 * A / loss, 0.0, 0.0)
+    net = Q_L - A * v - C_L * P_L + cavity / dt
+    response = (net / loss, 0.5 * A / loss, 0.0, 0.0)
     drag = linearise_drag(v, m / dt, friction)
     force = P_L * A - drag[0] * v - F_L - loads[1] * (x + 0.5 * dt * v - loads[2])
     inertia = m / dt + 0.25 * dt * loads[1] + drag[2]
     dv, resistance = velocity_change(force, inertia, response, chambers)
     end = P_L + response[0] - response[1] * dv
     if end > limit or end < -limit:
-        response = (hold_load_pressure(end, limit) - P_L, 0.0, 0.0, 0.0)
-        dv, resistance = velocity_change(force, inertia, response, chambers)
+        held = (hold_load_pressure(end, limit) - P_L, 0.0, 0.0, 0.0)
+        dv, resistance = velocity_change(force, inertia, held, chambers)
     dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
     dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
-    P_L = hold_load_pressure(P_L + response[0] - response[1] * dv, limit)
-    return x + dt * (v + 0.5 * dv), v + dv, P_L
+    free = P_L + response[0] - response[1] * dv
+    P_L = hold_load_pressure(free, limit)
+    return x + dt * (v + 0.5 * dv), v + dv, P_L, dt * loss * (free - P_L)
 
 
 @kernel
@@ -159,16 +182,16 @@ def keep(
     """Write a state back, and return what is seen of it, (15).
 
     Args:
-        state: takes x, v, P_L, steps since time 0, point of the load series.
-        motion: x [m], v [m/s] and P_L [Pa].
+        state: takes x, v, P_L, cavity, steps since time 0, point of the load series.
+        motion: to be written.
         steps: made since they were read.
         point: index of the load series' point in the row of constants.
         nu: spool position [m].
         constants: of the reduced model, in their groups.
     """
-    x, v, P_L = motion
-    state[0], state[1], state[2] = x, v, P_L
-    state[3], state[4] = state[3] + steps, float(point - SERIES)
+    x, v, P_L, cavity = motion
+    state[0], state[1], state[2], state[3] = x, v, P_L, cavity
+    state[4], state[5] = state[4] + steps, float(point - SERIES)
     z, orifice = orifice_state(nu, constants[2]), constants[4]
     P_S, Q_L = 2.0 * orifice[1], load_flow(z, P_L, orifice)[0]
     return x, v, 0.5 * (P_S + P_L), 0.5 * (P_S - P_L), nu, z, Q_L, -Q_L
@@ -178,18 +201,17 @@ def keep(
 def advance_reduced_euler(state: Floats, row: Floats, u: float, F_L: float, steps: int) -> Seen:
     """Move the state on by some steps of forward Euler, in place; as `advance_reduced_midpoint`."""
     constants, extension = unpack(row), unpack_extended(row)
-    dt, limit = constants[0][0], constants[0][3]
+    dt = constants[0][0]
     loads = extension[3]
     F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
-    motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    motion, point = (state[0], state[1], state[2], state[3]), SERIES + int(state[5])
     for step in range(steps):
-        t = (state[3] + step) * dt
+        t = (state[4] + step) * dt
         point = find_point(row, point, last, t)
         load = F_L + series_force(row, point, last, t)
         rates = motion_rates(motion, z, load, loads, constants)
-        motion = shift_motion(motion, rates, dt)
-        motion = (motion[0], motion[1], hold_load_pressure(motion[2], limit))
+        motion = hold_motion(shift_motion(motion, rates, dt), constants)
     return keep(state, motion, steps, point, u, constants)
 
 
@@ -198,7 +220,7 @@ def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, s
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
-        state: x, v, P_L, steps since time 0, point of the load series.
+        state: x, v, P_L, cavity, steps since time 0, point of the load series.
         row: the constants as `pack_reduced` gives them.
         u: spool position, which is the set-point [m].
         F_L: external load besides those of the options [N].
@@ -212,9 +234,9 @@ def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, s
     loads = extension[3]
     F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
-    motion, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    motion, point = (state[0], state[1], state[2], state[3]), SERIES + int(state[5])
     for step in range(steps):
-        t_middle = (state[3] + step + 0.5) * dt
+        t_middle = (state[4] + step + 0.5) * dt
         point = find_point(row, point, last, t_middle)
         load = F_L + series_force(row, point, last, t_middle)
         motion = move_reduced(motion, z, load, loads, constants)
@@ -227,13 +249,13 @@ def advance_reduced_runge_kutta(
 ) -> Seen:
     """Move the state on by some steps of order four, in place; as `advance_reduced_midpoint`."""
     constants, extension = unpack(row), unpack_extended(row)
-    dt, limit = constants[0][0], constants[0][3]
+    dt = constants[0][0]
     loads = extension[3]
     F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
-    y, point = (state[0], state[1], state[2]), SERIES + int(state[4])
+    y, point = (state[0], state[1], state[2], state[3]), SERIES + int(state[5])
     for step in range(steps):
-        point, series = step_loads(row, point, last, (state[3] + step) * dt, dt)
+        point, series = step_loads(row, point, last, (state[4] + step) * dt, dt)
         load_1, load_2, load_3 = F_L + series[0], F_L + series[1], F_L + series[2]
         k_1 = motion_rates(y, z, load_1, loads, constants)
         k_2 = motion_rates(shift_motion(y, k_1, 0.5 * dt), z, load_2, loads, constants)
@@ -241,5 +263,5 @@ def advance_reduced_runge_kutta(
         k_4 = motion_rates(shift_motion(y, k_3, dt), z, load_3, loads, constants)
         y = shift_motion(shift_motion(y, k_1, dt / 6.0), k_2, dt / 3.0)
         y = shift_motion(shift_motion(y, k_3, dt / 3.0), k_4, dt / 6.0)
-        y = (y[0], y[1], hold_load_pressure(y[2], limit))
+        y = hold_motion(y, constants)
     return keep(state, y, steps, point, u, constants)

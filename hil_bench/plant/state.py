@@ -7,7 +7,7 @@ from hil_bench.plant.validation import require_finite
 
 
 class PlantState(NamedTuple):
-    """The six states of the full-order model.
+    """The six states of the full-order model, and what is void where a chamber cavitates.
 
     Attributes:
         x: piston position from mid-stroke [m].
@@ -16,6 +16,8 @@ class PlantState(NamedTuple):
         P_B: pressure in chamber B [Pa].
         nu: spool position [m].
         nu_dot: spool velocity [m/s].
+        V_CA: volume of the cavity in chamber A, 0 above the cavitation floor [m³].
+        V_CB: volume of the cavity in chamber B, 0 above the cavitation floor [m³].
     """
 
     x: float
@@ -24,6 +26,8 @@ class PlantState(NamedTuple):
     P_B: float
     nu: float
     nu_dot: float
+    V_CA: float = 0.0
+    V_CB: float = 0.0
 
 
 class PlantInput(NamedTuple):
@@ -64,7 +68,7 @@ class PlantOutput(NamedTuple):
 
 def require_finite_state(state: PlantState) -> None:
     """Refuse a state that is not finite; the message names the first symbol that is not."""
-    units = ("m", "m/s", "Pa", "Pa", "m", "m/s")
+    units = ("m", "m/s", "Pa", "Pa", "m", "m/s", "m³", "m³")
     for symbol, value, unit in zip(PlantState._fields, state, units, strict=True):
         require_finite(symbol, value, unit)
 

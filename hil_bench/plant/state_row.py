@@ -9,21 +9,24 @@ from hil_bench.plant.spool import OpeningConstants, orifice_state
 Seen = tuple[float, float, float, float, float, float, float, float]
 """The fields of `hil_bench.plant.state.PlantOutput`."""
 
-PlainStates = tuple[float, float, float, float, float, float]
-"""(x, v, P_A, P_B, nu, nu_dot), which is the whole row of a plant without extensions."""
+PlainStates = tuple[float, float, float, float, float, float, float, float]
+"""The fields of `hil_bench.plant.state.PlantState`, the whole row of a plant without extensions."""
 
-States = tuple[float, float, float, float, float, float, float, float]
-"""(x, v, P_A, P_B, nu, nu_dot, z_f, P_S).
+States = tuple[float, float, float, float, float, float, float, float, float, float]
+"""(x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S).
 
 In the row of a plant with extensions the steps since time 0 stand before the last two, and the
 point of the load series after them.
 """
 
+STEPS, SUPPLY, POINT = 8, 10, 11
+"""Places in the row of a plant with extensions: steps since time 0, P_S, point of the series."""
+
 
 @kernel
 def show(states: PlainStates, opening: OpeningConstants, orifice: OrificeConstants) -> Seen:
     """Return what is seen of a plant in these states."""
-    x, v, P_A, P_B, nu, _ = states
+    x, v, P_A, P_B, nu, _, _, _ = states
     z = orifice_state(nu, opening)
     return x, v, P_A, P_B, nu, z, port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
 
@@ -31,14 +34,25 @@ def show(states: PlainStates, opening: OpeningConstants, orifice: OrificeConstan
 @kernel
 def keep(row: Floats, states: PlainStates, constants: Constants) -> Seen:
     """Write the states of a plant without extensions back, and return what is seen of them."""
-    row[0], row[1], row[2], row[3], row[4], row[5] = states
+    row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7] = states
     return show(states, constants[2], constants[4])
 
 
 @kernel
 def read_states(row: Floats) -> States:
     """Return the states of a plant with extensions."""
-    return row[0], row[1], row[2], row[3], row[4], row[5], row[7], row[8]
+    return (
+        row[0],
+        row[1],
+        row[2],
+        row[3],
+        row[4],
+        row[5],
+        row[6],
+        row[7],
+        row[9],
+        row[10],
+    )
 
 
 @kernel
@@ -54,8 +68,10 @@ def keep_extended(
         point: index of the load series' point in the row of constants.
         constants: in their groups.
     """
-    x, v, P_A, P_B, nu, nu_dot, z_f, P_S = states
+    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
     row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
-    row[6], row[7], row[8], row[9] = row[6] + steps, z_f, P_S, float(point - SERIES)
+    row[6], row[7], row[9], row[10] = V_CA, V_CB, z_f, P_S
+    row[STEPS], row[POINT] = row[STEPS] + steps, float(point - SERIES)
     K, _, P_T, transition, signed = constants[4]
-    return show((x, v, P_A, P_B, nu, nu_dot), constants[2], (K, P_S, P_T, transition, signed))
+    plain = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB)
+    return show(plain, constants[2], (K, P_S, P_T, transition, signed))

@@ -8,7 +8,7 @@ from hil_bench.errors import ParameterError
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState
-from hil_bench.plant.validation import require_positive
+from hil_bench.plant.validation import require_count, require_number, require_positive
 
 SPOOL_SETPOINT_LIMIT = 1.0
 """Largest spool set-point that the plant follows, a thousand times a real valve's [m]."""
@@ -62,11 +62,11 @@ def bound_input(plant_input: PlantInput, steps: int) -> tuple[float, float]:
     """Return u [m] and F_L [N] no larger than `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT`.
 
     Raises:
-        ParameterError: for an input that is not finite, or a negative number of steps.
+        ParameterError: for an input that is not finite, or no count of steps.
     """
-    if steps < 0:
-        raise ParameterError(f"steps = {steps}: must be 0 or greater")
-    u, F_L = plant_input
+    if type(steps) is not int or steps < 0:
+        require_count("steps", steps)
+    u, F_L = _read_input(plant_input)
     is_within = (
         -SPOOL_SETPOINT_LIMIT <= u <= SPOOL_SETPOINT_LIMIT and -LOAD_LIMIT <= F_L <= LOAD_LIMIT
     )
@@ -78,22 +78,51 @@ def bound_input(plant_input: PlantInput, steps: int) -> tuple[float, float]:
     return float(u), float(F_L)
 
 
+def _read_input(plant_input: PlantInput) -> tuple[float, float]:
+    """Return u and F_L.
+
+    Raises:
+        ParameterError: one of them is no number, or there are not two.
+    """
+    try:
+        u, F_L = plant_input
+    except (TypeError, ValueError):
+        raise ParameterError(f"plant_input = {plant_input!r}: must be PlantInput(u, F_L)") from None
+    if type(u) is not float or type(F_L) is not float:
+        for symbol, value, unit in (("u", u, "m"), ("F_L", F_L, "N")):
+            require_number(symbol, value, unit)
+    return u, F_L
+
+
+def check_solver(solver: Solver) -> Solver:
+    """Return a solver, which may be given by its value.
+
+    Raises:
+        ParameterError: it is none.
+    """
+    try:
+        return Solver(solver)
+    except ValueError:
+        names = ", ".join(known.value for known in Solver)
+        raise ParameterError(f"solver = {solver!r}: must be one of {names}") from None
+
+
 def check_step(dt: float, limit: float, options: PlantOptions, solver: Solver) -> None:
     """Refuse a step that its solver cannot take.
 
     Args:
         dt: step [s].
-        limit: largest step at which the solver is stable [s].
+        limit: largest step that the solver can take [s].
         options: of the model.
         solver: of the equations.
 
     Raises:
-        ParameterError: the step is unstable, or the solver needs a slope where there is none.
+        ParameterError: the step is too long, or the solver needs a slope where there is none.
     """
     require_positive("dt", dt, "s")
     if dt > limit:
         raise ParameterError(
-            f"dt = {dt:g} s: {solver.value} is unstable with these parameters; "
+            f"dt = {dt:g} s: {solver.value} {shortcoming(solver)} with these parameters; "
             f"{_remedy(limit)} is right"
         )
     if solver is Solver.FORWARD_EULER:
@@ -103,6 +132,13 @@ def check_step(dt: float, limit: float, options: PlantOptions, solver: Solver) -
             f"tanh_gain = inf s/m: {solver.value} needs a slope, a finite gain; "
             f"take {Solver.FORWARD_EULER.value} for the printed sign"
         )
+
+
+def shortcoming(solver: Solver) -> str:
+    """Return what a solver does at a step above the largest one that it can take."""
+    if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return "cannot follow the piston's swing on the oil"
+    return "is unstable"
 
 
 def divergence(dt: float, solver: Solver) -> ParameterError:

@@ -98,14 +98,17 @@ class AxisTwin:
         state, floor = plant.state, plant.options.cavitation_floor
         position, P_A, P_B = (self._latest[quantity] for quantity in _NEEDED)  # noqa: N806
         lowest = -math.inf if floor is None else floor
+        P_A_now, P_B_now = max(state.P_A + P_A, lowest), max(state.P_B + P_B, lowest)  # noqa: N806
         plant.restart(
             PlantState(
                 x=min(max(state.x + position, -plant.parameters.h), plant.parameters.h),
                 v=state.v + self._excess_velocity(),
-                P_A=max(state.P_A + P_A, lowest),
-                P_B=max(state.P_B + P_B, lowest),
+                P_A=P_A_now,
+                P_B=P_B_now,
                 nu=state.nu,
                 nu_dot=state.nu_dot,
+                V_CA=state.V_CA if P_A_now == floor else 0.0,
+                V_CB=state.V_CB if P_B_now == floor else 0.0,
             )
         )
         moved = [(at, x + position, a + P_A, b + P_B, nu) for at, x, a, b, nu in self._past]

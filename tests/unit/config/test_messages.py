@@ -61,6 +61,8 @@ ONE_VALUE = [
     ('[plant.axis1]\nmodel = "reduced"\nsupply = "unit"', "plant.axis1.supply: the reduced model has no place for supply_unit; the full-order model is right"),
     ('[plant.axis1]\nmodel = "reduced"\nspool_delay_ms = 5000', "plant.axis1.spool_delay_ms: delay = 5 s; must be 1 s or less"),
     ('[plant.axis1]\nmodel = "reduced"\nsolver = "forward-euler"\nbulk_modulus_mpa = 2000', 'plant.axis1.solver: "forward-euler" is unstable with these parameters at step_us = 50; give solver = "linearly-implicit-midpoint" or bench.step_us = 24'),
+    ("[bench]\nstep_us = 1000\n[plant.axis1]\nmoving_mass_kg = 0.02\ncoulomb_friction_n = 0\nstatic_friction_n = 0\nviscous_friction_n_s_m = 0", 'plant.axis1.solver: "linearly-implicit-midpoint" cannot follow the piston\'s swing on the oil with these parameters at step_us = 1000; give bench.step_us = 38'),
+    ("[plant.axis1]\nfriction = 'lugre'\nbristle_damping_n_s_m = 5000", "plant.axis1.bristle_damping_n_s_m: sigma_1 = 5000 N s/m; must be 4000 N s/m or less, sigma F_c / (F_s - F_c), or LuGre friction drives the piston (see also viscous_friction_n_s_m, coulomb_friction_n, static_friction_n)"),
     ("[plant.axis1]\nspool_delay_ms = 1", 'plant.axis1.spool_delay_ms: delay = 0.001 s; only for model = "reduced"'),
     ('[plant.axis1]\nsolver = "rk4"', 'plant.axis1.solver: "rk4" is unknown; give one of "forward-euler", "linearly-implicit-midpoint", "runge-kutta"'),
     ('[bus]\ninterface = "socketcn"', 'bus.interface: python-can has no interface "socketcn"; the nearest is "socketcan"'),

@@ -119,7 +119,7 @@ def paper() -> PlantParameters:
 @pytest.fixture
 def paper_rates() -> Callable[..., tuple[float, ...]]:
     """The right-hand side as printed: rates(state, u, F_L, parameters)."""
-    return lambda state, u, F_L, parameters: rates(tuple(state), u, F_L, printed(parameters))
+    return lambda state, u, F_L, parameters: rates(state[:6], u, F_L, printed(parameters))
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def reference() -> Callable[..., list[PlantState]]:
     def integrate(parameters: PlantParameters, setpoints: Sequence[float]) -> list[PlantState]:
         states = [balanced_state(parameters)]
         for u in setpoints:
-            y = tuple(float(value) for value in states[-1])
+            y = tuple(float(value) for value in states[-1][:6])
             states.append(
                 PlantState(*runge_kutta(y, float(u), 0.0, printed(parameters), 1e-5, 100))
             )

@@ -86,8 +86,8 @@ def test_forward_euler_is_the_printed_rates_times_dt(
     plant = FullOrderPlant(leaky, options=PAPER, solver=EULER, state=state)
     plant.step(PlantInput(5e-4, 1000.0))
     rates = paper_rates(state, 5e-4, 1000.0, leaky)
-    expected = [value + 1e-4 * rate for value, rate in zip(state, rates, strict=True)]
-    assert plant.state == pytest.approx(expected, rel=1e-12)
+    expected = [value + 1e-4 * rate for value, rate in zip(state[:6], rates, strict=True)]
+    assert plant.state[:6] == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
+from hil_bench.plant.full_order import largest_step
 
 EULER = Solver.FORWARD_EULER
 PAPER = PlantOptions.paper()
@@ -241,7 +242,8 @@ option_sets = st.builds(
 def test_midpoint_stays_finite_for_any_finite_input(
     parameters: PlantParameters, options: PlantOptions, history: list[tuple[float, float]]
 ) -> None:
-    plant = FullOrderPlant(parameters, options=options)
+    dt = min(1e-4, largest_step(parameters, options, Solver.LINEARLY_IMPLICIT_MIDPOINT))
+    plant = FullOrderPlant(parameters, options=options, dt=dt)
     for u, F_L in history:
         output = plant.step(PlantInput(u, F_L), 50)
         assert all(math.isfinite(value) for value in (*plant.state, *output))

@@ -2,15 +2,19 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import pytest
 
 from hil_bench.errors import ParameterError
 from hil_bench.plant import (
+    ExtensionState,
     FullOrderPlant,
+    LuGreFriction,
     PlantInput,
     PlantOptions,
     PlantParameters,
+    ReducedOrderPlant,
     Solver,
     balanced_state,
 )
@@ -36,11 +40,141 @@ def test_inputs_beyond_the_limits_act_as_the_limits(paper: PlantParameters) -> N
     assert far.step(PlantInput(-1e300, 1e300), 5) == limit.step(PlantInput(-1.0, 1e9), 5)
 
 
-def test_takes_integers_and_zero_steps(paper: PlantParameters) -> None:
-    plant = FullOrderPlant(paper)
+@pytest.mark.parametrize("model", [FullOrderPlant, ReducedOrderPlant])
+def test_takes_integers_and_zero_steps(
+    paper: PlantParameters, model: type[FullOrderPlant | ReducedOrderPlant]
+) -> None:
+    plant = model(paper)
     assert plant.step(PlantInput(0, 0), 0) == plant.output
-    with pytest.raises(ParameterError, match=r"^steps = -1"):
+    with pytest.raises(ParameterError, match=r"^steps = -1: must be 0 or greater"):
         plant.step(PlantInput(0.0), -1)
+
+
+@pytest.mark.parametrize("model", [FullOrderPlant, ReducedOrderPlant])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ((PlantInput(0.0), 2.5), "steps = 2.5: must be an integer"),
+        ((PlantInput(0.0), True), "steps = True: must be an integer"),
+        ((PlantInput(0.0), None), "steps = None: must be an integer"),
+        ((PlantInput(True),), "u = True: must be a number in m"),
+        ((PlantInput("1e-3"),), "u = '1e-3': must be a number in m"),
+        ((PlantInput(0.0, None),), "F_L = None: must be a number in N"),
+        (((0.0,),), "plant_input = (0.0,): must be PlantInput(u, F_L)"),
+        ((1e-3,), "plant_input = 0.001: must be PlantInput(u, F_L)"),
+    ],
+)
+def test_refuses_what_is_no_input(
+    paper: PlantParameters,
+    model: type[FullOrderPlant | ReducedOrderPlant],
+    given: tuple[Any, ...],
+    message: str,
+) -> None:
+    plant = model(paper)
+    before = plant.state
+    with pytest.raises(ParameterError) as refusal:
+        plant.step(*given)
+    assert str(refusal.value) == message
+    assert plant.state == before
+
+
+@pytest.mark.parametrize("model", [FullOrderPlant, ReducedOrderPlant])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"solver": "heun"}, "solver = 'heun': must be one of forward-euler, linearly-implicit-"),
+        ({"solver": 1}, "solver = 1: must be one of forward-euler, "),
+        ({"options": {}}, "options = {}: must be PlantOptions or None"),
+        ({"dt": True}, "dt = True: must be a number in s"),
+        ({"state": (0.0,) * 6}, "state = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0): must be PlantState"),
+    ],
+)
+def test_refuses_arguments_of_another_kind(
+    paper: PlantParameters,
+    model: type[FullOrderPlant | ReducedOrderPlant],
+    given: dict[str, Any],
+    message: str,
+) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        model(paper, **given)
+    assert str(refusal.value).startswith(message)
+    with pytest.raises(ParameterError, match=r"^parameters = None: must be PlantParameters"):
+        model(None)
+    with pytest.raises(ParameterError, match=r"^state = None: must be PlantState"):
+        model(paper).restart(None)
+
+
+def test_a_solver_may_be_given_by_its_name(paper: PlantParameters) -> None:
+    assert FullOrderPlant(paper, solver="runge-kutta", dt=5e-5).solver is Solver.RUNGE_KUTTA
+
+
+@pytest.mark.parametrize("model", [FullOrderPlant, ReducedOrderPlant])
+def test_refuses_a_step_that_cannot_follow_the_swing(
+    paper: PlantParameters, model: type[FullOrderPlant | ReducedOrderPlant]
+) -> None:
+    # 20 g on the oil, nothing that damps: sqrt(k / m) with k = E (A_A² / V_A + A_B² / V_B) at the
+    # stroke's end, 1.35e7 N/m: 26.0e3 rad/s; 14.1e3 rad/s with the reduced model's mean volume.
+    light = dataclasses.replace(paper, m=0.02, F_c=0.0, F_s=0.0, sigma=0.0)
+    limit = {FullOrderPlant: r"3\.84e-05", ReducedOrderPlant: r"7\.06e-05"}[model]
+    message = rf"^dt = 0\.001 s: linearly-implicit-midpoint cannot follow .*; {limit} s or less"
+    with pytest.raises(ParameterError, match=message):
+        model(light, dt=1e-3)
+    model(light, dt=3.84e-5)
+    # What slides through much viscous friction does not swing: sigma / (2 m) is above it.
+    model(dataclasses.replace(light, sigma=2000.0), dt=1e-3)
+
+
+def test_the_swing_of_a_light_piston_decays_at_the_largest_step(paper: PlantParameters) -> None:
+    # At the limit the pressures of a step of load stay within twice the load over the area.
+    light = dataclasses.replace(paper, m=0.02, F_c=0.0, F_s=0.0, sigma=1.0)
+    plant = FullOrderPlant(light, dt=3.8e-5)
+    highest = max(plant.step(PlantInput(0.0, 1e3)).P_A for _ in range(2000))
+    assert highest < plant.parameters.P_S
+
+
+def test_refuses_bristles_that_drive_the_piston(paper: PlantParameters) -> None:
+    # sigma F_c / (F_s - F_c) = 2000 * 600 / 300, Barabanov and Ortega 2000
+    def options(sigma_1: float) -> PlantOptions:
+        return dataclasses.replace(PAPER, bristles=LuGreFriction(sigma_1=sigma_1))
+
+    FullOrderPlant(paper, options=options(4000.0), dt=1e-5)
+    with pytest.raises(ParameterError, match=r"^sigma_1 = 4001 N s/m: must be 4000 N s/m or less"):
+        FullOrderPlant(paper, options=options(4001.0), dt=1e-5)
+
+
+@pytest.mark.parametrize("model", [FullOrderPlant, ReducedOrderPlant])
+def test_refuses_a_negative_supply_pressure(
+    paper: PlantParameters, model: type[FullOrderPlant | ReducedOrderPlant]
+) -> None:
+    plant = model(paper)
+    for wrong in (-1.0, math.nan, True):
+        with pytest.raises(ParameterError, match=r"^supply_pressure = (-1 Pa|nan Pa|True): must"):
+            plant.supply_pressure = wrong
+    assert plant.supply_pressure == paper.P_S
+
+
+@pytest.mark.parametrize(
+    ("extension", "message"),
+    [
+        (ExtensionState(0.0, 0.0, -2e5), "P_S = -200000 Pa: must be at least -101325 Pa"),
+        (ExtensionState(math.inf, 0.0, 1e7), "t = inf s: must be finite"),
+        ((0.0, 0.0, 1e7), "extension = (0.0, 0.0, 10000000.0): must be ExtensionState"),
+    ],
+)
+def test_refuses_a_senseless_extension(
+    paper: PlantParameters, extension: ExtensionState, message: str
+) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        FullOrderPlant(paper, extension=extension)
+    assert str(refusal.value).startswith(message)
+
+
+def test_a_plant_pressed_into_its_stop_goes_on_from_there(paper: PlantParameters) -> None:
+    plant = FullOrderPlant(paper)
+    plant.step(PlantInput(1.3e-3), 40_000)
+    assert plant.state.x > paper.h
+    copy = FullOrderPlant(paper, state=plant.state)
+    assert copy.step(PlantInput(0.0), 100) == plant.step(PlantInput(0.0), 100)
 
 
 @pytest.mark.parametrize("dt", [0.0, -1e-4, math.nan, math.inf, "1e-4"])
@@ -61,7 +195,7 @@ def test_forward_euler_refuses_a_step_beyond_the_standstill_limit(
 def test_forward_euler_chatters_beyond_that_limit_and_not_below(
     paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.plant.full_order._LARGEST_STEP", {})
+    monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
 
     def last_velocity(dt: float) -> float:
         state = balanced_state(paper)._replace(v=1e-6)
@@ -75,7 +209,7 @@ def test_forward_euler_chatters_beyond_that_limit_and_not_below(
 def test_forward_euler_says_when_it_has_diverged(
     paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.plant.full_order._LARGEST_STEP", {})
+    monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
     # A fluid a thousand times stiffer than Table I's: zeta - omega_c dt / 2 = 0.004 - 0.71 < 0.
     steel = dataclasses.replace(paper, E=1e11)
     plant = FullOrderPlant(steel, options=PAPER, solver=EULER)

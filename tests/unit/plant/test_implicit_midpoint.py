@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.implicit_midpoint import implicit_share, respond
+from hil_bench.plant.implicit_midpoint import implicit_share
 
 rates = st.floats(1e-3, 1e6)
 
@@ -47,9 +47,3 @@ def test_stiff_limit_is_backward_euler_on_the_secant() -> None:
 def test_a_falling_curve_cannot_take_the_inertia_away() -> None:
     assert implicit_share(0.01, -4.0, 1.0) == -0.25
     assert implicit_share(0.01, -0.1, 1.0) == pytest.approx(-0.05 + 0.125e-4, rel=1e-12)
-
-
-def test_a_chamber_responds_until_the_floor() -> None:
-    # 5 bar - 1 bar - 1e6 Pa s/m * dv against a floor of 0
-    assert respond(5e5, -1e5, 1e6, 0.0, 0.39) == (-1e5, 1e6)
-    assert respond(5e5, -1e5, 1e6, 0.0, 0.41) == (-5e5, 0.0)

@@ -33,6 +33,8 @@ def test_weight_on_a_slope(slope_deg: float, weight: float) -> None:
             lambda: LoadSeries((1.0, 0.5), (0.0, 0.0)),
             "load_series = 0.5 s after 1 s: its times must not decrease",
         ),
+        (lambda: LoadSeries(0.0, 1.0), "times of load_series = 0.0: must be tuple or list"),
+        (lambda: LoadSeries((0.0,), "1"), "forces of load_series = '1': must be tuple or list"),
         (lambda: LoadSeries((0.0,), (math.nan,)), "force of load_series = nan N: must be finite"),
         (lambda: LoadSeries((math.inf,), (0.0,)), "time of load_series = inf s: must be finite"),
     ],

@@ -1,10 +1,11 @@
 import dataclasses
 import math
+from typing import Any
 
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import EndStop, PlantOptions
+from hil_bench.plant import ConstantLoad, EndStop, PlantOptions
 
 
 def test_paper_is_as_printed_with_the_tanh_of_section_iv() -> None:
@@ -33,10 +34,22 @@ def test_bench_keeps_piston_and_pressures_where_they_can_be() -> None:
         ({"alpha_negative": 0.0}, "alpha_negative = 0 m: must be greater than 0"),
         ({"beta_negative": -1e-4}, "beta_negative = -0.0001 m: must be 0 or greater"),
         ({"cavitation_floor": 1e5}, "cavitation_floor = 100000 Pa: must be 0 or less"),
+        (
+            {"cavitation_floor": -2e5},
+            "cavitation_floor = -200000 Pa: must be 0 or less",
+        ),
+        ({"cavitation_floor": True}, "cavitation_floor = True: must be a number in Pa"),
+        ({"signed_root": "no"}, "signed_root = 'no': must be bool"),
+        ({"end_stop": True}, "end_stop = True: must be EndStop or None"),
+        ({"air": 0.01}, "air = 0.01: must be EntrainedAir or None"),
+        ({"bristles": EndStop()}, "bristles = EndStop(stiffness=200000000.0, "),
+        ({"supply": 1e7}, "supply = 10000000.0: must be SupplyUnit or None"),
+        ({"loads": ConstantLoad(1.0)}, "loads = ConstantLoad(load_force=1.0): must be tuple"),
+        ({"loads": (1.0,)}, "loads = 1.0: must be ConstantLoad or SpringLoad or MassOnSlope or "),
         ({"cavitation_floor": -math.inf}, "cavitation_floor = -inf Pa: must be finite"),
     ],
 )
-def test_refuses_senseless_options(change: dict[str, float], message: str) -> None:
+def test_refuses_senseless_options(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError) as refusal:
         dataclasses.replace(PlantOptions.bench(), **change)
     assert str(refusal.value).startswith(message)

@@ -61,7 +61,7 @@ def test_refuses_what_is_no_sane_number(symbol: str, value: object) -> None:
         PlantParameters(**{**TABLE_I, symbol: value})
 
 
-NOT_POSITIVE = {"beta", "P_S", "P_T", "C_L", "F_c", "F_s", "sigma"}
+NOT_POSITIVE = {"beta", "P_T", "C_L", "F_c", "F_s", "sigma"}
 
 
 @pytest.mark.parametrize("symbol", sorted(TABLE_I.keys() - NOT_POSITIVE))
@@ -86,6 +86,7 @@ def test_accepts_zero_where_zero_makes_sense(symbol: str) -> None:
     ("change", "message"),
     [
         ({"F_s": 599.0}, "F_s = 599 N: must be at least F_c = 600 N"),
+        ({"P_T": -2e5}, "P_T = -200000 Pa: must be at least -101325 Pa, absolute vacuum"),
         ({"P_T": 1e7}, "P_S = 1e+07 Pa: must be greater than P_T = 1e+07 Pa"),
         ({"V_A0": 1e-3}, "V_A0 = 0.001 m³: must be greater than A_A h = 0.001 m³"),
         ({"V_B0": 9e-4}, "V_B0 = 0.0009 m³: must be greater than A_B h = 0.00094 m³"),

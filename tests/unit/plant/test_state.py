@@ -8,11 +8,11 @@ from hil_bench.plant import PlantParameters, balanced_state
 
 def test_balanced_state_holds_the_piston(paper: PlantParameters) -> None:
     state = balanced_state(paper)
-    _, _, P_A, P_B, _, _ = state
+    P_A, P_B = state.P_A, state.P_B
     assert math.isclose(P_A * paper.A_A, P_B * paper.A_B, rel_tol=1e-14)
     assert math.isclose(P_A + P_B, paper.P_S, rel_tol=1e-14)
     assert state[:2] == (0.0, 0.0)
-    assert state[4:] == (0.0, 0.0)
+    assert state[4:] == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_balanced_state_at_another_place_and_pressure(paper: PlantParameters) -> None:

@@ -18,6 +18,8 @@ class ExitCode(IntEnum):
     """A bus or a port could not be opened, or was lost."""
     TIMING = 4
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
+    INCONCLUSIVE = 5
+    """The verb ran, but what it was to check could not be seen."""
     INTERNAL = 70
     """A bug of hil-bench itself (EX_SOFTWARE of the BSD ``sysexits``)."""
     INTERRUPTED = 130

@@ -65,6 +65,11 @@ class Device:
         """Time since the oldest of its values came [s]; infinite before the first."""
         return self.network.now() - self.received_at
 
+    @property
+    def primary(self) -> Input:
+        """The PDO that brings the device's own quantity, and where in it that stands."""
+        raise NotImplementedError
+
     def __str__(self) -> str:
         return str(self.node)
 

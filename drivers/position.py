@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from device_profiles import ENCODER_406
-from drivers.device import Sensor
+from drivers.device import Input, Sensor
 from drivers.errors import DeviceMismatchError
 from drivers.interfaces import Reading
 from drivers.network import Network
@@ -58,6 +58,11 @@ class PositionSensor(Sensor):
         self._speed = inputs.get(speed)
         self._channel = channel
         self._position_step = self._speed_step = math.nan
+
+    @property
+    def primary(self) -> Input:
+        """The PDO that brings the position."""
+        return self._position
 
     @property
     def position(self) -> float:

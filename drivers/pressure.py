@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 from device_profiles import PRESSURE_404
-from drivers.device import Sensor
+from drivers.device import Input, Sensor
 from drivers.errors import DeviceMismatchError
 from drivers.interfaces import Reading
 from drivers.network import Network
@@ -59,6 +59,11 @@ class PressureSensor(Sensor):
         self._status = inputs.get(status)
         self._channel = channel
         self._pascal_per_digit = math.nan
+
+    @property
+    def primary(self) -> Input:
+        """The PDO that brings the process value."""
+        return self._process_value
 
     @property
     def pressure(self) -> float:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from device_profiles import VALVE_408
-from drivers.device import Device, milliseconds
+from drivers.device import Device, Input, milliseconds
 from drivers.errors import DeviceFaultError, DeviceMismatchError
 from drivers.network import Network
 from drivers.node import object_name
@@ -110,6 +110,16 @@ class ProportionalValve(ValveControl, Device):
             self.node.write(*_DEVICE_MODE, _SET_POINT_BY_BUS)
         self._supervise(command_timeout, watch)
         self._is_set_up = True
+
+    @property
+    def primary(self) -> Input:
+        """The PDO that brings the spool position."""
+        return self._actual
+
+    @property
+    def status(self) -> Input:
+        """The PDO that brings the status word, and where in it that stands."""
+        return self._status
 
     @property
     def spool_position(self) -> float:

@@ -52,8 +52,8 @@ _FAULTS_OF_THE_MACHINE = {
 _EXAMPLES = """\
 exit codes:
   0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
-  under --strict-timing or --overrun stop; 5 done, but a recording is incomplete; 70 a bug in
-  hil-bench; 130 interrupted
+  under --strict-timing or --overrun stop; 5 done, but a recording is incomplete; 6 nothing to
+  check was seen; 70 a bug in hil-bench; 130 interrupted
 
 examples:
   hil-bench demo

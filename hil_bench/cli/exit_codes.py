@@ -20,6 +20,8 @@ class ExitCode(IntEnum):
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     LOST = 5
     """The verb went on to its end, but something that was asked for was lost: a recording."""
+    INCONCLUSIVE = 6
+    """The verb ran, but what it was to check could not be seen."""
     INTERNAL = 70
     """A bug of hil-bench itself (EX_SOFTWARE of the BSD ``sysexits``)."""
     INTERRUPTED = 130

@@ -166,6 +166,11 @@ class DemandGenerator:
         self.ramp.restart(0.0)
         self._configure()
 
+    def shift_ramp(self, offset: float) -> None:
+        """Have the ramp go on from elsewhere [increments]."""
+        self._scaled += offset
+        self.ramp.restart(self._scaled)
+
     def _shape(self, limited: int, now: int) -> int:
         value = limited * self._scale + self._offset.value
         if self.has_ramp:

@@ -174,6 +174,15 @@ class ValveDevice:
             self._status_word.value = status
             self._status_trigger.pull()
 
+    def adopt(self, state: ValveState) -> None:
+        """Enter the state that another valve reports, of which this one is the twin."""
+        self._hear_events()
+        self._machine.adopt(state)
+
+    def shift_ramp(self, offset: float) -> None:
+        """Have the ramp go on from elsewhere; the offset is a fraction of full opening."""
+        self._generator.shift_ramp(offset * self._reference.value)
+
     def _present_status(self) -> int:
         status = STATUS_BITS[self._machine.state]
         if self._local.value:

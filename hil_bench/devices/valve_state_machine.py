@@ -269,6 +269,13 @@ class ValveStateMachine:
             states += walk(states[0], self._word_in_reaction, reset=False, may_activate=False)
         return self._pass(states)
 
+    def adopt(self, state: ValveState) -> None:
+        """Enter the state that another valve reports, whatever led it there."""
+        if state is ValveState.FAULT_REACTION:
+            self.fault(takes_time=True)
+        else:
+            self.state = state
+
     def deactivate(self) -> tuple[ValveState, ...]:
         """Leave ACTIVE for HOLD (TR5), without a control word, and return the states passed."""
         if self.state is not ValveState.ACTIVE:

@@ -1,11 +1,23 @@
 """The twin beside the machine: the bench's plant on the commands that the real valve gets.
 
-`decoder` reads what the machine's sensors say off the bus, `sample_clock` when they measured it;
-`twin` runs the same plant on the frames that the controller sends, and `axis_twin` sets both side
-by side. Nothing is ever sent.
+`decoder` reads what the machine's devices say off the bus, `sample_clock` when they measured it;
+`node_states` and `followed_valve` take over the states in which the machine is, so that the twin
+can join at any moment. `twin` runs the same plant on the frames that the controller sends,
+`axis_twin` sets both side by side. Nothing is ever sent.
 """
 
-from hil_bench.shadow.axis_twin import QUANTITIES, Residual
-from hil_bench.shadow.twin import Sample, Shadow, Window
+from hil_bench.shadow.axis_twin import Correction, Window
+from hil_bench.shadow.limits import fit_limits, widening
+from hil_bench.shadow.residual import QUANTITIES, Residual
+from hil_bench.shadow.twin import Sample, Shadow
 
-__all__ = ["QUANTITIES", "Residual", "Sample", "Shadow", "Window"]
+__all__ = [
+    "QUANTITIES",
+    "Correction",
+    "Residual",
+    "Sample",
+    "Shadow",
+    "Window",
+    "fit_limits",
+    "widening",
+]

@@ -1,149 +1,293 @@
-"""One axis of the twin: its plant, what it has just done, and how far the machine is from it."""
+"""One axis of the twin: what is known of the machine, and how far it is from the twin."""
 
-import bisect
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.axis import Axis
-from hil_bench.plant import PlantState
+from hil_bench.axis import Axis, QuantityMeasurement
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.devices.valve_state_machine import ValveState
+from hil_bench.shadow.decoder import STATUS_WORD, Reading
+from hil_bench.shadow.followed_valve import FollowedValve
+from hil_bench.shadow.residual import QUANTITIES, Residual
+from hil_bench.shadow.sample_clock import SampleTime
+from hil_bench.shadow.trace import Row, Trace
 
-QUANTITIES = {"position": "m", "P_A": "Pa", "P_B": "Pa", "spool_position": "-"}
-"""What is compared, and in which unit."""
+ANCHORS = ("position", "P_A", "P_B")
+"""What a window begins with."""
+SPOOL = "spool_position"
+SETPOINT = "set-point"
+"""What else may be missing: a command to the valve."""
 
-_NEEDED = ("position", "P_A", "P_B")
-_PLACES = {quantity: place for place, quantity in enumerate(QUANTITIES, start=1)}
-_REMEMBERED = 64
-"""Ticks that the twin looks back: a value may come some milliseconds after it was measured."""
+_REMEMBERED = 0.1
+"""Time that the twin looks back: a value may come some milliseconds after it was measured [s]."""
 _VELOCITY_SPAN = 0.012
-"""Time over which positions tell how much the velocity is off [s]."""
+"""Time over which positions show by how much the velocity is off [s]."""
+_SETTLING = 0.1
+"""Time from joining a machine to the first window: spool and pressures settle meanwhile [s]."""
+_SHORTEST_PATIENCE = 1.0
+_FASTEST = 10.0
+"""Whatever comes from the bus, the plant is not set to more than this [m/s] ..."""
+_HIGHEST = 10.0
+"""... nor to more than so many times the supply pressure."""
 
 
-@dataclass(slots=True)
-class Residual:
-    """Machine less twin of one quantity over a window.
+class Window(NamedTuple):
+    """How well the twin predicted one axis for a while.
 
     Attributes:
-        count: values compared.
-        squares: sum of the residuals' squares.
-        largest: largest residual in size.
+        axis: its name.
+        begin: when the plant was set to what the sensors said, from the first frame [s].
+        end: when the window ended [s].
+        residuals: by the quantities of `QUANTITIES`.
+        lateness: by how much a PDO came later than usual, at most [s].
     """
 
-    count: int = 0
-    squares: float = 0.0
-    largest: float = 0.0
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals; NaN without any."""
-        return math.sqrt(self.squares / self.count) if self.count else math.nan
-
-    def add(self, residual: float) -> None:
-        """Count one residual."""
-        self.count += 1
-        self.squares += residual * residual
-        self.largest = max(self.largest, abs(residual))
+    axis: str
+    begin: float
+    end: float
+    residuals: dict[str, Residual]
+    lateness: float
 
 
-@dataclass(slots=True)
+class Correction(NamedTuple):
+    """The machine's valve was in another state than the twin's, which then took over that state.
+
+    Attributes:
+        time: when, from the first frame [s].
+        axis: of the valve.
+        twin: the state in which the twin's was.
+        machine: the state in which the machine's is.
+    """
+
+    time: float
+    axis: str
+    twin: ValveState
+    machine: ValveState
+
+
 class AxisTwin:
     """The twin of one axis.
 
+    It joins the machine as soon as everything is known that its motion depends on, whatever the
+    machine is doing then, and leaves it when that is known no longer.
+
+    Args:
+        axis: of the twin's bench.
+        readings: what the machine's devices of this axis say.
+        tick: of the twin's bench [s].
+        horizon: length of a window [s].
+
     Attributes:
-        axis: it moves as its bench does.
-        begin: of the window that runs, None before the first [s].
-        residuals: machine less twin of this window, by quantity.
+        axis: as passed in, with a valve that follows the machine's.
+        valve: that valve; None where another device commands the spool.
+        begin: of the window that runs, None while there is none [s].
+        patience: how long a quantity may be silent and still count as known [s].
+        corrections: of the valve's state while the twin followed; take them out at will.
     """
 
-    axis: Axis
-    begin: float | None = None
-    residuals: dict[str, Residual] = field(default_factory=dict)
-    _past: deque[tuple[float, ...]] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
-    _latest: dict[str, float] = field(default_factory=dict)
-    _apart: deque[tuple[float, float]] = field(default_factory=deque)
+    def __init__(
+        self, axis: Axis, readings: Sequence[Reading], *, tick: float, horizon: float
+    ) -> None:
+        self.axis = axis
+        self.valve: FollowedValve | None = None
+        if isinstance(axis.valve, ValveDevice):
+            self.valve = FollowedValve(axis.valve)
+            self.axis = replace(axis, valve=self.valve)
+        self.begin: float | None = None
+        self.patience = max(_SHORTEST_PATIENCE, 2.0 * horizon)
+        self.corrections: deque[Correction] = deque(maxlen=1000)
+        self._horizon = horizon
+        self._needed = (*ANCHORS, *((STATUS_WORD,) if self.valve else ()))
+        self._quantities = {
+            reading.name: reading.quantity
+            for reading in readings
+            if reading.quantity != STATUS_WORD
+        }
+        self._trace = Trace(max(2, math.ceil(_REMEMBERED / tick)))
+        self._joined_at: float | None = None
+        self._heard: dict[str, float] = {}
+        self._invalid: set[str] = set()
+        self._apart = dict.fromkeys(QUANTITIES, 0.0)
+        self._slope: deque[tuple[float, float]] = deque()
+        self._residuals: dict[str, Residual] = {}
+        self._counted: dict[str, float] = {}
+        self._lateness = 0.0
 
     @property
-    def is_known(self) -> bool:
-        """Whether the sensors have said all that a window begins with."""
-        return all(quantity in self._latest for quantity in _NEEDED)
+    def is_comparable(self) -> bool:
+        """Whether there are devices that report all that a window begins with."""
+        return set(ANCHORS) <= set(self._quantities.values())
+
+    def missing(self, now: float) -> dict[str, str]:
+        """Return what is not known at a time [s], and why."""
+        found = {}
+        for name in self._needed:
+            heard = self._heard.get(name)
+            if name in self._invalid:
+                found[name] = "not valid, says the device"
+            elif heard is None:
+                found[name] = "not heard"
+            elif now - heard > self.patience:
+                found[name] = f"silent for {now - heard:.1f} s"
+        valve = self.valve
+        if valve is not None and valve.reported is ValveState.ACTIVE and valve.obstacle:
+            found[SETPOINT] = valve.obstacle
+        return found
 
     def forget(self) -> None:
-        """Begin anew with the next values."""
-        self.begin = None
-        self._past.clear()
-        self._latest.clear()
-        self._apart.clear()
+        """Leave the machine, and forget what it said."""
+        self.leave()
+        self._heard.clear()
+        self._invalid.clear()
+        self._slope.clear()
+        self._trace.clear()
+
+    def leave(self) -> None:
+        """End the window that runs, unjudged; the next position joins the machine anew."""
+        self.begin = self._joined_at = None
 
     def note(self, now: float) -> None:
-        """Remember where the twin is at the end of a tick [s]."""
-        output = self.axis.plant.output
-        spool = output.nu / self.axis.valve.full_opening
-        self._past.append((now, output.x, output.P_A, output.P_B, spool))
+        """Remember what the twin's devices measure at the end of a tick [s]."""
+        values = {
+            sensor.name: sensor.measured
+            for sensor in self.axis.sensors
+            if not isinstance(sensor, QuantityMeasurement)
+        }
+        spool = self.axis.plant.output.nu / self.axis.valve.full_opening
+        for name, quantity in self._quantities.items():
+            if quantity == SPOOL:
+                values[name] = spool
+        self._trace.append(Row(now, values))
 
-    def compare(self, quantity: str, value: float, time: float) -> float:
-        """Take what the machine says of a quantity; return what the twin said at that time [s]."""
-        expected = self._value_at(quantity, time)
-        self._latest[quantity] = value - expected
+    def take(self, reading: Reading, value: float, sampled: SampleTime) -> float | None:
+        """Take a value of the machine.
+
+        Args:
+            reading: what it is.
+            value: the value in SI units, NaN if it is not valid.
+            sampled: when it was measured.
+
+        Returns:
+            What the twin had, if the value counts in the window that runs.
+        """
+        quantity = reading.quantity
+        if math.isnan(value):
+            self._invalid.add(quantity)
+            self.leave()
+            return None
+        self._invalid.discard(quantity)
+        self._heard[quantity] = sampled.frame
+        if quantity == STATUS_WORD:
+            self._follow_valve(int(value), sampled)
+            return None
+        expected = self._trace.at(reading.name, sampled.likely)
+        if math.isnan(expected):
+            return None
+        self._apart[quantity] = value - expected
         if quantity == "position":
-            self._apart.append((time, value - expected))
-            while self._apart[0][0] < time - _VELOCITY_SPAN:
-                self._apart.popleft()
-        return expected
+            self._note_slope(sampled.likely, value - expected)
+        if self.missing(sampled.frame):
+            self.leave()
+        elif self.begin is not None:
+            self._count(reading, value, sampled)
+            return expected
+        elif quantity == "position":
+            self._join(sampled.frame)
+        return None
 
-    def anchor(self, time: float) -> None:
-        """Move the plant to where the sensors say it is, and begin a window at a time [s]."""
+    def window_at(self, time: float) -> Window | None:
+        """Return the window that ends at the time of a position [s], and begin the next one."""
+        if self.begin is None or time - self.begin < self._horizon:
+            return None
+        window = Window(self.axis.name, self.begin, time, self._residuals, self._lateness)
+        self._begin(time)
+        return window
+
+    def _follow_valve(self, status_word: int, sampled: SampleTime) -> None:
+        valve = self.valve
+        if valve is None:
+            return
+        before = valve.state
+        if valve.hear(status_word, sampled.earliest):
+            if self.begin is not None:
+                machine = valve.reported or before
+                self.corrections.append(Correction(sampled.frame, self.axis.name, before, machine))
+            self.leave()
+
+    def _join(self, now: float) -> None:
+        """Join the machine, or begin the first window once the twin has settled."""
+        if self._joined_at is None:
+            self._joined_at = now
+            self._anchor_all()
+        elif now - self._joined_at >= _SETTLING:
+            self._anchor_all()
+            self._begin(now)
+
+    def _anchor_all(self) -> None:
+        """Set the spool, and what commands it, to what the machine says, too."""
+        if self.valve is not None:
+            self.valve.shift_ramp(self._apart[SPOOL])
+        self._anchor((*ANCHORS, SPOOL))
+
+    def _begin(self, time: float) -> None:
+        self._anchor(ANCHORS)
+        self.begin = time
+        self._residuals = {quantity: Residual() for quantity in QUANTITIES}
+        self._counted = dict.fromkeys(QUANTITIES, time)
+        self._lateness = 0.0
+
+    def _count(self, reading: Reading, value: float, sampled: SampleTime) -> None:
+        quantity = reading.quantity
+        self._lateness = max(self._lateness, sampled.lateness)
+        residual = self._trace.distance(reading.name, value, sampled.earliest, sampled.latest)
+        since, self._counted[quantity] = self._counted[quantity], sampled.frame
+        self._residuals[quantity].add(residual, max(sampled.frame - since, 0.0))
+
+    def _anchor(self, quantities: tuple[str, ...]) -> None:
+        """Move the plant to where the sensors say it is."""
+        apart = {quantity: self._apart[quantity] for quantity in quantities}
         plant = self.axis.plant
-        state, floor = plant.state, plant.options.cavitation_floor
-        position, P_A, P_B = (self._latest[quantity] for quantity in _NEEDED)  # noqa: N806
-        lowest = -math.inf if floor is None else floor
-        P_A_now, P_B_now = max(state.P_A + P_A, lowest), max(state.P_B + P_B, lowest)  # noqa: N806
+        p, state, floor = plant.parameters, plant.state, plant.options.cavitation_floor
+        lowest, highest = -math.inf if floor is None else floor, _HIGHEST * p.P_S
+        P_A = _within(lowest, state.P_A + apart["P_A"], highest)  # noqa: N806
+        P_B = _within(lowest, state.P_B + apart["P_B"], highest)  # noqa: N806
+        spool = apart.get(SPOOL, 0.0) * self.axis.valve.full_opening
         plant.restart(
-            PlantState(
-                x=min(max(state.x + position, -plant.parameters.h), plant.parameters.h),
-                v=state.v + self._excess_velocity(),
-                P_A=P_A_now,
-                P_B=P_B_now,
-                nu=state.nu,
-                nu_dot=state.nu_dot,
-                V_CA=state.V_CA if P_A_now == floor else 0.0,
-                V_CB=state.V_CB if P_B_now == floor else 0.0,
+            state._replace(
+                x=_within(-p.h, state.x + apart["position"], p.h),
+                v=_within(-_FASTEST, state.v + self._excess_velocity(), _FASTEST),
+                P_A=P_A,
+                P_B=P_B,
+                nu=state.nu + spool,
+                V_CA=state.V_CA if floor == P_A else 0.0,
+                V_CB=state.V_CB if floor == P_B else 0.0,
             )
         )
-        moved = [(at, x + position, a + P_A, b + P_B, nu) for at, x, a, b, nu in self._past]
-        self._past.clear()
-        self._past.extend(moved)
-        self._apart.clear()
-        self._latest.update(dict.fromkeys(_NEEDED, 0.0))
-        self.begin = time
-        self.residuals = {quantity: Residual() for quantity in QUANTITIES}
+        self._trace.shift(
+            {name: apart.get(quantity, 0.0) for name, quantity in self._quantities.items()}
+        )
+        self._slope.clear()
+        self._apart.update(dict.fromkeys(apart, 0.0))
 
-    def _value_at(self, quantity: str, time: float) -> float:
-        """Return what the twin had of a quantity at a time [s]: of the present tick or before."""
-        past, place = self._past, _PLACES[quantity]
-        if not past or time >= past[-1][0]:
-            return self._present(quantity, time)
-        later = max(1, bisect.bisect_right(past, time, key=lambda row: row[0]))
-        before, after = past[later - 1], past[later]
-        share = max(0.0, (time - before[0]) / (after[0] - before[0]))
-        return before[place] + share * (after[place] - before[place])
-
-    def _present(self, quantity: str, time: float) -> float:
-        output = self.axis.plant.output
-        match quantity:
-            case "position":
-                return output.x + output.v * (time - self._past[-1][0] if self._past else 0.0)
-            case "P_A":
-                return output.P_A
-            case "P_B":
-                return output.P_B
-            case _:
-                return output.nu / self.axis.valve.full_opening
+    def _note_slope(self, time: float, apart: float) -> None:
+        self._slope.append((time, apart))
+        while self._slope[0][0] < time - _VELOCITY_SPAN:
+            self._slope.popleft()
 
     def _excess_velocity(self) -> float:
         """Return the slope of machine less twin [m/s]; 0 where one position says nothing."""
-        times, values = np.array(self._apart).T
+        if not self._slope:
+            return 0.0
+        times, values = np.array(self._slope).T
         times = times - times.mean()
         spread = float(times @ times)
         return float(times @ (values - values.mean())) / spread if spread > 0.0 else 0.0
+
+
+def _within(low: float, value: float, high: float) -> float:
+    return min(max(value, low), high)

@@ -1,12 +1,13 @@
 """What the devices of a bus say, in SI units, from their TPDOs alone."""
 
+import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import can
 
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
-from drivers.device import Device
+from drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
+from drivers.device import Device, Input
 from hil_bench.config import (
     BenchConfig,
     EncoderConfig,
@@ -16,25 +17,44 @@ from hil_bench.config import (
 )
 from hil_bench.virtual_bench import VirtualBench
 
+Driver = TypeVar("Driver", PressureSensor, PositionSensor, ProportionalValve)
+
+STATUS_WORD = "status_word"
+"""The quantity that a valve's status word is."""
+
 
 class Reading(NamedTuple):
     """One quantity of one axis as a device reports it.
 
     Attributes:
         axis: its name.
-        quantity: "position", "P_A", "P_B" or "spool_position".
+        quantity: "position", "P_A", "P_B", "spool_position" or `STATUS_WORD`.
+        name: of the device.
+        node_id: of the device.
         device: the driver that decodes it.
+        source: the PDO that brings it.
         value: what it says now, in SI; of the spool, in full openings.
     """
 
     axis: str
     quantity: str
+    name: str
+    node_id: int
     device: Device
+    source: Input
     value: Callable[[], float]
+
+    def read(self) -> float:
+        """Return the value; NaN while the device has none that is valid."""
+        try:
+            value = self.value()
+        except DriverError:
+            return math.nan
+        return value if math.isfinite(value) else math.nan
 
 
 class Decoder:
-    """The drivers of a bench's devices, told frames that somebody overheard.
+    """The drivers of a bench's devices, fed with frames that somebody overheard.
 
     How a device maps and scales its values is taken from the configuration: the drivers ask a
     virtual bench of the same configuration for it, so nothing is sent to the machine.
@@ -54,7 +74,7 @@ class Decoder:
             self.readings = [
                 reading for node in config.nodes if node.axis for reading in self._readings(node)
             ]
-        self._seen = {reading: -float("inf") for reading in self.readings}
+        self._seen = dict.fromkeys(self.readings, -math.inf)
 
     def take(self, message: can.Message, time: float) -> list[Reading]:
         """Take a frame of the bus and return which quantities it brought.
@@ -67,26 +87,45 @@ class Decoder:
         self._network.deliver(message)
         fresh = []
         for reading in self.readings:
-            received_at = reading.device.received_at
+            received_at = reading.source.pdo.received_at
             if received_at > self._seen[reading]:
                 self._seen[reading] = received_at
-                fresh.append(reading)
+                if math.isfinite(reading.device.received_at):  # its other PDOs have come, too
+                    fresh.append(reading)
         return fresh
 
     def _readings(self, node: NodeConfig) -> list[Reading]:
-        axis, place = str(node.axis), (self._network, node.node_id, node.eds)
         match node:
             case PressureConfig():
-                pressure = PressureSensor(*place)
-                pressure.setup(transmission_type=254)
-                return [Reading(axis, node.source.value, pressure, lambda: pressure.pressure)]
+                pressure = self._set_up(PressureSensor, node)
+                return [_primary(node, node.source.value, pressure, lambda: pressure.pressure)]
             case EncoderConfig():
-                position = PositionSensor(*place)
-                position.setup(transmission_type=254)
-                return [Reading(axis, "position", position, lambda: position.position)]
+                position = self._set_up(PositionSensor, node)
+                return [_primary(node, "position", position, lambda: position.position)]
             case ValveConfig():
-                valve = ProportionalValve(*place)
-                valve.setup(transmission_type=254)
-                return [Reading(axis, "spool_position", valve, lambda: valve.spool_position)]
+                valve = self._set_up(ProportionalValve, node)
+                spool = _primary(node, "spool_position", valve, lambda: valve.spool_position)
+                word = valve.status
+                return [
+                    spool._replace(
+                        quantity=STATUS_WORD,
+                        source=word,
+                        value=lambda: word.signal.decode(word.pdo.data),
+                    ),
+                    spool,
+                ]
             case _:
                 return []
+
+    def _set_up(self, kind: type[Driver], node: NodeConfig) -> Driver:
+        # A value may come on two PDOs of different age, the second with its status.
+        device = kind(self._network, node.node_id, node.eds, max_age=math.inf)
+        device.setup(transmission_type=254)
+        return device
+
+
+def _primary(
+    node: NodeConfig, quantity: str, device: Device, value: Callable[[], float]
+) -> Reading:
+    place = (str(node.axis), quantity, node.name, node.node_id)
+    return Reading(*place, device, device.primary, value)

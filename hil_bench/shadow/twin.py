@@ -18,33 +18,20 @@ import can
 
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig
-from hil_bench.shadow.axis_twin import AxisTwin, Residual
+from hil_bench.config import BenchConfig, EncoderConfig, NodeConfig, PressureConfig
+from hil_bench.shadow.axis_twin import AxisTwin, Window
 from hil_bench.shadow.decoder import Decoder, Reading
-from hil_bench.shadow.sample_clock import SampleClock
+from hil_bench.shadow.node_states import NodeStates
+from hil_bench.shadow.sample_clock import SampleClock, SampleTime
 
-_NMT_START_ALL = Frame(0x000, b"\x01\x00")
 _SECOND = 1_000_000_000
+_IDENTIFIER = 0x7FF
 _ROUNDING = 1000
 """Of time stamps, which count from 1970 in double precision [ns]."""
+_LONGEST_WAIT = 0.1
+"""Of a value for the twin to come to its time [s]."""
 _LONGEST_SILENCE = 10.0
 """After a longer pause on the bus the twin begins anew [s]."""
-
-
-class Window(NamedTuple):
-    """How well the twin predicted one axis for a while.
-
-    Attributes:
-        axis: its name.
-        begin: when the plant was set to what the sensors said, from the first frame [s].
-        end: when the window ended [s].
-        residuals: by the quantities of `QUANTITIES`.
-    """
-
-    axis: str
-    begin: float
-    end: float
-    residuals: dict[str, Residual]
 
 
 class Sample(NamedTuple):
@@ -65,6 +52,14 @@ class Sample(NamedTuple):
     twin: float
 
 
+class _Measured(NamedTuple):
+    """A value of the machine that waits until the twin has come to its time."""
+
+    reading: Reading
+    value: float
+    sampled: SampleTime
+
+
 class Shadow:
     """The twin of a machine on a bus.
 
@@ -77,6 +72,10 @@ class Shadow:
         windows: those that ended, oldest first; take them out at will.
         samples: values side by side since you last took them out.
         frames: how many were heard.
+        now: the time of the last frame, from the first one [s].
+        axes: the twins of the axes by name; those that have sensors for it.
+        states: what is known of the NMT states of the machine's nodes.
+        readings: what the devices can say.
     """
 
     def __init__(self, config: BenchConfig, *, horizon: float = 0.5) -> None:
@@ -84,16 +83,26 @@ class Shadow:
         self.windows: deque[Window] = deque()
         self.samples: deque[Sample] = deque(maxlen=1_000_000)
         self.frames = 0
-        self._horizon = horizon
+        self.now = 0.0
         self._tick = config.tick_ns
         self._decoder = Decoder(config)
+        self.readings = self._decoder.readings
         self._bench = build_bench(config)
-        self._bench.start(0)
-        self._clock = SampleClock(self._bench.nodes)
-        self._axes = {axis.name: AxisTwin(axis) for axis in self._bench.axes}
-        # The machine may have been started before we listened.
-        self._waiting = [_NMT_START_ALL]
-        self._now = 0
+        self._bench.start(-config.tick_ns)
+        self._bench.tick((), -config.tick_ns)  # all boot, before there is anything to hear
+        self.states = NodeStates(self._bench.nodes)
+        self._clock = SampleClock(map(self.identifier, self.readings), self.states.is_synchronous)
+        tick = config.tick_ns / _SECOND
+        twins = [
+            AxisTwin(axis, self._of_axis(axis.name), tick=tick, horizon=horizon)
+            for axis in self._bench.axes
+        ]
+        self._bench.axes = tuple(twin.axis for twin in twins)
+        self.axes = {twin.axis.name: twin for twin in twins if twin.is_comparable}
+        self._waiting: list[Frame] = []
+        self._measured: deque[_Measured] = deque()
+        self._twin_now = 0
+        self._note()
         self._first: float | None = None
 
     def take(self, message: can.Message) -> None:
@@ -103,12 +112,13 @@ class Shadow:
             return
         if self._first is None:
             self._first = message.timestamp
-        time = message.timestamp - self._first
+        time = self.now = message.timestamp - self._first
         self._advance(time)
-        sampled = self._clock.sample_time(message, time)
+        sampled = self._clock.take(message, time)
         for reading in self._decoder.take(message, time):
-            self._compare(reading, sampled)
+            self._measured.append(_Measured(reading, reading.read(), sampled))
         if not message.is_extended_id:
+            self._waiting += self.states.hear(message, time)
             self._waiting.append(
                 Frame(
                     message.arbitration_id,
@@ -117,37 +127,64 @@ class Shadow:
                 )
             )
 
-    def _advance(self, time: float) -> None:
-        """Run the twin up to a time [s]."""
-        if time - self._now / _SECOND > _LONGEST_SILENCE:
-            self._now = round(time * _SECOND)
-            for twin in self._axes.values():
-                twin.forget()
-        # A set-point of this very time still belongs to the tick that ends now.
-        while self._now + self._tick < time * _SECOND - _ROUNDING:
-            frames, self._waiting = self._waiting, []
-            self._bench.tick(frames, self._now)
-            self._now += self._tick
-            for twin in self._axes.values():
-                twin.note(self._now / _SECOND)
+    def finish(self) -> None:
+        """Compare what still waits for the twin, at the end of all frames."""
+        self._advance(self.now + _LONGEST_WAIT)
 
-    def _compare(self, reading: Reading, time: float) -> None:
-        """Hold what was measured at a time [s] against the twin."""
-        twin, value = self._axes[reading.axis], reading.value()
-        expected = twin.compare(reading.quantity, value, time)
-        if twin.begin is None:
-            if twin.is_known:
-                twin.anchor(time)
-            return
-        twin.residuals[reading.quantity].add(value - expected)
-        self.samples.append(Sample(time, reading.axis, reading.quantity, value, expected))
-        if time - twin.begin >= self._horizon and reading.quantity == "position":
-            self.windows.append(Window(reading.axis, twin.begin, time, twin.residuals))
-            twin.anchor(time)
+    def identifier(self, reading: Reading) -> int:
+        """Return the CAN identifier of the PDO that brings a reading."""
+        node = next(node for node in self._bench.nodes if node.node_id == reading.node_id)
+        index = reading.source.pdo.mapping.communication_index
+        return node.object_dictionary.number(index, 1) & _IDENTIFIER
+
+    def _of_axis(self, axis: str) -> list[Reading]:
+        return [reading for reading in self.readings if reading.axis == axis]
+
+    def _advance(self, time: float) -> None:
+        """Run the twin up to a time [s], and compare what was measured until then."""
+        if time - self._twin_now / _SECOND > _LONGEST_SILENCE:
+            self._twin_now = round(time * _SECOND)
+            self._measured.clear()
+            for twin in self.axes.values():
+                twin.forget()
+            self._note()
+        # A set-point of this very time still belongs to the tick that ends now.
+        while self._twin_now + self._tick < time * _SECOND - _ROUNDING:
+            frames, self._waiting = self._waiting, []
+            self._bench.tick(frames, self._twin_now)
+            self._twin_now += self._tick
+            self._note()
+            self._compare(self._twin_now / _SECOND)
+
+    def _note(self) -> None:
+        for twin in self.axes.values():
+            twin.note(self._twin_now / _SECOND)
+
+    def _compare(self, now: float) -> None:
+        """Hold what was measured a tick ago or before against the twin."""
+        while self._measured and self._measured[0].sampled.latest <= now + _ROUNDING / _SECOND:
+            reading, value, sampled = self._measured.popleft()
+            twin = self.axes.get(reading.axis)
+            if twin is None:
+                continue
+            expected = twin.take(reading, value, sampled)
+            if expected is None:
+                continue
+            sample = Sample(sampled.likely, reading.axis, reading.quantity, value, expected)
+            self.samples.append(sample)
+            if reading.quantity == "position" and (window := twin.window_at(sampled.frame)):
+                self.windows.append(window)
 
 
 def _sound(config: BenchConfig) -> BenchConfig:
-    """Return a bench without faults, stored parameters and Modbus; it must have an axis."""
+    """Return a bench without faults, stored parameters, Modbus and noise; it must have an axis."""
     axes = (config.first_axis, *config.axes[1:])
-    nodes = tuple(replace(node, storage=None) for node in config.nodes)
+    nodes = tuple(_sound_node(node) for node in config.nodes)
     return replace(config, axes=axes, nodes=nodes, faults=(), modbus=None)
+
+
+def _sound_node(node: NodeConfig) -> NodeConfig:
+    if isinstance(node, PressureConfig | EncoderConfig):
+        chain = replace(node.chain, noise_rms=0.0, noise_density=0.0)
+        return replace(node, storage=None, chain=chain)
+    return replace(node, storage=None)

@@ -1,6 +1,7 @@
 """`hil-bench shadow` on the recorded frames of a machine."""
 
 import json
+import re
 
 import pytest
 
@@ -25,7 +26,8 @@ def test_windows_are_told_and_the_worst_at_the_end(log, capsys):
     out = capsys.readouterr().out
     assert "axis1  position" in out
     assert "windows, 0 of them beyond a limit; the worst:" in out
-    assert "limit 1.000 mm: ok" in out
+    assert "limit 0.500 mm: ok" in out
+    assert out.endswith("verdict: follows; the machine does what its twin does\n")
 
 
 def test_a_limit_that_is_passed_is_exit_code_1(log, capsys):
@@ -34,6 +36,7 @@ def test_a_limit_that_is_passed_is_exit_code_1(log, capsys):
     out = capsys.readouterr().out
     assert "limit 0.000 mm: TOO MUCH" in out
     assert " mm !" in out
+    assert out.endswith("verdict: differs; the machine does something else than its twin\n")
 
 
 def test_json_and_a_recording_of_both_sides(log, tmp_path, capsys):
@@ -41,6 +44,7 @@ def test_json_and_a_recording_of_both_sides(log, tmp_path, capsys):
     assert main(["shadow", "--log", str(log), "--json", "--record", str(csv)]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content["exceeded"] == 0
+    assert content["verdict"] == "follows"
     assert set(content["worst"]["axis1"]) == {"position", "P_A", "P_B", "spool_position"}
     names = read_recording(csv).dtype.names
     assert names[0] == "time"
@@ -63,11 +67,76 @@ def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys):
     assert message in capsys.readouterr().err
 
 
+def test_when_it_joins_and_what_it_took_over_is_said(log, capsys):
+    assert main(["shadow", "--log", str(log)]) == 0
+    err = capsys.readouterr().err
+    assert re.fullmatch(r" +0\.\d\d s  axis1  the twin follows; its valve is ACTIVE\n", err)
+
+
+def test_quiet_says_nothing(log, capsys):
+    assert main(["shadow", "--log", str(log), "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
 def test_a_bus_without_the_machine_says_what_is_missing(tmp_path, capsys):
     log = tmp_path / "quiet.log"
     with VirtualBench(record=log) as bench:
         bench.run(0.1)  # boot-ups, and nothing more: the nodes are not started
-    assert main(["shadow", "--log", str(log)]) == 1
-    assert "nothing to compare: 4 frames heard, but not position and both" in (
-        capsys.readouterr().err
+    assert main(["shadow", "--log", str(log)]) == 6
+    assert capsys.readouterr().err == (
+        "axis1: nothing was compared in 0.0 s, 4 frames heard; missing: "
+        "position (node 4, PDO 0x184, PRE_OPERATIONAL): not heard; "
+        "P_A (node 2, PDO 0x182, PRE_OPERATIONAL): not heard; "
+        "P_B (node 3, PDO 0x183, PRE_OPERATIONAL): not heard; "
+        "state of the valve (node 1, PDO 0x181, PRE_OPERATIONAL): not heard\n"
+    )
+
+
+class SilentBus:
+    """A bus on which waiting takes the time of a clock that a test made."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def recv(self, timeout):
+        self.now += timeout
+
+
+@pytest.fixture
+def silent_bus(monkeypatch):
+    bus = SilentBus()
+    monkeypatch.setattr("hil_bench.cli.shadow.open_can_bus", lambda *_: (bus, "silent"))
+    monkeypatch.setattr("hil_bench.cli.shadow.time.monotonic", lambda: bus.now)
+    return bus
+
+
+def test_the_duration_ends_where_nothing_is_heard(silent_bus, capsys):
+    assert main(["shadow", "--duration", "3"]) == 6
+    assert 3.0 <= silent_bus.now < 3.3  # a wait for frames takes 0.2 s
+    waits, ended = capsys.readouterr().err.splitlines()
+    assert waits.startswith("    0.00 s  axis1  waits for position (node 4, PDO 0x184): not heard;")
+    assert ended.startswith("axis1: nothing was compared in 3.0 s, 0 frames heard; missing: posi")
+
+
+@pytest.mark.usefixtures("silent_bus")
+def test_json_says_what_was_missing(capsys):
+    assert main(["shadow", "--duration", "3", "--json"]) == 6
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == "not compared"
+    assert content["missing"]["axis1"]["position (node 4, PDO 0x184)"] == "not heard"
+
+
+def test_a_bench_without_sensors_is_refused_before_the_bus_is_opened(tmp_path, capsys):
+    bench = tmp_path / "bench.toml"
+    bench.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
+    assert main(["shadow", str(bench), "--duration", "1"]) == 2
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {bench}: no node reports position, P_A and P_B of axis1 on the bus; "
+        "give it an encoder_406 and a pressure_404 at each port\n"
     )

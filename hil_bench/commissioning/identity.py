@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
 from hil_bench.commissioning.discovery import Sighting
+from hil_bench.errors import printable
 
 PROFILES = {
     0: "no standard profile",
@@ -109,8 +110,7 @@ def read_text(node: Node, index: int) -> str | None:
     raw = _read(node, index, 0)
     if raw is None:
         return None
-    text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
-    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+    return printable(raw.split(b"\0", 1)[0].decode("latin-1").strip())
 
 
 def _read(node: Node, index: int, subindex: int) -> bytes | None:

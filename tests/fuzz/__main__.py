@@ -1,8 +1,9 @@
 """Coverage-guided fuzzing of every parser, by atheris: ``python tests/fuzz [TARGET ...]``.
 
-Each target runs in a process of its own, two at a time, from its corpus in ``tests/fuzz/corpus``. An
-input that breaks one is kept in ``--found`` and replayed with ``--replay FILE``; put it into the
-corpus once it is mended. With ``--keep`` inputs that reach new code go into the corpus.
+Each target runs in a process of its own, one a processor, from its corpus in
+``tests/fuzz/corpus``. An input that breaks one is kept in ``--found`` and replayed with
+``--replay FILE``; put it into the corpus once it is mended. With ``--keep`` inputs that reach new
+code go into the corpus.
 """
 
 import argparse
@@ -34,7 +35,9 @@ MOST_WORDS = 400
 
 def main() -> int:
     """Return 0 where no input broke a target."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=", ".join(TARGETS))
     parser.add_argument("--seconds", type=float, default=120.0, help="for all together (120)")
     parser.add_argument("--found", type=Path, default=Path("fuzz-found"), help="(fuzz-found)")
@@ -60,7 +63,7 @@ def main() -> int:
     return max(results)
 
 
-def load(target: str):  # noqa: ANN201 - a function that takes bytes
+def load(target: str):
     """Return a target's function."""
     module = __import__(f"fuzz.{TARGETS[target]}", fromlist=[target])
     return getattr(module, target)
@@ -71,7 +74,8 @@ def fuzz(target: str, options: list[str]) -> int:
     import atheris  # noqa: PLC0415 - only where it is needed
 
     with atheris.instrument_imports(
-        include=["hil_bench", "drivers"], exclude=["hil_bench.plant"]  # Numba compiles it
+        include=["hil_bench", "drivers"],
+        exclude=["hil_bench.plant"],  # Numba compiles it
     ):
         one_input = load(target)
     atheris.Setup([target, *options], one_input)
@@ -98,7 +102,11 @@ def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
         options = [
             f"-dict={words}",
             *(f"-max_total_time={seconds}", "-seed=1", "-print_final_stats=1"),
-            *(f"-timeout={SLOWEST}", f"-rss_limit_mb={LARGEST}", f"-artifact_prefix={found}/{target}-"),
+            *(
+                f"-timeout={SLOWEST}",
+                f"-rss_limit_mb={LARGEST}",
+                f"-artifact_prefix={found}/{target}-",
+            ),
             *corpora,
         ]
         command = [sys.executable, str(HERE), target, "--child", *options]
@@ -108,11 +116,9 @@ def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
     said = ended.stdout + ended.stderr
     inputs = re.search(r"number_of_executed_units:\s*(\d+)", said)
     covered = re.findall(r"cov: (\d+)", said)
-    print(
-        f"{target:18} {inputs[1] if inputs else '?':>8} inputs, "
-        f"{covered[-1] if covered else '?':>6} edges, {'ok' if ended.returncode == 0 else 'BROKEN'}",
-        flush=True,
-    )
+    count, edges = inputs[1] if inputs else "?", covered[-1] if covered else "?"
+    verdict = "BROKEN" if ended.returncode else "ok"
+    print(f"{target:18} {count:>8} inputs, {edges:>6} edges, {verdict}", flush=True)
     if ended.returncode:
         print(said[-6000:], flush=True)
     return 1 if ended.returncode else 0

@@ -25,6 +25,7 @@ MODULES = {
     ),
     "device_targets": ("node", "unconfigured_node", "bench"),
     "bus_targets": ("sdo_client", "valve_driver", "scan", "twin_decoder", "modbus_client", "hub"),
+    "modbus_targets": ("modbus_tcp", "modbus_rtu"),
 }
 TARGETS = {name: module for module, names in MODULES.items() for name in names}
 SLOWEST = 20  # s for one input: a hang

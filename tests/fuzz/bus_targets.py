@@ -1,4 +1,4 @@
-"""The controller's side and the hub: a peer may send what it likes, and only our errors come of it."""
+"""The controller's side and the hub: whatever a peer sends, only our errors come of it."""
 
 import asyncio
 import struct

@@ -1,5 +1,7 @@
 """What is read from files: any content is what it should be, or one of our errors in one line."""
 
+import atexit
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import mkdtemp
@@ -21,7 +23,8 @@ from hil_bench.recording.mdf_reader import read_mdf
 
 MOST_FRAMES = 1000
 
-_FOLDER = Path(mkdtemp(prefix="fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
+_FOLDER = Path(mkdtemp(prefix="fuzz-"))
+atexit.register(shutil.rmtree, _FOLDER, ignore_errors=True)
 
 
 def _given(name: str, data: bytes) -> Path:
@@ -32,12 +35,16 @@ def _given(name: str, data: bytes) -> Path:
 
 def _read(path: Path, *readers: Callable[[Path], object]) -> None:
     for reader in readers:
-        try:
-            reader(path)
-        except (HilBenchError, DriverError) as error:
-            lines = str(error).splitlines()
-            assert lines, repr(error)
-            assert all(line.isprintable() for line in lines), lines
+        said = _message_of(reader, path)
+        assert all(line.isprintable() for line in said.splitlines()), said
+
+
+def _message_of(reader: Callable[[Path], object], path: Path) -> str:
+    try:
+        reader(path)
+    except (HilBenchError, DriverError) as error:
+        return str(error)
+    return "is read"
 
 
 def _boot(path: Path) -> None:

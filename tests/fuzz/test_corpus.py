@@ -1,14 +1,12 @@
 """Each input that the fuzzer has kept is replayed, atheris or not."""
 
-from pathlib import Path
-
 import pytest
 from fuzz.__main__ import CORPUS, TARGETS, load
 
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_nothing_kept_breaks_it(target: str) -> None:
-    inputs: list[Path] = sorted((CORPUS / target).iterdir())
+    inputs = sorted((CORPUS / target).iterdir())
     assert inputs, f"no corpus for {target}"
     one_input = load(target)
     for path in inputs:

@@ -7,7 +7,9 @@ code go into the corpus.
 """
 
 import argparse
+import importlib
 import os
+import pkgutil
 import re
 import subprocess
 import sys
@@ -66,28 +68,30 @@ def main() -> int:
 
 def load(target: str):
     """Return a target's function."""
-    module = __import__(f"fuzz.{TARGETS[target]}", fromlist=[target])
-    return getattr(module, target)
+    return getattr(importlib.import_module(f"fuzz.{TARGETS[target]}"), target)
 
 
 def fuzz(target: str, options: list[str]) -> int:
     """Run atheris in this process; it ends the process."""
     import atheris  # noqa: PLC0415 - only where it is needed
 
-    with atheris.instrument_imports(
-        include=["hil_bench", "drivers"],
-        exclude=["hil_bench.plant"],  # Numba compiles it
-    ):
+    import hil_bench.plant  # noqa: PLC0415 - likewise
+
+    for module in pkgutil.iter_modules(hil_bench.plant.__path__, "hil_bench.plant."):
+        importlib.import_module(module.name)  # as it is: Numba compiles it
+    with atheris.instrument_imports(include=["hil_bench", "drivers"]):
         one_input = load(target)
     atheris.Setup([target, *options], one_input)
     atheris.Fuzz()
     return 0
 
 
-def dictionary(corpus: Path) -> str:
-    """Return the words of a corpus as libFuzzer takes them."""
+def dictionary(corpus: Path, file: Path) -> list[str]:
+    """Write the words of a corpus as libFuzzer takes them; return its option, if there are some."""
     words = {word for path in corpus.iterdir() for word in WORD.findall(path.read_bytes())}
-    return "".join(f'"{word.decode()}"\n' for word in sorted(words)[:MOST_WORDS])
+    lines = [f'"{word.decode()}"\n' for word in sorted(words)[:MOST_WORDS]]
+    file.write_text("".join(lines), encoding="ascii")
+    return [f"-dict={file}"] if lines else []
 
 
 def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
@@ -98,10 +102,8 @@ def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
         fresh = Path(scratch, "corpus")
         fresh.mkdir()
         corpora = [str(kept)] if keep else [str(fresh), str(kept)]
-        words = Path(scratch, "words.dict")
-        words.write_text(dictionary(kept), encoding="ascii")
         options = [
-            f"-dict={words}",
+            *dictionary(kept, Path(scratch, "words.dict")),
             *(f"-max_total_time={seconds}", "-seed=1", "-print_final_stats=1"),
             *(
                 f"-timeout={SLOWEST}",

@@ -70,3 +70,8 @@ class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word
         super().__init__(f"SDO abort 0x{code:08X}: {text}")
         self.code = code
         self.text = text
+
+
+def printable(text: str) -> str:
+    """Return a text from outside as a terminal may have it: control characters escaped."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)

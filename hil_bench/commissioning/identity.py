@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
 from drivers.node import object_name
 from hil_bench.commissioning.discovery import Sighting
+from hil_bench.errors import printable
 
 PROFILES = {
     0: "no standard profile",
@@ -125,7 +126,7 @@ class _Reading:
         if raw is None:
             return None
         text = raw.split(b"\0", 1)[0].decode("latin-1").strip()
-        return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+        return printable(text)
 
     def history(self) -> tuple[int, ...]:
         """Return 0x1003, newest first."""

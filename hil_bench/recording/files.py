@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, printable
 from hil_bench.recording.block_file import naming
 from hil_bench.recording.channels import (
     TIME,
@@ -89,7 +89,7 @@ def read_recording(path: Path) -> Recording:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
     except (ValueError, csv.Error) as error:
-        raise ConfigError(f"{path}: is no recording: {error}") from None
+        raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
 
 
 def _complete_lines(lines: Iterable[str]) -> Iterator[str]:

@@ -1,0 +1,74 @@
+"""Frames for the devices: whatever comes, nothing is raised and every answer is a legal frame."""
+
+import math
+from pathlib import Path
+
+from fuzz.script import Script
+from support.bus_side import BusSide
+
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.node import Node
+from hil_bench.config import load_config
+
+NODE_ID = 5
+EDS = Path(__file__).parents[1] / "unit/canopen_device/device.eds"
+MOST_STEPS = 60
+
+# What a script may send without spelling the identifier: NMT, SYNC, TIME, SDO, LSS, PDOs,
+# heartbeats and remote requests; 0xFF takes the identifier from the script.
+_COB_IDS = (0x000, 0x080, 0x100, 0x605, 0x605, 0x605, 0x7E5, 0x205, 0x305, 0x185, 0x285, 0x705)
+_OTHERS = (0x701, 0x77F, 0x405, 0x505, 0x085, 0x7E4, 0x6E0)
+
+
+def _frame(script: Script, kind: int) -> Frame:
+    places = _COB_IDS + _OTHERS
+    can_id = places[kind % 0x20] if kind % 0x20 < len(places) else script.number(2) & 0x7FF
+    is_remote = bool(kind & 0x40)
+    data = b"" if is_remote else script.take(script.number() % 9)
+    return Frame(can_id, data, is_remote=is_remote)
+
+
+def _node(data: bytes, node_id: int) -> None:
+    script, sent = Script(data), list[Frame]()
+    node = Node(load_eds(EDS, node_id), node_id)
+    now = 0
+    node.start(now)
+    for kind in script.steps(MOST_STEPS):
+        node.receive(_frame(script, kind), now)
+        if kind & 0x80:
+            now += script.number() * 10_000_000
+        node.expire(now)
+        node.transmit_pdos(now, sent.append)
+        node.serve(now, sent.append)
+        assert len(sent) < 300, "more than a node may send in a round"
+        for frame in sent:
+            assert 0 <= frame.can_id <= 0x7FF
+            assert len(frame.data) <= 8
+        sent.clear()
+
+
+def node(data: bytes) -> None:
+    """A node with every service: SDO, PDO, NMT, SYNC, EMCY, LSS, heartbeat, guarding, TIME."""
+    _node(data, NODE_ID)
+
+
+def unconfigured_node(data: bytes) -> None:
+    """A node that waits for its node-ID by LSS."""
+    _node(data, 255)
+
+
+def bench(data: bytes) -> None:
+    """The built-in bench: valve, transducers and encoder in front of the plant."""
+    script, side = Script(data), BusSide(_CONFIG)
+    for kind in script.steps(MOST_STEPS):
+        frame = _frame(script, kind)
+        if frame.can_id > 0x80:  # for one of the nodes 1 to 4
+            frame = frame._replace(can_id=frame.can_id & ~0x7F | kind % 4 + 1)
+        side.tick(frame, count=1 + script.number() % 4 if kind & 0x80 else 1)
+    seen = side.plant.output
+    assert all(map(math.isfinite, seen)), seen
+    assert len(side.log) <= 20 * side.now // 1_000_000
+
+
+_CONFIG = load_config()

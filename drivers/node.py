@@ -66,6 +66,7 @@ class Node(canopen.RemoteNode):
         boot_ups: how often the device has said that it came up.
         emergencies: the last emergency messages, oldest first.
         active_emergency: the last one that no later "error reset" has taken back.
+        before_download: called with index, sub-index and data before each write; None for nobody.
 
     Raises:
         ValueError: the node-ID is out of range.
@@ -93,6 +94,7 @@ class Node(canopen.RemoteNode):
         self.boot_ups = 0
         self.emergencies: deque[Emergency] = deque(maxlen=EMERGENCIES_KEPT)
         self.active_emergency: Emergency | None = None
+        self.before_download: Callable[[int, int, bytes], None] | None = None
 
     def __str__(self) -> str:
         return f"node {self.node_id}"
@@ -243,6 +245,8 @@ class Node(canopen.RemoteNode):
 
     def download(self, index: int, subindex: int, raw: bytes) -> None:
         """Write to an object of the device, whether or not the EDS knows it."""
+        if self.before_download is not None:
+            self.before_download(index, subindex, raw)
         with self._sdo_errors("write", index, subindex):
             self.sdo.download(index, subindex, raw)
 

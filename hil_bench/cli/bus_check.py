@@ -8,7 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers import DriverError, Network
-from hil_bench.cli.controller_side import add_network_arguments, open_network, seen_from_bus
+from hil_bench.cli.controller_side import (
+    add_network_arguments,
+    bus_words,
+    open_network,
+    seen_from_bus,
+)
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.commissioning.comparison import Difference, Mend, compare
 from hil_bench.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
@@ -105,22 +110,10 @@ def _mending(difference: Difference, args: argparse.Namespace) -> str:
         words.append(args.config)
     if difference.mend is Mend.WRITE:
         words.append("--bus")
-    words += ["--on", args.on] if args.on else []
-    words += ["--virtual"] if args.virtual else _bus_words(args)
+    words += bus_words(args)
     if difference.mend is Mend.WRITE:
         return f"mend: {shlex.join([*words, '--apply', '--node', str(difference.node_id)])}"
     return f"look: {shlex.join([*words, '--nodes', str(difference.node_id)])}"
-
-
-def _bus_words(args: argparse.Namespace) -> list[str]:
-    words = []
-    for flag, name in (("-i", "interface"), ("-c", "channel"), ("-b", "bitrate")):
-        if name in args:
-            words += [flag, str(getattr(args, name))]
-    options = getattr(args, "bus_kwargs", None) or {}
-    if options:
-        words += ["--bus-kwargs", *(f"{name}={value}" for name, value in options.items())]
-    return words
 
 
 def _verdict(differences: Sequence[Difference]) -> str:
@@ -178,9 +171,23 @@ def _apply_all(network: Network, plans: Sequence[Plan], *, store: bool) -> None:
 
     Raises:
         ConfigError: a device refused or fell silent; what was written before stays written.
+        KeyboardInterrupt: it was interrupted; likewise.
     """
     for plan in plans:
+        node_id = plan.config.node_id
         try:
             apply(network, plan, store=store)
         except DriverError as error:
-            raise ConfigError(f"{error}; this node is half configured: check it again") from error
+            raise ConfigError(f"{error}; {_half_configured(node_id)}") from error
+        except KeyboardInterrupt:
+            print(f"interrupted; {_half_configured(node_id)}", file=sys.stderr)
+            raise
+    nodes = ", ".join(str(plan.config.node_id) for plan in plans)
+    print(f"left in PRE-OPERATIONAL, until an NMT start: node {nodes}", file=sys.stderr)
+
+
+def _half_configured(node_id: int) -> str:
+    return (
+        f"node {node_id} is half configured and in PRE-OPERATIONAL: the same command again "
+        "completes it"
+    )

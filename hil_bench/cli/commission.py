@@ -16,6 +16,13 @@ from hil_bench.cli.arguments import (
     load_bench_config,
     make_directory,
 )
+from hil_bench.cli.commission_checks import check_arguments, check_consent, check_period
+from hil_bench.cli.commission_settings import (
+    open_journal,
+    print_returned,
+    restore,
+    restore_command,
+)
 from hil_bench.cli.controller_side import (
     OpenNetwork,
     add_network_arguments,
@@ -25,6 +32,7 @@ from hil_bench.cli.controller_side import (
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.commissioning.journal import SettingsJournal
 from hil_bench.commissioning.measures import StepResult
 from hil_bench.commissioning.plan import (
     CommissioningPlan,
@@ -36,7 +44,7 @@ from hil_bench.commissioning.plan import (
 from hil_bench.commissioning.report import ReportHead, verdict_of, write_report
 from hil_bench.commissioning.session import Commissioning, Console, commission, recorded_channels
 from hil_bench.config import BenchConfig, load_config
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.formats import Heading
 from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
@@ -89,6 +97,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--yes", action="store_true", help="move without asking; --virtual never asks"
     )
+    parser.add_argument(
+        "--restore",
+        action="store_true",
+        help="run no step: restore the devices' settings that a run which was killed has left "
+        "changed, as its --output says",
+    )
     add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     parser.set_defaults(run=run)
 
@@ -108,10 +122,15 @@ def run(args: argparse.Namespace) -> int:
     check_against(plan, choose_axis(plan, config))
     make_directory(args.output)
     machine = load_config(args.machine, seed=args.seed) if args.machine else bench
-    _check_period(args, plan, machine)
+    check_period(args, plan, machine)
+    if args.restore:
+        with open_network(args, machine) as opened:
+            return restore(args, opened)
+    check_consent(args, plan)
+    journal = open_journal(args)
     started = datetime.now(UTC)
     with open_network(args, machine) as opened:
-        found, recorded = _commission(args, opened, config, plan)
+        found, recorded = _commission(args, opened, config, plan, journal=journal)
     head = _head(args, opened, config, started, recorded)
     paths = write_report(args.output, found, head)
     for finding in found.findings:
@@ -121,57 +140,41 @@ def run(args: argparse.Namespace) -> int:
     print("\n".join(report_lines(recorded)))
     if found.lost:
         raise BusError(found.lost)
-    if not (found.passed or found.is_interrupted):
+    is_done = found.passed and not found.returned.unrestored
+    if not (is_done or found.is_interrupted):
         return ExitCode.CHECK_FAILED
     if not recorded.is_complete:
         return ExitCode.LOST
     return ExitCode.INTERRUPTED if found.is_interrupted else ExitCode.DONE
 
 
-def check_arguments(args: argparse.Namespace) -> None:
-    """Refuse what cannot be meant.
-
-    Raises:
-        ConfigError: it says which option and what would be right.
-    """
-    if args.machine and not args.virtual:
-        raise ConfigError("--machine: is a virtual one; give --virtual too")
-    if args.lockstep and args.virtual:
-        raise ConfigError("--lockstep: --virtual needs none, its time is virtual; give either")
-    if args.sync_period_us is not None and not args.lockstep:
-        raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
-
-
-def _check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: BenchConfig) -> None:
-    """Refuse a plan whose samples fall between the moments that there are in virtual time.
-
-    Raises:
-        ConfigError: it says which period would be right.
-    """
-    if not (args.virtual or args.lockstep):
-        return
-    step = machine.tick_ns if args.virtual else machine.sync_period_ns
-    name = "tick_us" if args.virtual else "sync_period_us"
-    if round(plan.period * 1e9) % step:
-        raise ConfigError(
-            f"{plan.path}:plan.period_ms: {plan.period * 1e3:g} ms is not a multiple of "
-            f"{name} = {step // 1000}; give one, or another {name}"
-        )
-
-
 def _commission(
-    args: argparse.Namespace, opened: OpenNetwork, config: BenchConfig, plan: CommissioningPlan
+    args: argparse.Namespace,
+    opened: OpenNetwork,
+    config: BenchConfig,
+    plan: CommissioningPlan,
+    *,
+    journal: SettingsJournal,
 ) -> tuple[Commissioning, RecordingReport]:
     """Run the plan while all is recorded; return what was found, and what the recording holds."""
     console = Console(
         confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
         begin=lambda step: None if args.quiet else _print_begin(step),
         end=lambda result: None if args.quiet else _print_end(result),
+        returned=lambda returned: print_returned(
+            returned, restore_command(args), is_quiet=args.quiet
+        ),
     )
     channels = recorded_channels(choose_axis(plan, config).name)
     with _recording(args, opened, channels) as (recording, origin), interrupted_once():
         found = commission(
-            opened.network, config, plan, console=console, recording=recording, origin=origin
+            opened.network,
+            config,
+            plan,
+            console=console,
+            recording=recording,
+            origin=origin,
+            journal=journal,
         )
     return found, recording.report
 
@@ -206,19 +209,11 @@ def _recording_path(args: argparse.Namespace) -> Path:
 
 
 def _confirmed(opened: OpenNetwork, plan: CommissioningPlan) -> bool:
-    """Ask before the first motion.
-
-    Raises:
-        ConfigError: there is nobody to ask.
-    """
+    """Ask before the first motion."""
     print(f"The axis on {opened.description} is going to move:", file=sys.stderr)
     for step in plan.steps:
         if step.kind.moves:
             print(f"  {step.kind}: {_limits_text(step)}", file=sys.stderr)
-    if not sys.stdin.isatty():
-        raise ConfigError(
-            "nobody to ask before motion, for this is no terminal; --yes moves unasked"
-        )
     answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
     return answer.strip().lower() == "yes"
 

@@ -1,11 +1,14 @@
 """`hil-bench conformance`: does a device keep to CiA 301 and CiA 305."""
 
 import argparse
+import contextlib
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import (
     OpenNetwork,
@@ -88,13 +91,29 @@ def run(args: argparse.Namespace) -> int:
         if not _answers(dut, opened):
             return ExitCode.CHECK_FAILED
         results = []
-        for result in run_suite(dut, allowed):
-            results.append(result)
-            if not args.json and not args.quiet:
-                print(report.line(result), flush=True)
-        device = _description(dut)
+        with _reset_afterwards(dut, allowed):
+            for result in run_suite(dut, allowed):
+                results.append(result)
+                if not args.json and not args.quiet:
+                    print(report.line(result), flush=True)
+            device = _description(dut)
     _tell(results, args, device, allowed)
     return ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE
+
+
+@contextlib.contextmanager
+def _reset_afterwards(dut: DeviceUnderTest, allowed: Impact) -> Iterator[None]:
+    """Leave a device that checks have changed with its power-on values, also after Ctrl-C.
+
+    Yields:
+        Nothing.
+    """
+    try:
+        yield
+    finally:
+        if allowed >= Impact.WRITE:
+            dut.command(NmtCommand.RESET_NODE)
+            print(f"node {dut.node_id} was reset, to its power-on values", file=sys.stderr)
 
 
 def _allowed(args: argparse.Namespace) -> Impact:

@@ -63,6 +63,20 @@ def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
     return config.seen_from(name)
 
 
+def bus_words(args: argparse.Namespace) -> list[str]:
+    """Return the words of a command line that name the same bus."""
+    words = ["--on", args.on] if args.on else []
+    if args.virtual:
+        return [*words, "--virtual"]
+    for flag, name in (("-i", "interface"), ("-c", "channel"), ("-b", "bitrate")):
+        if name in args:
+            words += [flag, str(getattr(args, name))]
+    options = getattr(args, "bus_kwargs", None) or {}
+    if options:
+        words += ["--bus-kwargs", *(f"{name}={value}" for name, value in options.items())]
+    return words
+
+
 def check_one_bus(config: BenchConfig, verb: str) -> None:
     """Refuse a bench with several buses.
 

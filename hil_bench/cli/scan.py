@@ -34,7 +34,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "scan",
         description="Find the nodes of a CANopen bus and print what each says of itself.\n"
-        "Nothing is written to any node, and no node changes its state, but with --by boot-up.",
+        "Nothing is written to any node, and no node changes its state, but with --by boot-up,\n"
+        "and with --by guarding where life guarding is set.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -44,9 +45,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--by",
         choices=[method.value for method in Method],
         default=Method.SDO.value,
-        help="how a node shows itself: by its answer to an SDO read or to node guarding, by a "
-        "heartbeat that it sends anyway, or by its boot-up message, for which the communication "
-        "of all nodes is reset: motion stops (default: %(default)s)",
+        help="how a node shows itself: by its answer to an SDO read or to node guarding (a device "
+        "with 0x100C and 0x100D set then waits for more, and reports an error), by a heartbeat "
+        "that it sends anyway, or by its boot-up message, for which the communication of all nodes "
+        "is reset: motion stops (default: %(default)s)",
     )
     parser.add_argument(
         "--nodes", type=_node_ids, default=NODE_IDS, metavar="A-B", help="look for these node-IDs"

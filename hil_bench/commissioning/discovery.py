@@ -28,7 +28,11 @@ class Method(StrEnum):
     SDO = "sdo"
     """By its answer, or its abort, to a read of 0x1000. Changes nothing."""
     GUARDING = "guarding"
-    """By its answer to a remote frame (node guarding). Changes nothing."""
+    """By its answer to a remote frame (node guarding).
+
+    Where 0x100C and 0x100D are set that begins life guarding: the device reports an error when no
+    further request comes, and a valve goes into its fault state.
+    """
     HEARTBEAT = "heartbeat"
     """By a heartbeat that it sends anyway. Nothing is sent."""
     BOOT_UP = "boot-up"

@@ -124,6 +124,18 @@ def _node_rows(nodes: Sequence[NodeDescription]) -> Iterator[Row]:
         )
 
 
+def _setting_rows(found: Commissioning) -> Iterator[Row]:
+    for setting in found.returned.settings:
+        yield (
+            str(setting.node_id),
+            str(setting),
+            setting.text(setting.before),
+            setting.text(setting.during),
+            f"not restored: {setting.problem}" if setting.problem else "restored",
+        )
+
+
+_SETTING_HEAD = ("node", "object", "before", "during", "after")
 _NODE_HEAD = ("node", "name", "profile", "vendor", "product", "revision", "serial", "HW / SW")
 _SUMMARY_HEAD = ("", "step", "verdict", "time", "remark")
 _MEASURE_HEAD = ("measure", "value", "right", "")
@@ -145,6 +157,8 @@ def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Pat
         lines += ["", f"- {_markdown_finding(finding)}"]
     lines += ["", "## Steps", "", *_markdown_table(_SUMMARY_HEAD, list(_summary_rows(found)))]
     lines += ["", "## Nodes", "", *_markdown_table(_NODE_HEAD, list(_node_rows(found.nodes)))]
+    if rows := list(_setting_rows(found)):
+        lines += ["", "## Settings", "", *_markdown_table(_SETTING_HEAD, rows)]
     for number, result in enumerate(found.results, start=1):
         lines += ["", f"## {number}. {_title(result)}: {result.verdict}", ""]
         lines += [_plain(result.problem), ""] if result.problem else []
@@ -192,6 +206,8 @@ def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) 
     ]
     parts += ["<h2>Steps</h2>", _html_table(_SUMMARY_HEAD, list(_summary_rows(found)))]
     parts += ["<h2>Nodes</h2>", _html_table(_NODE_HEAD, list(_node_rows(found.nodes)))]
+    if rows := list(_setting_rows(found)):
+        parts += ["<h2>Settings</h2>", _html_table(_SETTING_HEAD, rows)]
     for number, result in enumerate(found.results, start=1):
         parts.append(f"<h2>{number}. {escape(_title(result))} {_badge(result.verdict)}</h2>")
         parts.append(f"<p>{escape(result.problem)}</p>" if result.problem else "")

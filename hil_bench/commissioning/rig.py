@@ -5,6 +5,7 @@ step, and only then commands the valve. Leaving a limit, a value that does not c
 reboots or a fault of the valve closes the valve before anything else happens.
 """
 
+import contextlib
 import logging
 import math
 from collections.abc import Callable
@@ -19,7 +20,9 @@ from drivers import (
     ProportionalValve,
     ValveState,
 )
+from hil_bench.commissioning.borrowed import BorrowedNodes, Returned
 from hil_bench.commissioning.guard import LimitError, Sample, check_sample
+from hil_bench.commissioning.journal import SettingsJournal
 from hil_bench.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Limits
@@ -65,6 +68,7 @@ class Rig:
         period: between two samples [s].
         recording: takes each sample and the step's number; None for nobody.
         origin: time 0 of the recording on the network's clock [s]; None for now.
+        journal: notes what is written to the nodes.
 
     Attributes:
         valve: its driver.
@@ -80,6 +84,7 @@ class Rig:
         period: float,
         recording: RecordingSink | None = None,
         origin: float | None = None,
+        journal: SettingsJournal | None = None,
     ) -> None:
         self._network = network
         self._recording = recording
@@ -94,6 +99,8 @@ class Rig:
             for node in (members.pressure_a, members.pressure_b)
         )
         self._devices = (self.valve, self._position, *self._pressures)
+        nodes = [device.node for device in self._devices]
+        self._borrowed = BorrowedNodes(network, nodes, journal)
         self._limits: Limits | None = None
         self._step_start = self._next = network.now()
         self._origin = self._next if origin is None else origin
@@ -105,13 +112,13 @@ class Rig:
     def set_up(self) -> None:
         """Configure the devices, bring their nodes to OPERATIONAL and take first values."""
         network = self._network
+        begin = network.now()
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         self.valve.setup(command_timeout=COMMAND_TIMEOUT, heartbeat_timeout=4 * HEARTBEAT_PERIOD)
         self._position.setup()
         for sensor in self._pressures:
             sensor.setup()
-        for node in self._members:
-            network.start_node(node.node_id)
+        self._borrowed.start(begin)
         since = network.now()
         network.sync()
         for device in self._devices:
@@ -152,9 +159,16 @@ class Rig:
                 self._is_closed = self._says_closed()
         return self._is_closed
 
-    def close(self) -> None:
-        """Leave the valve disabled, and no longer watching us."""
-        self.valve.close()
+    def close(self) -> Returned:
+        """Leave the valve disabled and the nodes as they were found, as far as they answer.
+
+        Never raises a `DriverError`. An interruption leaves out what it interrupts, not the rest.
+        """
+        self._borrowed.end()
+        with contextlib.suppress(KeyboardInterrupt):
+            self.valve.close()
+        self._network.stop_heartbeat()
+        return self._borrowed.give_back()
 
     def move(self, command: Callable[[float], float], duration: float) -> Recording:
         """Command the spool for some time, from now on, and return the samples.

@@ -2,14 +2,16 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from drivers import BusLostError, DriverError, Network
+from hil_bench.commissioning.borrowed import Returned
 from hil_bench.commissioning.direction import direction
 from hil_bench.commissioning.discovery import Method, discover
 from hil_bench.commissioning.guard import LimitError
 from hil_bench.commissioning.identity import NodeDescription, describe
+from hil_bench.commissioning.journal import SettingsJournal
 from hil_bench.commissioning.measures import SAMPLE_CHANNELS, Finding, StepResult, Verdict
 from hil_bench.commissioning.members import find_members
 from hil_bench.commissioning.plan import (
@@ -72,6 +74,7 @@ class Commissioning:
         missed: samples for which not every device answered in time.
         lost: how the bus was lost, empty where it was not.
         is_interrupted: whether Ctrl-C ended it.
+        returned: what was changed at the nodes, and restored.
     """
 
     axis: str
@@ -80,6 +83,7 @@ class Commissioning:
     missed: int
     lost: str = ""
     is_interrupted: bool = False
+    returned: Returned = field(default_factory=Returned)
 
     @property
     def passed(self) -> bool:
@@ -99,11 +103,13 @@ class Console(NamedTuple):
         confirm: asked once before the first motion; False leaves all motion out.
         begin: told each step as it begins.
         end: told each step's result.
+        returned: told at the very end, whatever ended it, what was changed and restored.
     """
 
     confirm: Callable[[], bool] = lambda: True
     begin: Callable[[Step], None] = lambda _step: None
     end: Callable[[StepResult], None] = lambda _result: None
+    returned: Callable[[Returned], None] = lambda _returned: None
 
 
 UNATTENDED = Console()
@@ -118,8 +124,9 @@ def commission(
     console: Console = UNATTENDED,
     recording: RecordingSink | None = None,
     origin: float | None = None,
+    journal: SettingsJournal | None = None,
 ) -> Commissioning:
-    """Run a plan on the axis behind a bus, and leave its valve disabled.
+    """Run a plan on the axis behind a bus, and leave its valve disabled, all else as it was.
 
     A lost bus, a limit or Ctrl-C ends the motion, not the function: what was found is returned.
 
@@ -130,18 +137,27 @@ def commission(
         console: whom to ask and to tell.
         recording: takes the samples, with `recorded_channels`.
         origin: time 0 of the recording on the network's clock [s]; None for now.
+        journal: notes what is written to the nodes, to restore it.
     """
     axis = choose_axis(plan, config)
     check_against(plan, axis)
     members = find_members(config, axis.name)
-    rig = Rig(network, members, period=plan.period, recording=recording, origin=origin)
+    rig = Rig(
+        network,
+        members,
+        period=plan.period,
+        recording=recording,
+        origin=origin,
+        journal=journal,
+    )
     sightings = discover(network, Method.SDO, patience=PATIENCE)
     nodes = [describe(network, sighting) for sighting in sightings]
     procedure = Procedure(network, config, axis, members, rig)
     try:
         results = _run_steps(procedure, plan.steps, console)
     finally:
-        rig.close()
+        returned = rig.close()
+        console.returned(returned)
     problems = [result.problem for result in results]
     return Commissioning(
         axis.name,
@@ -150,6 +166,7 @@ def commission(
         rig.missed,
         lost=next((problem for problem in problems if problem.startswith(_LOST)), ""),
         is_interrupted=any(problem.startswith(INTERRUPTED) for problem in problems),
+        returned=returned,
     )
 
 
@@ -158,8 +175,7 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
     obstacle, is_confirmed = "", False
     for number, step in enumerate(planned, start=1):
         if not obstacle and step.kind.moves and not is_confirmed:
-            is_confirmed = console.confirm()
-            obstacle = "" if is_confirmed else "motion was not confirmed"
+            is_confirmed, obstacle = _ask(console)
         console.begin(step)
         if obstacle:
             result = StepResult(step.kind, Verdict.NOT_RUN, problem=obstacle)
@@ -172,6 +188,15 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
         results.append(result)
         console.end(result)
     return results
+
+
+def _ask(console: Console) -> tuple[bool, str]:
+    """Return whether there may be motion, and why not."""
+    try:
+        is_confirmed = console.confirm()
+    except KeyboardInterrupt:
+        return False, INTERRUPTED
+    return is_confirmed, "" if is_confirmed else "motion was not confirmed"
 
 
 def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:

@@ -69,7 +69,22 @@ def test_json_is_for_programs(capsys) -> None:
 @pytest.mark.usefixtures("one_difference")
 def test_what_is_applied_is_shown_first(capsys) -> None:
     assert main(["check", "--bus", "--virtual", "--apply", "--yes"]) == 0
-    assert "  0x1017.00 = 50 (0x0032)  Producer heartbeat time" in capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert "  0x1017.00 = 50 (0x0032)  Producer heartbeat time" in out
+    assert "left in PRE-OPERATIONAL, until an NMT start: node 1\n" in err
+
+
+@pytest.mark.usefixtures("one_difference")
+def test_an_interruption_says_what_is_half_done(capsys, monkeypatch) -> None:
+    def interrupt(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bus_check, "apply", interrupt)
+    assert main(["check", "--bus", "--virtual", "--apply", "--yes"]) == 130
+    assert capsys.readouterr().err.endswith(
+        "interrupted; node 1 is half configured and in PRE-OPERATIONAL: the same command again "
+        "completes it\n"
+    )
 
 
 @pytest.mark.usefixtures("one_difference")

@@ -43,11 +43,15 @@ def test_a_virtual_machine_passes_and_leaves_report_and_recording(folder, capsys
         ["sensors", "passed"],
         ["direction", "passed"],
     ]
-    assert out[3] == "verdict   passed"
-    assert re.fullmatch(r"recorded  \d+ rows, \d+ frames: out/commissioning.mf4", out[5])
+    # Transmission type, event timer and heartbeat of four devices; the valve's supervision of us.
+    assert out[3] == "settings  restored: 14 of nodes 1, 2, 3, 4"
+    assert out[4] == "nodes     1, 2, 3, 4: PRE-OPERATIONAL again"
+    assert out[5] == "verdict   passed"
+    assert re.fullmatch(r"recorded  \d+ rows, \d+ frames: out/commissioning.mf4", out[7])
     report = (folder / "out" / "report.md").read_text(encoding="utf-8")
     assert "| data sheet | sheet.toml |" in report
     assert "| 4 | HIL bench linear encoder |" in report
+    assert "| 4 | 0x1017 (Producer heartbeat time) | 0 | 100 | restored |" in report
     signals = read_recording(folder / "out" / "commissioning.mf4")
     assert sorted(set(signals["step"])) == [2.0, 3.0]
     setpoint = signals["axis1.spool_setpoint"]
@@ -126,16 +130,88 @@ def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_silent_bus_fails_and_nobody_is_asked(capsys):
+def test_a_silent_bus_fails_and_nobody_is_asked(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("builtins.input", lambda _text: pytest.fail("asked"))
     assert main(["commission", "plan.toml", "-i", "virtual", "-c", "test_commission"]) == 1
     out, err = capsys.readouterr()
     assert out.count("found     node missing: ") == 4
     assert err == ""
 
 
+def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False)
+    monkeypatch.setattr(
+        "hil_bench.cli.controller_side.open_can_bus", lambda *_: pytest.fail("bus opened")
+    )
+    assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x"]) == 2
+    assert capsys.readouterr().err == (
+        "hil-bench: error: nobody to ask before motion, for this is no terminal; --yes moves "
+        "unasked\n"
+    )
+    assert not list((folder / "hil-bench-commissioning").iterdir())
+
+
+LEFT = (
+    '{"node": 4, "object": "0x1017.00", "name": "Producer heartbeat time", '
+    '"before": "e803", "during": "6400"}\n'
+)
+
+
+@pytest.fixture
+def lockstep_bus(folder, monkeypatch):
+    """A bench in lock-step that the verb is joined with, and the words that say so."""
+    bus = DirectLockStep(load_config(folder / "sheet.toml"))
+    monkeypatch.setattr("hil_bench.cli.controller_side.open_transport", lambda *_: bus)
+    return bus, ["plan.toml", "-i", "virtual", "--lockstep", "--yes", "--output", "out"]
+
+
+def test_what_a_killed_run_left_changed_is_restored_on_request(folder, lockstep_bus, capsys):
+    bus, words = lockstep_bus
+    (folder / "out").mkdir()
+    left = folder / "out" / "unrestored.jsonl"
+    left.write_text(LEFT)
+    # Another run would take what is changed now for what was there before.
+    assert main(["commission", *words]) == 2
+    assert capsys.readouterr().err == (
+        "hil-bench: error: out/unrestored.jsonl: an earlier run was ended before it could restore "
+        "these settings; restore them: hil-bench commission plan.toml sheet.toml -i virtual "
+        "--lockstep --output out --restore (or remove the file)\n"
+    )
+    assert main(["commission", *words, "--restore"]) == 0
+    assert capsys.readouterr().out == "settings  restored: 1 of node 4\n"
+    assert bus.bench.nodes[3].object_dictionary.number(0x1017) == 1000
+    assert not left.exists()
+
+
+def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
+    folder, lockstep_bus, capsys
+):
+    _, words = lockstep_bus
+    command = "hil-bench commission plan.toml sheet.toml -i virtual --lockstep"
+    (folder / "out").mkdir()
+    (folder / "out" / "unrestored.jsonl").write_text(LEFT.replace('"node": 4', '"node": 9'))
+    assert main(["commission", *words, "--restore"]) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "settings  not restored: 1 of node 9: node 9 does not answer",
+        "          0x1017 (Producer heartbeat time): was 1000, may be 100",
+        f"          mend: {command} --output out --restore",
+        "          or power-cycle the device, which brings back what it has stored",
+    ]
+    assert (folder / "out" / "unrestored.jsonl").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ["plan.toml", "--virtual", "--restore"],
+            "--restore: a virtual machine is new in every run; give a bus",
+        ),
+        (
+            ["plan.toml", "-i", "virtual", "-c", "x", "--restore"],
+            "hil-bench-commissioning/unrestored.jsonl: cannot be read: No such file or directory",
+        ),
         (
             ["plan.toml", "--machine", "sheet.toml"],
             "--machine: is a virtual one; give --virtual too",

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
+from hil_bench.conformance.device import DeviceUnderTest
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
 
@@ -38,6 +40,26 @@ def test_the_published_report_is_what_its_command_writes(tmp_path, monkeypatch, 
     assert f"product 00000408h, revision 00010000h, serial number {serial_number}" in written
     assert code == ("**FAILED**" in published)
     assert "passed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("is_interrupted", [False, True])
+def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, capsys):
+    """Its valve was in a fault otherwise, after the check of life guarding."""
+    commands = []
+    monkeypatch.setattr(DeviceUnderTest, "command", lambda _dut, command: commands.append(command))
+
+    def run_suite(_dut, _allowed):
+        yield from ()
+        if is_interrupted:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("hil_bench.cli.conformance.run_suite", run_suite)
+    written = ["conformance", "--virtual", "--node-id", "1", "--write"]
+    assert main(written) == (130 if is_interrupted else 0)
+    assert "node 1 was reset, to its power-on values\n" in capsys.readouterr().err
+    assert commands == [NmtCommand.RESET_NODE]
+    assert main(written[:-1]) == (130 if is_interrupted else 0)
+    assert commands == [NmtCommand.RESET_NODE]
 
 
 def test_reading_only_prints_a_line_a_check(capsys):

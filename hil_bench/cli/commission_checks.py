@@ -1,0 +1,54 @@
+"""What `hil-bench commission` refuses before it uses the bus."""
+
+import argparse
+import sys
+
+from hil_bench.commissioning.plan import CommissioningPlan
+from hil_bench.config import BenchConfig
+from hil_bench.errors import ConfigError
+
+
+def check_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.machine and not args.virtual:
+        raise ConfigError("--machine: is a virtual one; give --virtual too")
+    if args.lockstep and args.virtual:
+        raise ConfigError("--lockstep: --virtual needs none, its time is virtual; give either")
+    if args.sync_period_us is not None and not args.lockstep:
+        raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
+    if args.restore and args.virtual:
+        raise ConfigError("--restore: a virtual machine is new in every run; give a bus")
+
+
+def check_period(args: argparse.Namespace, plan: CommissioningPlan, machine: BenchConfig) -> None:
+    """Refuse a plan whose samples fall between the moments that there are in virtual time.
+
+    Raises:
+        ConfigError: it says which period would be right.
+    """
+    if not (args.virtual or args.lockstep):
+        return
+    step = machine.tick_ns if args.virtual else machine.sync_period_ns
+    name = "tick_us" if args.virtual else "sync_period_us"
+    if round(plan.period * 1e9) % step:
+        raise ConfigError(
+            f"{plan.path}:plan.period_ms: {plan.period * 1e3:g} ms is not a multiple of "
+            f"{name} = {step // 1000}; give one, or another {name}"
+        )
+
+
+def check_consent(args: argparse.Namespace, plan: CommissioningPlan) -> None:
+    """Refuse a motion that nobody can be asked about, before anything is changed.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    has_motion = any(step.kind.moves for step in plan.steps)
+    if has_motion and not (args.virtual or args.yes or sys.stdin.isatty()):
+        raise ConfigError(
+            "nobody to ask before motion, for this is no terminal; --yes moves unasked"
+        )

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
@@ -59,7 +60,7 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
             bitrate = USUAL_BITRATE * len(channels)
             yield OpenBus(hosted, {"bus": hosted}, lines, lambda: None, bitrate)
         else:
-            yield _open_hub(args.hub, config, stack)
+            yield _open_hub(args, config, stack)
 
 
 def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
@@ -74,18 +75,26 @@ def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBu
     return OpenBus(_joined(parts), parts, _bus_lines(parts), lambda: None, bitrate)
 
 
-def _open_hub(port: int, config: BenchConfig, stack: contextlib.ExitStack) -> OpenBus:
+def _open_hub(
+    args: argparse.Namespace, config: BenchConfig, stack: contextlib.ExitStack
+) -> OpenBus:
     """Start a hub in a process of its own, and join each of its buses."""
     channels = hub_channels(config)
-    hub = stack.enter_context(HubProcess(port=port, channels=tuple(channels.values())))
-    address = {"host": hub.host, "port": hub.port}
+    bitrates = [bus.bitrate or USUAL_BITRATE for bus in config.buses.values()]
+    is_limited = not args.hub_unlimited and math.isfinite(args.speed)
+    hub = HubProcess(
+        port=args.hub,
+        channels=tuple(channels.values()),
+        bitrate=max(bitrates) * args.speed if is_limited else None,
+    )
+    stack.enter_context(hub)
     parts = {}
     for name, channel in channels.items():
-        parts[name] = open_transport("socketcand", channel, None, address)
+        parts[name] = hub.join(channel)
         stack.callback(parts[name].close)
     lines = (*_bus_lines(parts), *_join_lines(channels, hub.host, hub.port))
     check = partial(check_hub, hub)
-    return OpenBus(_joined(parts), parts, lines, check, USUAL_BITRATE * len(parts))
+    return OpenBus(_joined(parts), parts, lines, check, sum(bitrates))
 
 
 def _joined(parts: Mapping[str, Transport]) -> Transport:

@@ -105,6 +105,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port {DEFAULT_PORT})",
     )
     parser.add_argument(
+        "--hub-unlimited",
+        action="store_true",
+        help="with --hub: let a program send more than the bus's bit rate (-b, else 1 Mbit/s) "
+        "carries; without it, it has to wait",
+    )
+    parser.add_argument(
         "--modbus",
         action="store_true",
         help="serve Modbus even where bench.toml has no [modbus]",
@@ -197,6 +203,9 @@ def check_arguments(args: argparse.Namespace) -> None:
             where = where if args.lockstep else "at --speed max"
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
     check_recording_arguments(args)
+    if args.hub_unlimited and (args.hub is None or args.lockstep):
+        why = "in lock-step nothing is limited" if args.lockstep else "belongs to --hub"
+        raise ConfigError(f"--hub-unlimited: {why}; leave it out")
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
 

@@ -84,11 +84,14 @@ class FirmwareBus:
         return "\n".join(program.epitaph() for program in self._programs)
 
     def _check(self) -> None:
-        """Say so where no program is left that could let time pass.
+        """Say so where no program is left that could let time pass, or no bus.
 
         Raises:
             ControllerError: all have ended, in lock-step.
+            BusError: the hub has died.
         """
+        if self._hub is not None and (ending := self._hub.ending()) is not None:
+            raise BusError(f"the bench's hub at {self.address}: its process {ending}")
         if not self._is_realtime and all(not program.is_running for program in self._programs):
             raise ControllerError("\n".join(program.epitaph() for program in self._programs))
 
@@ -113,9 +116,8 @@ class FirmwareBus:
             return hosted, f"{hosted.host}:{hosted.port}"
         # In real time the hub must relay while the bench is at work.
         self._hub = HubProcess(port=0, channels=channels).__enter__()
-        options = {"host": self._hub.host, "port": self._hub.port}
         address = f"{self._hub.host}:{self._hub.port}"
-        ends = [open_transport("socketcand", channel, None, options) for channel in channels]
+        ends = [self._hub.join(channel) for channel in channels]
         return ends[0] if buses == 1 else JoinedTransport(ends), address
 
 

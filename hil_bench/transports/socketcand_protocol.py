@@ -24,6 +24,7 @@ _SEND = re.compile(
     rb"((?: +[0-9A-Fa-f]{1,2}){0,8}) *"
 )
 _EXTENDED_DIGITS = 8
+_FRAME = re.compile(rb"< frame ([0-9A-F]{8}|[0-9A-F]{3}) \d+\.\d+ ((?:[0-9A-F]{2}){0,8}) ?")
 _NS_PER_S = 1_000_000_000
 
 
@@ -47,6 +48,23 @@ def parse_send(command: bytes) -> Frame | None:
     if len(payload) != int(length):
         return None
     data = bytes([int(byte, 16) for byte in payload])
+    return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
+
+
+def format_send(frame: Frame) -> bytes:
+    """Return how a client sends a frame; the protocol has no remote frames."""
+    digits = b"%08X" if frame.is_extended else b"%03X"
+    payload = frame.data.hex(" ").encode()
+    return b"< send %b %d %b >" % (digits % frame.can_id, len(frame.data), payload)
+
+
+def parse_frame(text: bytes) -> Frame | None:
+    """Return the frame that a hub tells, given without its ">"; None where it is another word."""
+    match = _FRAME.fullmatch(text)
+    if match is None:
+        return None
+    can_id, payload = match.groups()
+    data = bytes.fromhex(payload.decode())
     return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
 
 

@@ -14,6 +14,7 @@ from hil_bench.cli.bench_bus import check_hub
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import VirtualClock
 from hil_bench.recording.files import read_recording
+from hil_bench.transports.hub_process import HubProcess
 
 BUS = ["-i", "virtual", "-c", "test_run"]
 
@@ -146,6 +147,11 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
             ["--speed", "max", "--realtime", "fifo"],
             "--realtime: at --speed max there is no real time to miss; leave it out",
         ),
+        (["--hub-unlimited"], "--hub-unlimited: belongs to --hub; leave it out"),
+        (
+            ["--hub", "--lockstep", "--hub-unlimited"],
+            "--hub-unlimited: in lock-step nothing is limited; leave it out",
+        ),
         (
             ["--hub", "-c", "can1"],
             "--hub makes a bus of its own; give either --hub or -i and -c",
@@ -171,6 +177,29 @@ def test_a_hub_is_hosted_and_joined(capsys):
     out = capsys.readouterr().out
     assert "\nbus    socketcand can0\n" in out
     assert "\njoin   -i socketcand -c can0 --bus-kwargs host=127.0.0.1 port=" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "limit"),
+    [
+        ([], 1e6),
+        (["-b", "250000"], 250e3),
+        (["-b", "250000", "--speed", "2"], 500e3),  # whose bus is twice as fast, too
+        (["--speed", "max"], None),
+        (["--hub-unlimited"], None),
+    ],
+)
+def test_a_hub_limits_its_clients_to_the_bit_rate(monkeypatch, words, limit):
+    made = []
+
+    class Hub(HubProcess):
+        def __init__(self, **options):
+            super().__init__(**options)
+            made.append(options["bitrate"])
+
+    monkeypatch.setattr("hil_bench.cli.bench_bus.HubProcess", Hub)
+    assert main(["run", "--hub", "0", "--duration", "0.01", *words]) == 0
+    assert made == [limit]
 
 
 def test_a_system_clock_that_is_set_back_holds_nothing_up(monkeypatch, capsys):

@@ -206,9 +206,7 @@ class RegisterServer:
         else:
             assignments = unit.parse_write(request.table, request.address, request.words)
         self._fresh_row()
-        self._read_beside(
-            unit, request
-        )  # what cannot be read is refused before anything is written
+        self._read_beside(unit, request)  # or it would be refused after the write
         if len(assignments) > MOST_ASSIGNMENTS or len(self._queued) >= MOST_WAITING:
             raise ModbusException(ExceptionCode.SERVER_DEVICE_BUSY)
         meant = memory.choose(assignments, unit.rivals)

@@ -55,6 +55,8 @@ def test_what_nobody_waits_for_any_longer_takes_no_room_for_ever():
         assert order.assignments == []
         box.answer(order.number, 0)
     assert box.post([Assignment(0, 1.0)]) is not None
+    assert not box._codes  # nor do their answers
+    assert not box._unwanted
 
 
 def test_more_than_fits_is_refused():
@@ -138,6 +140,15 @@ def test_an_order_that_was_half_written_at_the_death_holds_nobody_up(damaged):
         [Assignment(3, 1.0)],
     ]
     assert number == last + 1
+
+
+def test_the_last_order_half_written_holds_nobody_up_either():
+    loop = Mailbox()
+    half = loop.post([Assignment(0, 1.0)])
+    poke(loop, half, 12)
+    poster = successor(loop)
+    poster.post([Assignment(1, 1.0)])
+    assert [loop.take().assignments for _ in range(2)] == [[], [Assignment(1, 1.0)]]
 
 
 def test_an_order_that_was_taken_before_it_was_damaged_is_not_answered_for_another():

@@ -11,6 +11,7 @@ from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
 from hil_bench.modbus.register_map import Identification, Table
 from hil_bench.transports.modbus.pdu import (
     Request,
+    _is_well_formed,
     decode_request,
     encode_exception,
     encode_response,
@@ -166,6 +167,7 @@ def test_the_largest_and_the_smallest_count_of_each_function(make, most, field):
         with pytest.raises(ModbusException) as caught:
             decode_request(make(count))
         assert caught.value.code is ExceptionCode.ILLEGAL_DATA_VALUE
+        assert not _is_well_formed(make(count))  # whatever pymodbus has to say about it
 
 
 def test_the_largest_writes_carry_all_they_say():

@@ -71,7 +71,7 @@ def test_garbage_behind_a_write_ends_its_connection_and_not_the_server(tmp_path,
 
 
 def test_a_server_that_died_is_started_again_at_its_port(tmp_path):
-    side, binding = make_binding(tmp_path)
+    side, binding = make_binding(tmp_path, extra='serial_port = "pty"')
     write = bytes.fromhex("0002 0000 0006 02 06 0001 0007")
     with ModbusProcess(binding.plan) as server:
         with ticking(side, binding):
@@ -88,6 +88,7 @@ def test_a_server_that_died_is_started_again_at_its_port(tmp_path):
         server.restart()
         assert server.alive
         assert server.endpoints.port == port
+        assert Path(server.endpoints.serial_port).exists()
         with ticking(side, binding):
             assert ask(port, write, 12) == write
             back = ask(port, bytes.fromhex("0003 0000 0006 02 03 0001 0001"), 11)

@@ -1,5 +1,7 @@
 """How tests run: whatever time they take, since a loaded machine proves nothing."""
 
+import logging
+
 import pytest
 from hypothesis import HealthCheck, settings
 from support.patience import LIMIT
@@ -14,3 +16,14 @@ def pytest_configure(config):
     """End what hangs: here, as pytest refuses the ini key of a plugin that is not installed."""
     if config.pluginmanager.hasplugin("timeout") and config.option.timeout is None:
         config.option.timeout = LIMIT
+
+
+@pytest.fixture(autouse=True)
+def _own_log_handlers():
+    """Take back the handlers that a test of the command line has put on the root logger.
+
+    They would write to the captured stream of that test, which is closed by then.
+    """
+    before = logging.root.handlers[:]
+    yield
+    logging.root.handlers[:] = [handler for handler in logging.root.handlers if handler in before]

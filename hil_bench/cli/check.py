@@ -2,14 +2,17 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from itertools import groupby
 
 from hil_bench.assembly import build_bench
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
 from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
 from hil_bench.cli.device_table import read_devices
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import BenchConfig, Setting
+from hil_bench.config.plausibility import find_doubts
 from hil_bench.modbus_binding import ModbusBinding
 
 _EXAMPLES = """\
@@ -53,7 +56,9 @@ def run(args: argparse.Namespace) -> int:
         ModbusBinding(config, build_bench(config))
     if wants_bus(args):
         return check_bus(args, config)
-    print(_json_text(config) if args.json else _toml_text(config))
+    doubts = find_doubts(config)
+    print(_json_text(config, doubts) if args.json else _toml_text(config))
+    warn_of(doubts)
     return ExitCode.DONE
 
 
@@ -82,7 +87,7 @@ def _toml_value(value: object) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _json_text(config: BenchConfig) -> str:
+def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
     settings = [
         {
             "table": setting.table,
@@ -94,4 +99,5 @@ def _json_text(config: BenchConfig) -> str:
         for setting in config.settings
     ]
     path = str(config.path) if config.path else None
-    return json.dumps({"path": path, "settings": settings}, indent=2, ensure_ascii=False)
+    content = {"path": path, "settings": settings, "warnings": list(doubts)}
+    return json.dumps(content, indent=2, ensure_ascii=False)

@@ -18,6 +18,7 @@ from hil_bench.cli.arguments import (
 from hil_bench.cli.bench_bus import HUB_CHANNEL, OpenBus, open_bus
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.interruption import Interruption, interruption
@@ -45,6 +46,7 @@ from hil_bench.cli.status_line import (
     bus_status_row,
 )
 from hil_bench.config import BenchConfig, FaultConfig
+from hil_bench.config.plausibility import find_doubts
 from hil_bench.errors import ConfigError
 from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.realtime.pacer import Pacer
@@ -157,6 +159,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args, modbus=args.modbus)
     if args.lockstep and config.modbus is not None:
         raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
+    warn_of(find_doubts(config))
     with collection_put_off():
         bench = build_bench(config)
     with contextlib.ExitStack() as stack:

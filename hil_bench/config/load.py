@@ -21,6 +21,7 @@ from hil_bench.config.nodes import (
     read_nodes,
     resolve_nodes,
 )
+from hil_bench.config.plausibility import check_possible
 from hil_bench.config.records import BenchConfig, RealtimeConfig
 from hil_bench.config.settings import (
     Given,
@@ -84,6 +85,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     problems.raise_any()
 
     _check_timing(bench, problems)
+    check_possible(axes, problems)
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
     bindings = build_bindings(given, nodes, axes, problems)
     check_chains(chains, problems)

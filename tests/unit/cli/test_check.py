@@ -1,4 +1,5 @@
 import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -180,3 +181,21 @@ def test_can_fd_is_refused(option: str, capsys: pytest.CaptureFixture[str]) -> N
         f"hil-bench: error: {option.partition('=')[0]}: CANopen is classical CAN; "
         "give -b or leave it out\n"
     )
+
+
+NONSENSE = "[plant.axis1]\nsupply_pressure_bar = 21000000\n"
+DOUBT = "plant.axis1.supply_pressure_bar: 21000000 is 2.1 TPa; "
+
+
+def test_what_is_hard_to_believe_is_a_warning_on_standard_error(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text(NONSENSE)
+    assert main(["check", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert err.startswith(f"hil-bench: warning: {path}:{DOUBT}")
+    assert tomllib.loads(out)["plant"]["axis1"]["supply_pressure_bar"] == 21_000_000
+    assert main(["check", str(path), "--json"]) == 0
+    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    assert warning.startswith(f"{path}:{DOUBT}")
+    assert main(["check", str(path), "-q"]) == 0
+    assert capsys.readouterr().err == ""

@@ -73,6 +73,17 @@ def test_what_needs_an_axis_says_so(io_alone, tmp_path, monkeypatch, words, caps
     assert capsys.readouterr().err == f"hil-bench: error: {right}"
 
 
+def test_what_is_hard_to_believe_is_said_once(tmp_path, capsys):
+    path = tmp_path / "bench.toml"
+    path.write_text("[plant.axis1]\nsupply_pressure_bar = 2000\n")
+    assert main(["run", str(path), *BUS, "--duration", "0.01"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    # 2000 bar of 1e5 Pa each are 200 MPa.
+    assert line.startswith(
+        f"hil-bench: warning: {path}:plant.axis1.supply_pressure_bar: 2000 is 200 MPa; 5 to 1000 is"
+    )
+
+
 class SlowClock(VirtualClock):
     """Each look at it costs 2 ms, so that every tick of 1 ms overruns."""
 

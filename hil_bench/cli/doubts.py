@@ -1,0 +1,12 @@
+"""What is hard to believe of a bench, said once."""
+
+import logging
+from collections.abc import Sequence
+
+logger = logging.getLogger(__name__)
+
+
+def warn_of(doubts: Sequence[str]) -> None:
+    """Say doubts on standard error, a line each; -q leaves them out."""
+    for doubt in doubts:
+        logger.warning("warning: %s", doubt)

@@ -1,0 +1,112 @@
+"""What is usual, and what is possible, of each physical key of `[plant.NAME]`.
+
+The table is data: `plausibility` compares a configuration with it.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+
+class Range(NamedTuple):
+    """A range of a key, in the key's own unit.
+
+    Attributes:
+        low: the least.
+        high: the largest.
+        reason: whose range it is.
+    """
+
+    low: float
+    high: float
+    reason: str
+
+
+_PRESSURE = "up to 350 bar in machines, 1000 in presses and tools"
+_AREA = "bores of 4 mm to 1.1 m"
+_VOLUME = "a miniature cylinder to a press"
+_LEAK = "a sound seal lets 0 through, a worn one some ml/min for each bar"
+_FORCE = "up to a press of 1000 t"
+_SPOOL = "spools of size 4 to 32 travel 0.3 to 15 mm"
+_EXPONENT = "1 is isothermal, 1.4 adiabatic, 1.67 that of a noble gas"
+
+USUAL: Final[Mapping[str, Range]] = {
+    "spool_delay_ms": Range(0.0, 100.0, "solenoids answer within tens of milliseconds"),
+    "orifice_full_opening_mm": Range(0.05, 20.0, _SPOOL),
+    "orifice_full_opening_negative_mm": Range(0.05, 20.0, _SPOOL),
+    "spool_overlap_mm": Range(0.0, 5.0, "up to a third of the travel"),
+    "spool_overlap_negative_mm": Range(0.0, 5.0, "up to a third of the travel"),
+    "spool_natural_frequency_rad_s": Range(20.0, 6000.0, "3 Hz of pilots to 1 kHz of servo-valves"),
+    "spool_damping_ratio": Range(0.2, 5.0, "position loops are set between"),
+    "discharge_coefficient": Range(0.5, 1.0, "0.6 of a sharp edge to 0.98 of a round one"),
+    "orifice_width_mm": Range(0.5, 200.0, "a notch to the circumference of a spool of 60 mm"),
+    "oil_density_kg_m3": Range(700.0, 1500.0, "mineral oil 850, water glycol 1080, esters 1150"),
+    "bulk_modulus_mpa": Range(50.0, 3000.0, "oil 1400 to 2000, much less with air and hoses"),
+    "supply_pressure_bar": Range(5.0, 1000.0, _PRESSURE),
+    "tank_pressure_bar": Range(-0.5, 50.0, "a return line with its filter"),
+    "internal_leakage_l_min_bar": Range(0.0, 1.0, _LEAK),
+    "external_leakage_a_l_min_bar": Range(0.0, 1.0, _LEAK),
+    "external_leakage_b_l_min_bar": Range(0.0, 1.0, _LEAK),
+    "piston_area_cm2": Range(0.1, 10_000.0, _AREA),
+    "rod_side_area_cm2": Range(0.05, 10_000.0, _AREA),
+    "piston_side_volume_cm3": Range(0.5, 1e6, _VOLUME),
+    "rod_side_volume_cm3": Range(0.5, 1e6, _VOLUME),
+    "moving_mass_kg": Range(0.05, 1e6, "a piston of 10 mm to a press of 1000 t"),
+    "coulomb_friction_n": Range(0.0, 1e6, "some percent of what the cylinder can push"),
+    "static_friction_n": Range(0.0, 2e6, "up to twice the Coulomb friction"),
+    "viscous_friction_n_s_m": Range(0.0, 1e6, "seals and oil films"),
+    "stribeck_velocity_mm_s": Range(0.1, 500.0, "seals are lubricated from some mm/s on"),
+    "stribeck_exponent": Range(0.3, 3.0, "0.5 to 2 in the literature"),
+    "stroke_mm": Range(1.0, 30_000.0, "a clamp to a telescope"),
+    "tanh_gain_s_m": Range(10.0, 1e6, "the sign of the speed is smooth below its inverse"),
+    "laminar_transition_pa": Range(0.0, 5e6, "the drop at which flow becomes turbulent"),
+    "end_stop_stiffness_n_mm": Range(100.0, 1e8, "rubber to a solid head"),
+    "end_stop_damping_n_s_m": Range(0.0, 1e8, "up to an impact without rebound"),
+    "cavitation_floor_bar": Range(-1.01325, 0.0, "oil boils out below the atmosphere"),
+    "entrained_air_percent": Range(0.0, 20.0, "0.5 to 5 in machines"),
+    "entrained_air_exponent": Range(1.0, 1.67, _EXPONENT),
+    "bristle_stiffness_n_mm": Range(10.0, 1e6, "micrometres to tenths of a millimetre of bending"),
+    "bristle_damping_n_s_m": Range(0.0, 1e6, "as the viscous friction"),
+    "pump_flow_l_min": Range(0.05, 3000.0, "a micro pump to a large variable one"),
+    "relief_pressure_bar": Range(5.0, 1000.0, _PRESSURE),
+    "relief_gradient_l_min_bar": Range(0.05, 1000.0, "full flow within 1 to 20 % of the pressure"),
+    "supply_line_volume_cm3": Range(1.0, 1e6, "a bore in a block to long pipes"),
+    "accumulator_volume_l": Range(0.0, 1000.0, "0.02 to 450 l are made; 0 for none"),
+    "accumulator_precharge_bar": Range(1.0, 700.0, _PRESSURE),
+    "accumulator_exponent": Range(1.0, 1.67, _EXPONENT),
+    "load_n": Range(-1e7, 1e7, _FORCE),
+    "load_spring_n_mm": Range(0.0, 1e6, "springs and machine frames"),
+    "load_spring_rest_mm": Range(-30_000.0, 30_000.0, "within the reach of the cylinder"),
+    "load_mass_kg": Range(0.0, 1e6, "a press of 1000 t"),
+}
+"""What data sheets and machines have; beyond it a unit is mistaken more often than not."""
+
+_VACUUM = "gauge pressure; a vacuum is -1.01325 bar"
+
+POSSIBLE: Final[Mapping[str, Range]] = {
+    "supply_pressure_bar": Range(-1.01325, math.inf, _VACUUM),
+    "tank_pressure_bar": Range(-1.01325, math.inf, _VACUUM),
+    "cavitation_floor_bar": Range(-1.01325, math.inf, _VACUUM),
+    "bulk_modulus_mpa": Range(-math.inf, 443_000.0, "that of diamond"),
+    "oil_density_kg_m3": Range(-math.inf, 22_600.0, "that of osmium"),
+    "discharge_coefficient": Range(-math.inf, 1.0, "1 is an orifice without any loss"),
+}
+"""What nature allows, where the plant does not check it; beyond it the configuration is refused."""
+
+MISTAKEN: Final[Mapping[str, Mapping[str, float]]] = {
+    "bar": {"pascal": 1e-5, "kPa": 1e-2, "MPa": 10.0, "psi": 0.0689476},
+    "MPa": {"pascal": 1e-6, "kPa": 1e-3, "bar": 0.1, "GPa": 1e3},
+    "mm": {"um": 1e-3, "m": 1e3},
+    "mm/s": {"m/s": 1e3},
+    "cm²": {"mm²": 1e-2, "m²": 1e4},
+    "cm³": {"mm³": 1e-3, "l": 1e3, "m³": 1e6},
+    "kg": {"g": 1e-3, "t": 1e3},
+    "kg/m³": {"g/cm³": 1e3},
+    "rad/s": {"Hz": 2.0 * math.pi},
+    "N": {"kN": 1e3},
+    "N/mm": {"N/m": 1e-3},
+    "l/min": {"l/s": 60.0, "m³/s": 6e4},
+    "ms": {"us": 1e-3, "s": 1e3},
+    "%": {"a fraction": 100.0},
+}
+"""By the unit of a key: other units that are given in its place, and what one of them is."""

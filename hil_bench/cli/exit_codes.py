@@ -19,7 +19,7 @@ class ExitCode(IntEnum):
     TIMING = 4
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     LOST = 5
-    """The verb went on to its end, but something that was asked for was lost: a recording."""
+    """Something that was asked for was lost on the way: a recording, a Modbus server."""
     INTERNAL = 70
     """A bug of hil-bench itself (EX_SOFTWARE of the BSD ``sysexits``)."""
     INTERRUPTED = 130

@@ -93,6 +93,11 @@ class EmcyProducer:
         if not self._present:
             self._enqueue(ERROR_RESET, b"")
 
+    @property
+    def present(self) -> frozenset[int]:
+        """The codes of the errors that are present."""
+        return frozenset(code for code, _ in self._present)
+
     def is_present(self, code: int, source: int = 0) -> bool:
         """Return whether the error was raised and not cleared."""
         return (code, source) in self._present

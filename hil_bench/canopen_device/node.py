@@ -108,6 +108,11 @@ class Node:
         return self._services.sdo.handlers.keys()
 
     @property
+    def syncs(self) -> int:
+        """How many SYNCs it has taken."""
+        return self._services.sync.received
+
+    @property
     def storage_problem(self) -> str | None:
         """Why parameters are not used or not stored, for people; None where all is well."""
         store = self._services.store

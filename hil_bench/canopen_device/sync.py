@@ -44,6 +44,9 @@ class SyncConsumer:
 
     A SYNC of an unexpected length is acted on all the same. Where 0x1019 asks for a counter, one
     without it also raises EMCY 0x8240; a counter that was not asked for is only counted.
+
+    Attributes:
+        received: SYNCs so far.
     """
 
     def __init__(
@@ -53,6 +56,7 @@ class SyncConsumer:
         emcy: EmcyProducer,
         counters: NodeCounters,
     ) -> None:
+        self.received = 0
         self._object_dictionary = object_dictionary
         self._window_length = object_dictionary.find(_WINDOW)
         self._overflow = object_dictionary.find(_OVERFLOW)
@@ -70,6 +74,7 @@ class SyncConsumer:
 
     def receive(self, data: bytes, now: int) -> int:
         """Take a SYNC and return its counter, 0 where it has none or none is asked for."""
+        self.received += 1
         length = 0 if self._window_length is None else self._window_length.value
         self._window.end = now + length * _MICROSECOND if length else NEVER
         has_counter = self._overflow is not None and self._overflow.value > 0

@@ -17,6 +17,7 @@ import hil_bench
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.cli.parser import Parser
+from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments
 from hil_bench.errors import HilBenchError
@@ -52,7 +53,7 @@ _FAULTS_OF_THE_MACHINE = {
 _EXAMPLES = """\
 exit codes:
   0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
-  under --strict-timing or --overrun stop; 5 done, but a recording is incomplete; 6 nothing to
+  under --strict-timing or --overrun stop; 5 a recording or a server was lost; 6 nothing to
   check was seen; 70 a bug in hil-bench; 130 interrupted
 
 examples:
@@ -134,7 +135,8 @@ def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
     level = logging.ERROR if quiet else max(logging.DEBUG, logging.WARNING - 10 * verbosity)
     # On a terminal, in place of the status lines, which are written anew below.
     clear = "\r\x1b[J" if sys.stderr.isatty() else ""
-    logging.basicConfig(level=level, format=f"{clear}hil-bench: %(message)s", force=True)
+    text = f"{clear}hil-bench: %(message)s"
+    logging.basicConfig(level=level, format=text, force=True, handlers=[PatientHandler()])
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
 

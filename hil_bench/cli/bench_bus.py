@@ -3,16 +3,16 @@
 import argparse
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from hil_bench.cli.helpers import Helper
 from hil_bench.config import BenchConfig
-from hil_bench.errors import BusError
 from hil_bench.transports.bus_load import USUAL_BITRATE
 from hil_bench.transports.can_interfaces import bitrate_of
 from hil_bench.transports.hosted_bus import HostedBus
 from hil_bench.transports.hub_process import HubProcess
+from hil_bench.transports.hub_transport import HubTransport
 from hil_bench.transports.joined import JoinedTransport
 from hil_bench.transports.opening import open_transport
 from hil_bench.transports.socketcan import SocketCanTransport
@@ -28,15 +28,51 @@ class OpenBus(NamedTuple):
         transport: the bench's end of it, or of all of them as one.
         parts: each bus by its name in the configuration.
         lines: what a controller engineer needs to know to join.
-        check: raises a `BusError` when the bus is gone without the transport noticing.
+        helpers: the process of its hub.
         bitrate: that the load refers to, of all buses together [bit/s].
     """
 
     transport: Transport
     parts: Mapping[str, Transport]
     lines: tuple[str, ...]
-    check: Callable[[], None]
+    helpers: Sequence[Helper]
     bitrate: int
+
+
+class HubHelper:
+    """A hub's process, as the loop looks after it.
+
+    Args:
+        hub: it runs.
+        ends: the bench's end of each of its buses.
+    """
+
+    loss = "all programs on it are cut off and have to join again"
+    is_needed = True
+
+    def __init__(self, hub: HubProcess, ends: Sequence[HubTransport]) -> None:
+        self.name = f"hub {hub.host}:{hub.port}"
+        self._hub = hub
+        self._ends = tuple(ends)
+
+    def ending(self) -> str | None:
+        """Return how the process ended, or that it has let go of the bench; None for neither."""
+        ending = self._hub.ending()
+        if ending is not None:
+            for end in self._ends:
+                end.drop()
+        elif any(end.is_down for end in self._ends):
+            return "has cut off the bench, which was too slow for it"
+        return ending
+
+    def restart(self) -> str:
+        """Start it again at the same port where it has ended, and join each of its buses."""
+        if self._hub.ending() is not None:
+            self._hub.restart()
+        for end in self._ends:
+            if end.is_down:
+                end.join()
+        return ""
 
 
 @contextlib.contextmanager
@@ -58,7 +94,7 @@ def open_bus(args: argparse.Namespace, config: BenchConfig) -> Iterator[OpenBus]
                 *_join_lines(channels, hosted.host, hosted.port),
             )
             bitrate = USUAL_BITRATE * len(channels)
-            yield OpenBus(hosted, {"bus": hosted}, lines, lambda: None, bitrate)
+            yield OpenBus(hosted, {"bus": hosted}, lines, (), bitrate)
         else:
             yield _open_hub(args, config, stack)
 
@@ -72,7 +108,7 @@ def _open_configured(config: BenchConfig, stack: contextlib.ExitStack) -> OpenBu
         bus.bitrate or own_bitrate(parts[name]) or USUAL_BITRATE
         for name, bus in config.buses.items()
     )
-    return OpenBus(_joined(parts), parts, _bus_lines(parts), lambda: None, bitrate)
+    return OpenBus(_joined(parts), parts, _bus_lines(parts), (), bitrate)
 
 
 def _open_hub(
@@ -93,8 +129,8 @@ def _open_hub(
         parts[name] = hub.join(channel)
         stack.callback(parts[name].close)
     lines = (*_bus_lines(parts), *_join_lines(channels, hub.host, hub.port))
-    check = partial(check_hub, hub)
-    return OpenBus(_joined(parts), parts, lines, check, sum(bitrates))
+    helpers = [HubHelper(hub, list(parts.values()))]
+    return OpenBus(_joined(parts), parts, lines, helpers, sum(bitrates))
 
 
 def _joined(parts: Mapping[str, Transport]) -> Transport:
@@ -127,13 +163,3 @@ def _join_lines(channels: Mapping[str, str], host: str, port: int) -> tuple[str,
         + (f"    ({name})" if len(channels) > 1 else "")
         for name, channel in channels.items()
     )
-
-
-def check_hub(hub: HubProcess) -> None:
-    """Notice that the hub's process is gone.
-
-    Raises:
-        BusError: it is.
-    """
-    if not hub.alive:
-        raise BusError(f"hub {hub.host}:{hub.port}: its process has ended; start the bench again")

@@ -11,8 +11,9 @@ from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.helpers import Helpers, add_loss_argument
 from hil_bench.cli.interruption import interruption
-from hil_bench.cli.loop_summary import loop_lines
+from hil_bench.cli.loop_summary import helper_lines, loop_lines
 from hil_bench.cli.modbus_side import require_pymodbus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
@@ -72,6 +73,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="where the controller reads the sensors; the valve is on CANopen (canopen)",
     )
     add_recording_arguments(parser)
+    add_loss_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -102,13 +104,24 @@ def run(args: argparse.Namespace) -> int:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
         frames = stack.enter_context(FrameFile(args.output / "demo.log"))
         wish = stack.enter_context(interruption())
-        with StatusLine(
+        line = StatusLine(
             session.snapshot,
             [session.fields[:2], session.fields[2:]],  # time and set-point, then the axes
             statistics=session.statistics,
             wanted=not args.quiet,
-        ):
-            report = session.run(lambda: wish.requested)
+        )
+        helpers = Helpers(
+            [line] if line.is_shown else [],
+            ends_on_loss=args.end_on_loss,
+            has_lost_data=lambda: not is_recorded(session),
+        )
+
+        def stopped() -> bool:
+            helpers.look()
+            return wish.requested or helpers.is_over
+
+        with line, contextlib.closing(helpers):
+            report = session.run(stopped)
         recording = session.bench.signals
         signals.write(recording)
         frames.write_frames(session.bench.frames)
@@ -117,9 +130,16 @@ def run(args: argparse.Namespace) -> int:
     print(f"plot      {plot_line(recording, args.output / 'demo.png')}")
     if session.bench.recording is not None:
         print("\n".join(report_lines(session.bench.recording)))
-        if not session.bench.recording.is_complete:
-            return ExitCode.LOST
+    for text in helper_lines(helpers.lines()):
+        print(text)
+    if helpers.is_incomplete or not is_recorded(session):
+        return ExitCode.LOST
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+
+
+def is_recorded(session: DemoSession) -> bool:
+    """Return whether all that is to be recorded is."""
+    return session.bench.recording is None or session.bench.recording.is_complete
 
 
 def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:

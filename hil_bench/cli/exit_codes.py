@@ -19,7 +19,7 @@ class ExitCode(IntEnum):
     TIMING = 4
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     LOST = 5
-    """The verb went on to its end, but something that was asked for was lost: a recording."""
+    """Something that was asked for was lost on the way: a recording, a Modbus server."""
     INCONCLUSIVE = 6
     """The verb ran, but what it was to check could not be seen."""
     INTERNAL = 70

@@ -1,7 +1,13 @@
 """What the status lines show of a bench in lock-step."""
 
 from hil_bench.bench import Bench
-from hil_bench.cli.status_line import REFRESH, Field, bench_status, bench_status_row
+from hil_bench.cli.status_line import (
+    REFRESH,
+    Field,
+    bench_status,
+    bench_status_row,
+    format_lines,
+)
 from hil_bench.lockstep import LockStep
 from hil_bench.realtime.clock import Clock
 from hil_bench.recording.channels import Channel
@@ -44,12 +50,20 @@ class LockStepStatus:
 
     def update(self) -> None:
         """Write a row where the last one is old enough; to be called often."""
-        now = self._clock.now()
-        elapsed = now - self._then
-        if elapsed < REFRESH * 1e9:
-            return
-        bench_time, counters = self._lockstep.now, self._transport.counters()
-        speed = (bench_time - self._bench_then) / elapsed
+        if self._clock.now() - self._then >= REFRESH * 1e9:
+            self.snapshot.write(self._next_row())
+
+    def texts(self) -> list[str]:
+        """Return the lines as they are now; the speed is that since the last ones."""
+        return format_lines(self._next_row(), self.lines)
+
+    def _next_row(self) -> tuple[float, ...]:
+        now, bench_time, counters = (
+            self._clock.now(),
+            self._lockstep.now,
+            self._transport.counters(),
+        )
+        speed = (bench_time - self._bench_then) / max(1, now - self._then)
         progress = (bench_time * 1e-9, speed, counters.received, counters.sent)
-        self.snapshot.write((*bench_status_row(self._bench), *progress))
         self._then, self._bench_then = now, bench_time
+        return (*bench_status_row(self._bench), *progress)

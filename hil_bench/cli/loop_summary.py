@@ -1,6 +1,6 @@
 """The figures of a loop in words, for the summary at the end of a run."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from hil_bench.bench import Bench
@@ -76,6 +76,11 @@ def fault_lines(bench: Bench) -> list[str]:
     ]
 
 
+def helper_lines(endings: Sequence[str]) -> list[str]:
+    """Return which processes beside the loop ended, a line each."""
+    return [f"helper    {ending}" for ending in endings]
+
+
 def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
     """Return how each node ended and what it refused, a line a node."""
     lines = []
@@ -87,4 +92,6 @@ def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
         ]
         state = node.state.name.replace("_", "-")
         lines.append(f"node {node.node_id:<4} {settings.name}: {', '.join((state, *refused))}")
+        if node.storage_problem is not None:
+            lines.append(f"          {node.storage_problem}")
     return lines

@@ -2,13 +2,13 @@
 
 import contextlib
 import importlib.util
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.bench import Bench
+from hil_bench.cli.helpers import Helper
 from hil_bench.config import BenchConfig, ModbusConfig
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import ConfigError
 from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.runner import Observer
 
@@ -22,22 +22,45 @@ NO_TIME_FOR_MODBUS = (
 )
 
 
-def _nothing() -> None:
-    """Nothing can be wrong with a server that is not there."""
-
-
 class OpenModbus(NamedTuple):
     """The Modbus server, where there is one.
 
     Attributes:
         lines: where clients find it.
         observers: its part of each tick.
-        check: raises a `BusError` when it is gone.
+        helpers: its process.
     """
 
     lines: Sequence[str] = ()
     observers: Sequence[Observer] = ()
-    check: Callable[[], None] = _nothing
+    helpers: Sequence[Helper] = ()
+
+
+class ModbusHelper:
+    """The server's process, as the loop looks after it.
+
+    Args:
+        config: of the server.
+        server: it runs.
+    """
+
+    name = "Modbus server"
+    loss = "its clients are cut off; a valve that they command is left to its watchdog"
+    is_needed = True
+
+    def __init__(self, config: ModbusConfig, server: "ModbusProcess") -> None:
+        self._config = config
+        self._server = server
+
+    def ending(self) -> str | None:
+        """Return how it ended; None while it runs."""
+        return self._server.ending()
+
+    def restart(self) -> str:
+        """Start it again, at the TCP port that it had; return where it is."""
+        self._server.restart()
+        places = place_lines(self._config, self._server.endpoints)
+        return ", ".join(line.removeprefix("modbus ") for line in places)
 
 
 @contextlib.contextmanager
@@ -56,7 +79,7 @@ def open_modbus(config: BenchConfig, bench: Bench) -> Iterator[OpenModbus]:
     binding = ModbusBinding(config, bench)
     with ModbusProcess(binding.plan) as server:
         lines = endpoint_lines(config.modbus, server.endpoints)
-        yield OpenModbus(lines, [binding.exchange], partial(check_process, server))
+        yield OpenModbus(lines, [binding.exchange], [ModbusHelper(config.modbus, server)])
 
 
 def require_pymodbus() -> None:
@@ -69,18 +92,14 @@ def require_pymodbus() -> None:
         raise ConfigError("Modbus needs pymodbus: pip install 'hil-bench[modbus]'")
 
 
-def check_process(server: "ModbusProcess") -> None:
-    """Notice that the server's process is gone.
-
-    Raises:
-        BusError: it is.
-    """
-    if not server.alive:
-        raise BusError("modbus: the server's process has ended; start the bench again")
-
-
 def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
     """Return where clients find the server, a line a way in, and its units."""
+    units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
+    return [*place_lines(config, endpoints), f"units  {units}"]
+
+
+def place_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
+    """Return where clients find the server, a line a way in."""
     lines, serial = [], config.server.serial
     if endpoints.port is not None:
         lines.append(f"modbus TCP {config.server.host}:{endpoints.port}")
@@ -88,5 +107,4 @@ def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
         line = f", {serial.baud_rate} bit/s, parity {serial.parity}"
         is_pseudo = serial.port == "pty"  # which has neither
         lines.append(f"modbus RTU {endpoints.serial_port}{'' if is_pseudo else line}")
-    units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
-    return [*lines, f"units  {units}"]
+    return lines

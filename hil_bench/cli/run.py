@@ -3,11 +3,12 @@
 import argparse
 import contextlib
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 from hil_bench.assembly import build_bench
 from hil_bench.bench import Bench
-from hil_bench.cli import lockstep_run
+from hil_bench.cli import lockstep_run, paced_run
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_fault_arguments,
@@ -20,17 +21,13 @@ from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.helpers import Helpers, add_loss_argument
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.loop_summary import (
-    bus_lines,
-    fault_lines,
-    frame_lines,
-    load_line,
-    loop_lines,
-    node_lines,
-)
+from hil_bench.cli.lockstep_run import LockStepRun
+from hil_bench.cli.loop_summary import helper_lines
 from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbus
+from hil_bench.cli.paced_run import PacedRun, Surroundings
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
@@ -38,24 +35,11 @@ from hil_bench.cli.recording_arguments import (
     open_recording,
     recording_lines,
 )
-from hil_bench.cli.status_line import (
-    StatusLine,
-    bench_status,
-    bench_status_row,
-    bus_status,
-    bus_status_row,
-)
 from hil_bench.config import BenchConfig, FaultConfig
 from hil_bench.config.plausibility import find_doubts
 from hil_bench.errors import ConfigError
 from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
-from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.inline_recorder import RecordingSink
-from hil_bench.recording.snapshot import Snapshot
-from hil_bench.runner import RunReport, run_paced
-from hil_bench.telemetry import RecordingTap
-from hil_bench.transports.bus_load import BusLoad
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT
 
 _EXAMPLES = f"""\
@@ -130,6 +114,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_lockstep_arguments(parser)
     add_recording_arguments(parser)
+    add_loss_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -171,21 +156,20 @@ def run(args: argparse.Namespace) -> int:
         histograms = stack.enter_context(HistogramFile(args.histograms))
         bus = stack.enter_context(open_bus(args, config))
         modbus = stack.enter_context(open_modbus(config, bench))
-        print(introduction(config, bus, modbus), flush=True)
         if args.lockstep:
             return lock_step(args, config, bench, bus, wish)
-        report = run_until_told(args, config, bench, (bus, modbus), wish, recording)
+        around = Surroundings(bus, modbus, recording, wish)
+        announce = print_once(introduction(config, bus, modbus))
+        run = PacedRun(args, config, bench, around, announce, clock_of(args.speed))
+        report = run.run()
         histograms.write(report, config.tick_ns, bus.bitrate)
-    lines = summary_lines(report, config, bench, bus, is_timed=math.isfinite(args.speed))
-    lines += recording_lines(recording)
+    announce()  # where not even one tick was asked for
+    lines = paced_run.summary_lines(report, run, config, bench, bus) + recording_lines(recording)
     print("\n".join(lines), flush=True)
     if report.lost is not None:
         raise report.lost
-    if is_incomplete(recording):
-        return ExitCode.LOST
-    if args.strict_timing and report.ticks.overruns:
-        return ExitCode.TIMING
-    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
+    is_late = args.strict_timing and report.ticks.overruns > 0
+    return exit_code(run.helpers, recording, wish, is_late=is_late)
 
 
 def check_arguments(args: argparse.Namespace) -> None:
@@ -230,51 +214,6 @@ def fault_line(fault: FaultConfig) -> str:
     return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
 
 
-def run_until_told(
-    args: argparse.Namespace,
-    config: BenchConfig,
-    bench: Bench,
-    ways_in: tuple[OpenBus, OpenModbus],
-    wish: Interruption,
-    recording: RecordingSink | None,
-) -> RunReport:
-    """Pace the bench until Ctrl-C, SIGTERM or the end of `--duration`."""
-    bus, modbus = ways_in
-    realtime = config.realtime
-    statistics = TickStatistics(is_shared=True)
-    clock = clock_of(args.speed)
-    pacer = Pacer(clock, config.tick_ns, overrun=realtime.overrun, statistics=statistics)
-    periods = math.inf if args.duration is None else round(args.duration * 1e9 / config.tick_ns)
-    channels, fields = bench_status(bench)
-    bus_channels, bus_fields = bus_status()
-    snapshot = Snapshot((*channels, *bus_channels))
-    load = BusLoad(bus.bitrate)
-
-    def publish(bench: Bench, now: int) -> None:
-        counters = bus.transport.counters()
-        present = bus_status_row(counters, load.update(now, counters.bits))
-        snapshot.write((*bench_status_row(bench), *present))
-
-    def stopped() -> bool:
-        bus.check()
-        modbus.check()
-        return wish.requested or statistics.ticks + statistics.skipped >= periods
-
-    transport, observers = bus.transport, [*modbus.observers, publish]
-    if recording is not None:
-        tap = RecordingTap(transport, recording)
-        transport, observers = tap, [tap.observe, *observers]
-    shown = (fields, bus_fields)
-    with StatusLine(snapshot, shown, statistics=statistics, wanted=not args.quiet):
-        return run_paced(
-            *(bench, transport, pacer),
-            stopped=stopped,
-            observers=observers,
-            realtime=realtime,
-            serves_between_ticks=args.speed == 1,
-        )
-
-
 def clock_of(speed: float) -> Clock:
     """Return the clock of a run at some speed, which may be infinite."""
     if math.isinf(speed):
@@ -290,31 +229,35 @@ def lock_step(
     wish: Interruption,
 ) -> int:
     """Run in lock-step, print the summary and return the exit code."""
-
-    def stopped() -> bool:
-        bus.check()
-        return wish.requested
-
-    report, recording = lockstep_run.run_in_lockstep(args, config, bench, bus.transport, stopped)
-    lines = lockstep_run.summary_lines(report, config, bench) + recording_lines(recording)
-    print("\n".join(lines), flush=True)
+    run = LockStepRun(args, config, bench, bus.transport, wish)
+    report = run.run(print_once(introduction(config, bus, OpenModbus())))
+    lines = lockstep_run.summary_lines(report, config, bench) + recording_lines(run.recording)
+    print("\n".join((*lines, *helper_lines(run.helpers.lines()))), flush=True)
     if report.lost is not None:
         raise report.lost
-    if is_incomplete(recording):
+    return exit_code(run.helpers, run.recording, wish)
+
+
+def exit_code(
+    helpers: Helpers, recording: RecordingSink | None, wish: Interruption, *, is_late: bool = False
+) -> int:
+    """Return what a run ends with whose bus was not lost."""
+    if helpers.is_incomplete or is_incomplete(recording):
         return ExitCode.LOST
+    if is_late:
+        return ExitCode.TIMING
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 
-def summary_lines(
-    report: RunReport, config: BenchConfig, bench: Bench, bus: OpenBus, *, is_timed: bool
-) -> list[str]:
-    """Return the summary at the end of a run; the loop's timing where there was any."""
-    ticks, *timing = loop_lines(report.ticks, config.tick_ns)
-    return [
-        *("summary", ticks, *(timing if is_timed else ())),
-        *frame_lines(report.frames, bench.unrouted),
-        *bus_lines(bus.parts),
-        load_line(report, config.tick_ns, bus.bitrate),
-        *fault_lines(bench),
-        *node_lines(config, bench),
-    ]
+def print_once(text: str) -> Callable[[], None]:
+    """Return what prints a text at its first call, and nothing later.
+
+    The text is made before, when there is no tick yet to hold up.
+    """
+    left = [text]
+
+    def announce() -> None:
+        while left:
+            print(left.pop(), flush=True)
+
+    return announce

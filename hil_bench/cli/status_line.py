@@ -53,6 +53,10 @@ class StatusLine:
         is_shown: whether it is wanted, and there is a terminal.
     """
 
+    name = "status lines"
+    loss = "nothing else is touched"
+    is_needed = False
+
     def __init__(
         self,
         snapshot: Snapshot,
@@ -82,11 +86,12 @@ class StatusLine:
         """Return how its process ended, as in "was killed (SIGKILL)"; None while it runs."""
         return self._helper.ending()
 
-    def restart(self) -> None:
+    def restart(self) -> str:
         """Start a new process in the place of one that has ended."""
         self._helper.stop(_END_TIMEOUT)
         self._helper = self._new_helper()
         self._helper.start()
+        return ""
 
     def _new_helper(self) -> HelperProcess:
         return HelperProcess(show, self._arguments, name="hil-bench-status")

@@ -76,6 +76,11 @@ class HubTransport:
             host, port = self._address
             raise BusError(f"{self.description}: hub {host}:{port}: {error}") from error
 
+    def drop(self) -> None:
+        """Take note that the hub is gone."""
+        if self._link is not None:
+            self._lose(self._link)
+
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, at most `limit` frames, without waiting."""
         link = self._link

@@ -96,6 +96,10 @@ class ModbusProcess:
         """Its process-ID, None before it runs."""
         return self._child.pid
 
+    def ending(self) -> str | None:
+        """Return how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        return self._child.ending()
+
     def __enter__(self) -> Self:
         """Start the process and wait until clients may connect; `BusError` where none can."""
         self.endpoints = Endpoints(*self._child.start())

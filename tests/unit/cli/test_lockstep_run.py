@@ -110,3 +110,16 @@ def test_the_trace_is_in_bench_time_and_the_same_at_every_run(run, tmp_path):
 def test_arguments_that_cannot_be_meant(arguments, message, capsys):
     assert main(["run", "-i", "virtual", "-c", "x", *arguments]) == 2
     assert capsys.readouterr().err == f"hil-bench: error: {message}\n"
+
+
+def test_it_says_join_when_the_nodes_have_booted(run, monkeypatch):
+    events = []
+    controller = Controller(SYNC)
+    send = controller.send
+    controller.send = lambda frames: (events.append(list(frames)), send(frames))
+    monkeypatch.setattr(
+        "builtins.print", lambda *words, **_options: events.append(" ".join(map(str, words)))
+    )
+    run(controller, "--duration", "0.001")
+    assert [frame.can_id for frame in events[0]] == [0x701, 0x702, 0x703, 0x704]
+    assert events[1].startswith("bench  built-in bench")

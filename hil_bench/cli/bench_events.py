@@ -1,0 +1,175 @@
+"""What happens on a bench while it runs, as lines for people: faults, states, errors, SYNC."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from drivers.emergency import Emergency
+from hil_bench.bench import Bench
+from hil_bench.canopen_device.nmt import NmtState
+from hil_bench.canopen_device.node import Node
+from hil_bench.config import BenchConfig
+from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.faults.schedule import FaultEvent
+
+LOOK = 100_000_000
+"""Bench time between two looks [ns]: what comes and goes within it is not seen."""
+
+SYNC_PATIENCE = 1_000_000_000
+"""Time without SYNC after which it counts as lost [ns]."""
+
+MOST_LINES = 20
+"""Lines that may follow one another; then it is one a second."""
+
+_NS_PER_S = 1_000_000_000
+
+
+class BenchEvents:
+    """Says what happens on a bench.
+
+    Args:
+        config: of the bench.
+        bench: the bench.
+        say: takes each line.
+        watches_sync: whether SYNC is missed when it stays away; in lock-step somebody else says so.
+    """
+
+    def __init__(
+        self,
+        config: BenchConfig,
+        bench: Bench,
+        say: Callable[[str], None],
+        *,
+        watches_sync: bool = True,
+    ) -> None:
+        valves = {
+            id(axis.valve.node): axis.valve
+            for axis in bench.axes
+            if isinstance(axis.valve, ValveDevice)
+        }
+        self._nodes = [
+            _NodeWatch(settings.name, node, valves.get(id(node)))
+            for settings, node in zip(config.nodes, bench.nodes, strict=True)
+        ]
+        self._faults = bench.faults.events
+        self._last_fault: FaultEvent | None = None
+        self._sync = _SyncWatch(bench.nodes) if watches_sync else None
+        self._budget = _Budget(say)
+        self._look_at = 0
+
+    def look(self, now: int) -> None:
+        """Say what has happened since the last look, where that is long enough ago.
+
+        Args:
+            now: bench time [ns].
+        """
+        if now < self._look_at:
+            return
+        self._look_at = now + LOOK
+        for event in self._new_faults():
+            verb = "begins" if event.is_begin else "ends"
+            self._say(now, event.time, f"fault {event.kind} {event.target} {verb}")
+        changed: dict[str, list[str]] = {}
+        for node in self._nodes:
+            if change := ", ".join(node.changes()):
+                changed.setdefault(change, []).append(node.name)
+        for change, names in changed.items():
+            self._say(now, now, f"{', '.join(names)}: {change}")
+        if self._sync is not None and (what := self._sync.change(now)):
+            self._say(now, now, what)
+
+    def _new_faults(self) -> list[FaultEvent]:
+        """Return what began or ended since the last call, the oldest first."""
+        new: list[FaultEvent] = []
+        for event in reversed(self._faults):
+            if event is self._last_fault:
+                break
+            new.append(event)
+        if new:
+            self._last_fault = new[0]
+        return new[::-1]
+
+    def _say(self, now: int, time: int, what: str) -> None:
+        self._budget.say(now, f"{time / _NS_PER_S:.3f} s: {what}")
+
+
+class _NodeWatch:
+    """What was last seen of a node."""
+
+    def __init__(self, name: str, node: Node, valve: ValveDevice | None) -> None:
+        self.name = name
+        self._node = node
+        self._valve = valve
+        self._states: tuple[str, ...] | None = None
+        self._errors: frozenset[int] = frozenset()
+        self._problem: str | None = None
+
+    def changes(self) -> Iterator[str]:
+        """Yield what has changed since the last call; where the node began is no change.
+
+        Yields:
+            A change in words.
+        """
+        yield from self._state_changes()
+        errors = self._node.emcy.present
+        for code in sorted(errors - self._errors):
+            meaning = Emergency(code, 0, b"", 0.0).meaning
+            yield f"EMCY 0x{code:04X} ({meaning})"
+        for code in sorted(self._errors - errors):
+            yield f"EMCY 0x{code:04X} gone"
+        self._errors = errors
+        problem = self._node.storage_problem
+        if problem is not None and problem != self._problem:
+            yield problem
+        self._problem = problem
+
+    def _state_changes(self) -> Iterator[str]:
+        state = self._node.state
+        if state is NmtState.INITIALISING:
+            return
+        states = [state.name.replace("_", "-")]
+        if self._valve is not None:
+            states.append(self._valve.state.value)
+        before, self._states = self._states, tuple(states)
+        if before is not None:
+            yield from (new for old, new in zip(before, states, strict=True) if new != old)
+
+
+class _SyncWatch:
+    """Whether SYNC still comes, where it ever came."""
+
+    def __init__(self, nodes: Iterable[Node]) -> None:
+        self._nodes = tuple(nodes)
+        self._count = 0
+        self._last = 0
+        self._is_lost = False
+
+    def change(self, now: int) -> str:
+        """Return that SYNC is lost or back [ns]; empty for neither."""
+        count = max((node.syncs for node in self._nodes), default=0)
+        silence = (now - self._last) / _NS_PER_S
+        if count != self._count:
+            was_lost, self._is_lost = self._is_lost, False
+            self._count, self._last = count, now
+            return f"SYNC is back after {silence:.1f} s" if was_lost else ""
+        if count and not self._is_lost and now - self._last >= SYNC_PATIENCE:
+            self._is_lost = True
+            return f"no SYNC for {silence:.1f} s; PDOs that wait for it stand still"
+        return ""
+
+
+class _Budget:
+    """Lets so many lines through as a person can read."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._free_at = 0
+        self._left_out = 0
+
+    def say(self, now: int, line: str) -> None:
+        """Say a line, or count it."""
+        if self._free_at - now >= MOST_LINES * _NS_PER_S:
+            self._left_out += 1
+            return
+        more = f" ({self._left_out} lines left out before)" if self._left_out else ""
+        self._say(line + more)
+        self._left_out = 0
+        self._free_at = max(self._free_at, now) + _NS_PER_S

@@ -61,7 +61,7 @@ def test_an_interface_that_goes_down_and_up_is_outlasted(start, own_channel):
     bench.wait_for_error("is up again")  # it looks now and then; its frames may be out before
     ended = bench.stop()
     assert ended.exit_code == ExitCode.INTERRUPTED, ended
-    down, up = ended.stderr.splitlines()
+    down, up = [line for line in ended.stderr.splitlines() if own_channel in line]
     assert f"'ip link set {own_channel} up' starts it; the bench goes on without it" in down
     assert up == f"hil-bench: socketcan {own_channel}: the interface is up again"
     assert "1 times the interface went down" in ended.stdout

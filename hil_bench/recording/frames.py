@@ -1,13 +1,14 @@
 """Bus traffic as a file, in the formats that CAN tools read."""
 
 import io
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any, Self
 
 import can
 from can.io.asc import ASCReader, ASCWriter
-from can.io.blf import BLFReader, BLFWriter
+from can.io.blf import BLFParseError, BLFReader, BLFWriter
 from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
@@ -26,6 +27,9 @@ _TEXT_READERS: dict[str, _Reader] = {
     ".asc": ASCReader,
     ".log": CanutilsLogReader,
 }
+
+_EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
+"""An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
 
 _DIRECTIONS = (" R", " T")
 """How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
@@ -234,13 +238,24 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
         ) from None
     with file:
         if suffix == ".blf":
-            yield from map(logged_frame_of, _messages(path, BLFReader, file))
+            yield from map(logged_frame_of, _messages(path, _BlfReader, file))
             return
         lines = _CompleteLines(file, encoding="utf-8")
         for message in _messages(path, _TEXT_READERS[suffix], lines):
             logged = logged_frame_of(message)
             is_silent = suffix == ".log" and not lines.says_direction
             yield logged._replace(is_received=None) if is_silent else logged
+
+
+class _BlfReader(BLFReader):
+    """Ends at an object that claims no bytes at all: python-can would read it forever."""
+
+    def _parse_container(self, data: bytes) -> Iterator[can.Message]:
+        data, self._tail = self._tail + data, b""
+        empty = _EMPTY_OBJECT.search(data)
+        yield from super()._parse_container(data[: empty.start()] if empty else data)
+        if empty:
+            raise BLFParseError("an object of the file claims no bytes")
 
 
 class _CompleteLines(io.TextIOWrapper):

@@ -20,16 +20,30 @@ from tempfile import TemporaryDirectory
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 CORPUS = HERE / "corpus"
+# Module, target, and the inputs that an idle processor takes in about ten seconds.
 MODULES = {
-    "file_targets": (
-        *("eds", "bench_toml", "register_map", "mdf", "signals_csv", "frames"),
-        "stored_parameters",
-    ),
-    "device_targets": ("node", "unconfigured_node", "bench"),
-    "bus_targets": ("sdo_client", "valve_driver", "scan", "twin_decoder", "modbus_client", "hub"),
-    "modbus_targets": ("modbus_tcp", "modbus_rtu"),
+    "file_targets": {
+        "eds": 4_000,
+        "bench_toml": 10_000,
+        "register_map": 16_000,
+        "mdf": 30_000,
+        "signals_csv": 30_000,
+        "frames": 22_000,
+        "stored_parameters": 50_000,
+    },
+    "device_targets": {"node": 1_000, "unconfigured_node": 1_100, "bench": 250},
+    "bus_targets": {
+        "sdo_client": 19_000,
+        "valve_driver": 500,
+        "scan": 50_000,
+        "twin_decoder": 60_000,
+        "modbus_client": 22_000,
+        "hub": 35_000,
+    },
+    "modbus_targets": {"modbus_tcp": 15_000, "modbus_rtu": 29_000},
 }
 TARGETS = {name: module for module, names in MODULES.items() for name in names}
+INPUTS = {name: count for names in MODULES.values() for name, count in names.items()}
 SLOWEST = 20  # s for one input: a hang
 LARGEST = 2048  # MB of memory
 WORD = re.compile(rb"\b[A-Za-z_][A-Za-z0-9_]{2,30}\b")
@@ -43,6 +57,11 @@ def main() -> int:
     )
     parser.add_argument("targets", nargs="*", metavar="TARGET", help=", ".join(TARGETS))
     parser.add_argument("--seconds", type=float, default=120.0, help="for all together (120)")
+    parser.add_argument(
+        "--repeatable",
+        action="store_true",
+        help="a fixed number of inputs a target: the same code gets the same inputs on any machine",
+    )
     parser.add_argument("--found", type=Path, default=Path("fuzz-found"), help="(fuzz-found)")
     parser.add_argument("--keep", action="store_true", help="keep new inputs in the corpus")
     parser.add_argument("--replay", type=Path, metavar="FILE", help="give one target one input")
@@ -61,9 +80,19 @@ def main() -> int:
     seconds = max(1, round(arguments.seconds * processes / len(targets)))
     with ThreadPoolExecutor(processes) as pool:
         results = list(
-            pool.map(lambda name: run(name, seconds, arguments.found, keep=arguments.keep), targets)
+            pool.map(
+                lambda name: run(
+                    name, _end(arguments, name, seconds), arguments.found, keep=arguments.keep
+                ),
+                targets,
+            )
         )
     return max(results)
+
+
+def _end(arguments: argparse.Namespace, target: str, seconds: int) -> str:
+    """Return the option of libFuzzer that ends a target."""
+    return f"-runs={INPUTS[target]}" if arguments.repeatable else f"-max_total_time={seconds}"
 
 
 def load(target: str):
@@ -95,7 +124,7 @@ def dictionary(corpus: Path, file: Path) -> list[str]:
     return [f"-dict={file}"] if lines else []
 
 
-def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
+def run(target: str, end: str, found: Path, *, keep: bool) -> int:
     """Fuzz one target in a process of its own; say in one line what came of it."""
     kept = CORPUS / target
     kept.mkdir(parents=True, exist_ok=True)
@@ -105,7 +134,7 @@ def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
         corpora = [str(kept)] if keep else [str(fresh), str(kept)]
         options = [
             *dictionary(kept, Path(scratch, "words.dict")),
-            *(f"-max_total_time={seconds}", "-seed=1", "-print_final_stats=1"),
+            *(end, "-seed=1", "-print_final_stats=1"),
             *(
                 f"-timeout={SLOWEST}",
                 f"-rss_limit_mb={LARGEST}",
@@ -115,7 +144,12 @@ def run(target: str, seconds: int, found: Path, *, keep: bool) -> int:
         ]
         command = [sys.executable, str(HERE), target, "--child", *options]
         ended = subprocess.run(  # noqa: S603 - ourselves
-            command, capture_output=True, text=True, errors="replace", check=False
+            command,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+            env=os.environ | {"PYTHONHASHSEED": "0"},
         )
     said = ended.stdout + ended.stderr
     inputs = re.search(r"number_of_executed_units:\s*(\d+)", said)

@@ -1,4 +1,5 @@
 import re
+import struct
 import subprocess
 from pathlib import Path
 
@@ -184,3 +185,18 @@ def test_a_frame_of_another_bus_has_its_channel(tmp_path: Path, suffix: str, pla
     with FrameFile(path) as file:
         file.write_frames([LoggedFrame(Frame(0x181, b"\x2a", bus=1), MILLISECOND, True)])
     assert place in path.read_text()
+
+
+@pytest.mark.timeout(5)
+def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
+    # Found by fuzzing: an object header of 16 bytes and size 0 in the one container; python-can's
+    # reader goes to "the next object", which is the same one, without end.
+    path = tmp_path / "bus.blf"
+    with FrameFile(path) as file:
+        file.write_frames([logged(0x181, b"\x2a", 1)])
+    whole = path.read_bytes()
+    header, claim = whole[:144], struct.pack("<4sHHLL", b"LOBJ", 16, 99, 0, 1)
+    container = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 16 + 16 + len(claim), 10)
+    path.write_bytes(header + container + struct.pack("<H6xL4x", 0, len(claim)) + claim)
+    with pytest.raises(ConfigError, match=r"bus\.blf: .*claims no bytes"):
+        list(read_frames(path))

@@ -80,4 +80,4 @@ def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFil
                 path, (TIME, *channels), comment=heading.comment, started=heading.started
             )
         case _:
-            return FrameFile(path)
+            return FrameFile(path, heading.started)

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -28,6 +29,9 @@ _TEXT_READERS: dict[str, _Reader] = {
     ".log": CanutilsLogReader,
 }
 
+_NO_DATE = datetime(1970, 1, 1)  # noqa: DTZ001 - the format has local time
+"""Of an ASC file in virtual time: the same bytes whenever it was written."""
+
 _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 """An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
 
@@ -41,23 +45,26 @@ class FrameFile:
 
     Args:
         path: the file; its suffix, one of `SUFFIXES`, is its format.
+        started: date of time 0, for the format that has one; None where time is virtual.
 
     Raises:
         ConfigError: the suffix is unknown, or the file cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, started: datetime | None = None) -> None:
         self.path = path
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
             raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
-        sinks: dict[str, type[_CandumpSink | _AscSink | _BlfSink]] = {
-            ".log": _CandumpSink,
-            ".asc": _AscSink,
-            ".blf": _BlfSink,
-        }
-        self._sink = sinks[suffix](path)
+        self._sink: _CandumpSink | _AscSink | _BlfSink
+        match suffix:
+            case ".log":
+                self._sink = _CandumpSink(path)
+            case ".asc":
+                self._sink = _AscSink(path, started)
+            case _:
+                self._sink = _BlfSink(path)
 
     def write_rows(self, rows: Recording) -> None:
         """Leave signals out: the format has no place for them."""
@@ -111,13 +118,24 @@ def _candump_line(logged: LoggedFrame) -> str:
     return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{data}\n"
 
 
+class _AscWriter(ASCWriter):
+    """Heads the file with the date of time 0, where python-can has that of writing."""
+
+    def __init__(self, text: "_Text", started: datetime | None) -> None:
+        self._started = started.astimezone() if started else _NO_DATE
+        super().__init__(text)
+
+    def _format_header_datetime(self, dt: datetime) -> str:  # noqa: ARG002 - python-can's
+        return super()._format_header_datetime(self._started)
+
+
 class _AscSink:
     """Has python-can write lines into memory, and appends them to the file as one block."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, started: datetime | None) -> None:
         self._file = OutputFile(path)
         self._text = _Text()
-        self._writer = ASCWriter(self._text)
+        self._writer = _AscWriter(self._text, started)
         # Its times count from its first entry, and ours from the recording's start.
         self._writer.log_event("Start of recording", 0.0)
 

@@ -1,6 +1,7 @@
 import re
 import struct
 import subprocess
+from datetime import UTC, datetime
 from pathlib import Path
 
 import can
@@ -200,3 +201,19 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
     path.write_bytes(header + container + struct.pack("<H6xL4x", 0, len(claim)) + claim)
     with pytest.raises(ConfigError, match=r"bus\.blf: .*claims no bytes"):
         list(read_frames(path))
+
+
+def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path: Path) -> None:
+    dates = []
+    for started in (None, datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)):
+        with FrameFile(tmp_path / "bus.asc", started) as file:
+            file.write_frames([logged(0x181, b"\x2a", 1)])
+        lines = (tmp_path / "bus.asc").read_text().splitlines()
+        dates.append([line for line in lines if line.lower().startswith(("date", "begin"))])
+    # As Vector writes dates, in local time.
+    local = datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC).astimezone().strftime("%a %b %d %H:%M:%S")
+    assert dates[0] == [
+        "date Thu Jan 01 00:00:00.0 1970",
+        "Begin Triggerblock Thu Jan 01 00:00:00.0 1970",
+    ]
+    assert dates[1] == [f"date {local}.0 2026", f"Begin Triggerblock {local}.0 2026"]

@@ -39,7 +39,7 @@ PYTHON_PROGRAMS = [
 
 def parser_of(*words: str) -> argparse.ArgumentParser:
     """Return the parser of what the first words name: all, a verb, an analysis of a verb."""
-    parser = cli._build_parser(words)
+    parser = cli.build_parser(words)
     for word in words:
         for action in parser._actions:
             if isinstance(action, argparse._SubParsersAction) and word in action.choices:
@@ -50,7 +50,7 @@ def parser_of(*words: str) -> argparse.ArgumentParser:
 @pytest.mark.parametrize("command", COMMANDS, ids=str)
 def test_a_command_in_a_block_is_taken(command):
     words = command.words[1:]
-    cli._build_parser(words).parse_args(words)
+    cli.build_parser(words).parse_args(words)
 
 
 @pytest.mark.parametrize("verb", ["", *cli.VERBS])
@@ -64,7 +64,7 @@ def test_the_examples_of_a_help_are_taken(verb):
     ]
     assert examples
     for words in examples:
-        cli._build_parser(words).parse_args(words)
+        cli.build_parser(words).parse_args(words)
 
 
 @pytest.mark.parametrize(

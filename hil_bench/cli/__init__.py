@@ -11,7 +11,8 @@ import importlib
 import logging
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from typing import Any
 
 import hil_bench
 from hil_bench.cli.collection import collection_put_off
@@ -38,6 +39,7 @@ VERBS = {
     "shadow": "run the plant beside a machine on its commands, and show what differs",
     "devices": "print the device table: node-IDs, profiles, PDOs",
     "registers": "print the register maps of the Modbus units",
+    "completion": "print what makes a shell complete verbs and options",
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""
 
@@ -90,7 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command line; where argparse has given the answer, nothing is left to be run."""
     try:
-        return _build_parser(arguments).parse_args(arguments)
+        called = next((word for word in arguments if not word.startswith("-")), None)
+        return build_parser(() if called is None else (called,)).parse_args(arguments)
     except SystemExit as end:
         code = int(end.code or ExitCode.DONE)
         return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
@@ -104,8 +107,17 @@ class _ShowVersion(argparse.Action):
         parser.exit()
 
 
-def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser with every verb by name, and the called one in full."""
+class _Verbs(argparse._SubParsersAction):  # type: ignore[type-arg]  # noqa: SLF001 - no other way
+    """Lists each verb with its line of `VERBS`, also one that is there in full."""
+
+    def add_parser(self, name: str, **options: Any) -> argparse.ArgumentParser:  # noqa: ANN401 - as argparse
+        """Add a verb."""
+        parser: argparse.ArgumentParser = super().add_parser(name, help=VERBS[name], **options)
+        return parser
+
+
+def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
+    """Return the parser with every verb by name, and some of them in full."""
     parser = Parser(
         prog="hil-bench",
         description="A hydraulic axis behind CANopen devices, in software: a test bench.",
@@ -115,11 +127,10 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
     add_verbosity_arguments(parser, verbose=0, quiet=False)
     subparsers = parser.add_subparsers(
-        title="verbs", metavar="VERB", required=True, parser_class=Parser
+        title="verbs", metavar="VERB", required=True, parser_class=Parser, action=_Verbs
     )
-    called = next((argument for argument in arguments if not argument.startswith("-")), None)
-    for verb, summary in VERBS.items():
-        if verb == called:
+    for verb in VERBS:
+        if verb in verbs:
             importlib.import_module(f"hil_bench.cli.{verb.replace('-', '_')}").add_parser(
                 subparsers
             )
@@ -127,7 +138,7 @@ def _build_parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
                 subparsers.choices[verb], verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS
             )
         else:
-            subparsers.add_parser(verb, help=summary)
+            subparsers.add_parser(verb)
     return parser
 
 

@@ -20,6 +20,7 @@ from hil_bench.analysis.simulated_studies import (
 )
 from hil_bench.analysis.simulation import Setup
 from hil_bench.analysis.study import Study
+from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.verbosity import add_verbosity_arguments
 from hil_bench.config import AxisConfig, BenchConfig
 from hil_bench.plant import balanced_state
@@ -72,7 +73,7 @@ def add_analysis(
         )
         parser.add_argument("--axis", metavar="NAME", help="the axis; the first one by default")
         parser.add_argument("--output", type=Path, metavar="DIR", help="where files go")
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     add_verbosity_arguments(parser, verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS)
     parser.set_defaults(study=study)
     return parser

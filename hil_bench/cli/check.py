@@ -11,6 +11,7 @@ from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bu
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.config import BenchConfig, Setting
 from hil_bench.config.plausibility import find_doubts
 from hil_bench.modbus_binding import ModbusBinding
@@ -43,7 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_bench_arguments(parser)
     add_fault_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     add_bus_check_arguments(parser)
     parser.set_defaults(run=run)
 

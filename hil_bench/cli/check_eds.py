@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.eds_check import Finding, Severity, check_eds
 
 _EXAMPLES = """\
@@ -33,7 +34,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="an EDS file")
     parser.add_argument("--strict", action="store_true", help="let a warning count as an error")
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

@@ -4,6 +4,7 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -32,6 +33,7 @@ from hil_bench.cli.controller_side import (
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.commissioning.journal import SettingsJournal
 from hil_bench.commissioning.measures import StepResult
 from hil_bench.commissioning.plan import (
@@ -104,6 +106,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "changed, as its --output says",
     )
     add_output_argument(parser, "hil-bench-commissioning", "report and recording")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -133,11 +136,20 @@ def run(args: argparse.Namespace) -> int:
         found, recorded = _commission(args, opened, config, plan, journal=journal)
     head = _head(args, opened, config, started, recorded)
     paths = write_report(args.output, found, head)
-    for finding in found.findings:
-        print(f"found     {finding.name}: {finding.evidence}; {finding.mend}")
-    print(f"verdict   {verdict_of(found)}")
-    print(f"report    {paths[0]}, {paths[1]}")
-    print("\n".join(report_lines(recorded)))
+    lines = [
+        *(f"found     {item.name}: {item.evidence}; {item.mend}" for item in found.findings),
+        f"verdict   {verdict_of(found)}",
+        f"report    {paths[0]}, {paths[1]}",
+        *report_lines(recorded),
+    ]
+    content = {
+        "verdict": verdict_of(found),
+        "steps": [_step_content(result) for result in found.results],
+        "findings": found.findings,
+        "report": paths,
+        "recording": recorded,
+    }
+    print_results(args, lines, content)
     if found.lost:
         raise BusError(found.lost)
     is_done = found.passed and not found.returned.unrestored
@@ -159,10 +171,10 @@ def _commission(
     """Run the plan while all is recorded; return what was found, and what the recording holds."""
     console = Console(
         confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
-        begin=lambda step: None if args.quiet else _print_begin(step),
-        end=lambda result: None if args.quiet else _print_end(result),
+        begin=lambda step: None if is_silent(args) else _print_begin(step),
+        end=lambda result: None if is_silent(args) else _print_end(result),
         returned=lambda returned: print_returned(
-            returned, restore_command(args), is_quiet=args.quiet
+            returned, restore_command(args), is_quiet=is_silent(args)
         ),
     )
     channels = recorded_channels(choose_axis(plan, config).name)
@@ -240,6 +252,21 @@ def _print_end(result: StepResult) -> None:
     ]
     text = "; ".join(filter(None, [result.problem, *wrong]))
     print(f"{result.verdict:8} {text}".rstrip(), flush=True)
+
+
+def _step_content(result: StepResult) -> dict[str, object]:
+    """Return a step for a program, its numbers in SI units; its traces are in the recording."""
+    return {
+        "step": result.kind,
+        "verdict": result.verdict,
+        "problem": result.problem,
+        "measures": [
+            asdict(measure) | {"is_right": measure.is_right} for measure in result.measures
+        ],
+        "findings": [finding.name for finding in result.findings],
+        "notes": result.notes,
+        "duration": result.duration,
+    }
 
 
 def _head(

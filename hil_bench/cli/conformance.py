@@ -17,6 +17,7 @@ from hil_bench.cli.controller_side import (
     seen_from_bus,
 )
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.config import BenchConfig
 from hil_bench.config.eds_findings import warn_of_findings
 from hil_bench.conformance import report
@@ -72,7 +73,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="longest wait for an answer, and how long silence is waited for (default: 0.5)",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.md", help="write a report")
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

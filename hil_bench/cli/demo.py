@@ -20,6 +20,7 @@ from hil_bench.cli.recording_arguments import (
     check_recording_arguments,
     report_lines,
 )
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ConfigError
@@ -74,6 +75,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_recording_arguments(parser)
     add_loss_argument(parser)
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -108,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
             session.snapshot,
             [session.fields[:2], session.fields[2:]],  # time and set-point, then the axes
             statistics=session.statistics,
-            wanted=not args.quiet,
+            wanted=not is_silent(args),
         )
         helpers = Helpers(
             [line] if line.is_shown else [],
@@ -125,13 +127,23 @@ def run(args: argparse.Namespace) -> int:
         recording = session.bench.signals
         signals.write(recording)
         frames.write_frames(session.bench.frames)
-    print("\n".join(summary_lines(report, config)))
-    print(f"recording {signals.path}\nframes    {frames.path}")
-    print(f"plot      {plot_line(recording, args.output / 'demo.png')}")
-    if session.bench.recording is not None:
-        print("\n".join(report_lines(session.bench.recording)))
-    for text in helper_lines(helpers.lines()):
-        print(text)
+    files = {"recording": signals.path, "frames": frames.path}
+    plot, problem = draw(recording, args.output / "demo.png")
+    recorded = session.bench.recording
+    lines = [
+        *summary_lines(report, config),
+        *(f"{name:9} {path}" for name, path in files.items()),
+        f"plot      {plot or problem}",
+        *(() if recorded is None else report_lines(recorded)),
+        *helper_lines(helpers.lines()),
+    ]
+    content = {
+        "motion": report,
+        "files": files | {"plot": plot},
+        "recording": recorded,
+        "helpers": helpers.lines(),
+    }
+    print_results(args, lines, content)
     if helpers.is_incomplete or not is_recorded(session):
         return ExitCode.LOST
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
@@ -165,9 +177,9 @@ def error_text(error: TrackingError) -> str:
     return f"RMS {error.rms * 1e3:.3f} mm, max {error.maximum * 1e3:.3f} mm"
 
 
-def plot_line(recording: Recording, path: Path) -> str:
-    """Draw the recording and return where, or what is missing for it."""
+def draw(recording: Recording, path: Path) -> tuple[Path | None, str]:
+    """Draw the recording; return where, or None and what is missing for it."""
     if importlib.util.find_spec("matplotlib") is None:
-        return "none, matplotlib is missing: pip install 'hil-bench[plot]'"
+        return None, "none, matplotlib is missing: pip install 'hil-bench[plot]'"
     plot_result(recording, path, title="Position control over CANopen")
-    return str(path)
+    return path, ""

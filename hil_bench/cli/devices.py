@@ -7,6 +7,7 @@ from dataclasses import asdict
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.device_table import device_table, read_devices
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 
 _EXAMPLES = """\
 examples:
@@ -26,7 +27,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

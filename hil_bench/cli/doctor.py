@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 from hil_bench import __version__
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.config import RealtimePolicy, load_config
 from hil_bench.doctor.buses import examine_buses
 from hil_bench.doctor.finding import Topic, Verdict, read_file
@@ -43,7 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.add_argument(
         "--seconds",
         type=float,

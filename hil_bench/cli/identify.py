@@ -8,6 +8,7 @@ from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
 from hil_bench.cli.arguments import add_output_argument, find_axis, make_directory
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.config import AxisConfig, BenchConfig, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.identification.identify import Identification, identify
@@ -49,7 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--starts", type=int, default=24, metavar="N", help="starts that the search tries (24)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

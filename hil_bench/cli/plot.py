@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.commissioning.decoding import function_of
 from hil_bench.errors import ConfigError
 from hil_bench.recording.channels import TIME, Recording, recording_channels
 from hil_bench.recording.files import read_recording
@@ -51,6 +53,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--to", type=float, default=np.inf, metavar="S", dest="end", help="leave out after"
     )
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
@@ -68,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
             plot_signals(recording, path, patterns=args.signals, title=title)
         else:  # of a bench without an axis: time alone
             _plot_frames(args, path, title)
-    print(path)
+    print_results(args, [str(path)], {"picture": path})
     return ExitCode.DONE
 
 
@@ -109,7 +112,14 @@ def _plot_frames(args: argparse.Namespace, path: Path, title: str) -> None:
     ]
     if not frames:
         raise ConfigError(f"{args.recording}: no frames to draw, at least not in this time")
-    plot_frames(frames, path, title=title)
+    plot_frames(frames, path, title=title, name_of=_name_of)
+
+
+def _name_of(can_id: int) -> str:
+    """Return an identifier with its use in the predefined connection set of CiA 301."""
+    name, node_id = function_of(can_id)
+    whose = "" if node_id is None else f" node {node_id}"
+    return f"{name}{whose}  0x{can_id:03X}"
 
 
 def _cut(recording: Recording, args: argparse.Namespace) -> Recording:

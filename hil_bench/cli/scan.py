@@ -12,6 +12,7 @@ from hil_bench.cli.controller_side import (
     open_network,
 )
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument
 from hil_bench.commissioning.discovery import NODE_IDS, Method
 from hil_bench.commissioning.identity import NodeDescription
 from hil_bench.commissioning.listening import BusTraffic, Traffic, listen
@@ -62,7 +63,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--listen", type=float, metavar="S", help="send nothing; say what is heard in S seconds"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

@@ -15,6 +15,7 @@ from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
+from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
 from hil_bench.config import BenchConfig
 from hil_bench.errors import BusError, ConfigError
@@ -104,7 +105,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--record", type=Path, metavar="FILE.csv", help="write each value beside the twin's"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

@@ -1,6 +1,6 @@
 """Bus traffic as a figure: when each identifier was on the bus, and how many frames a second."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,18 +18,30 @@ if TYPE_CHECKING:
 _BINS = 200
 
 
-def plot_frames(frames: Sequence[LoggedFrame], path: Path, *, title: str = "") -> None:
+def plot_frames(
+    frames: Sequence[LoggedFrame],
+    path: Path,
+    *,
+    title: str = "",
+    name_of: Callable[[int], str] = "0x{:03X}".format,
+) -> None:
     """Write traffic as a picture; the suffix of `path` is its format.
+
+    Args:
+        frames: the traffic.
+        path: the picture.
+        title: above it.
+        name_of: what an identifier is called.
 
     Raises:
         ConfigError: there are no frames.
     """
     if not frames:
         raise ConfigError(f"{path}: the recording has no frames to plot")
-    save_figure(lambda: _draw(frames, title), path)
+    save_figure(lambda: _draw(frames, title, name_of), path)
 
 
-def _draw(frames: Sequence[LoggedFrame], title: str) -> "Figure":
+def _draw(frames: Sequence[LoggedFrame], title: str, name_of: Callable[[int], str]) -> "Figure":
     from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
 
     identifiers = sorted({logged.frame.can_id for logged in frames}, reverse=True)
@@ -37,6 +49,7 @@ def _draw(frames: Sequence[LoggedFrame], title: str) -> "Figure":
     figure = Figure(figsize=(9.0, 2.8 + height), layout="constrained")
     raster, rate = figure.subplots(2, 1, sharex=True, height_ratios=[height, 1.6])
     _draw_raster(raster, frames, identifiers)
+    raster.set_yticks(range(len(identifiers)), list(map(name_of, identifiers)))
     _draw_rate(rate, frames)
     figure.suptitle(title)
     return figure
@@ -61,7 +74,6 @@ def _draw_raster(place: "Axes", frames: Sequence[LoggedFrame], identifiers: list
             marker="|",
             markersize=7,
         )
-    place.set_yticks(range(len(identifiers)), [f"0x{can_id:03X}" for can_id in identifiers])
     place.set_ylabel("CAN identifier")
     place.margins(x=0.01)
     place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)

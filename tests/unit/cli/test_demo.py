@@ -46,7 +46,7 @@ def no_extra(monkeypatch):
 
 
 def test_the_sensors_may_be_on_modbus_and_the_valve_on_canopen(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.demo.plot_line", lambda *_: "none")
+    monkeypatch.setattr("hil_bench.cli.demo.draw", lambda *_: (None, "none"))
     assert demo(tmp_path, "--duration", "2", "--sensors", "modbus") == 0
     recording = read_recording(tmp_path / "demo.csv")
     error = np.abs(recording["axis1.position_setpoint"] - recording["axis1.position"])

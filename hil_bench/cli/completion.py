@@ -1,0 +1,36 @@
+"""`hil-bench completion`: have a shell complete verbs and options."""
+
+import argparse
+import sys
+
+import shtab
+
+from hil_bench.cli.exit_codes import ExitCode
+
+SHELLS = ("bash", "zsh", "tcsh")
+
+_EXAMPLES = """\
+examples:
+  hil-bench completion bash > ~/.local/share/bash-completion/completions/hil-bench
+  hil-bench completion zsh > ~/.zfunc/_hil-bench                with ~/.zfunc in fpath
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "completion",
+        description="Print a script by which a shell completes verbs and options.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("shell", choices=SHELLS, help=", ".join(SHELLS))
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the script."""
+    from hil_bench.cli import VERBS, build_parser  # noqa: PLC0415 - it imports this module
+
+    sys.stdout.write(shtab.complete(build_parser(VERBS), args.shell))
+    return ExitCode.DONE

@@ -1,0 +1,50 @@
+"""What a verb found: lines for people, JSON for a program, or nothing under --quiet."""
+
+import argparse
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, is_dataclass
+
+
+def add_json_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --json."""
+    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+
+
+def is_silent(args: argparse.Namespace) -> bool:
+    """Return whether a verb must print nothing while it works."""
+    return bool(args.quiet or args.json)
+
+
+def print_results(
+    args: argparse.Namespace, lines: Iterable[str], content: Mapping[str, object]
+) -> None:
+    """Print what a verb found.
+
+    Args:
+        args: of the command line, with `json` and `quiet`.
+        lines: for people.
+        content: the same for a program: records, paths, numbers in SI units.
+    """
+    if args.json:
+        text = json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False)
+        print(text)
+    elif not args.quiet:
+        for line in lines:
+            print(line)
+
+
+def _plain(value: object) -> object:
+    """Return what JSON can hold: no value where a number is NaN or infinite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    elif isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (str, int)):
+        return value
+    return [_plain(item) for item in value] if isinstance(value, Iterable) else str(value)

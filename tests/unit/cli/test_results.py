@@ -1,0 +1,98 @@
+"""What verbs print at their end: lines, JSON, or nothing."""
+
+import argparse
+import json
+import math
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from hil_bench.cli import VERBS, main
+from hil_bench.cli.results import print_results
+
+
+class Pair(NamedTuple):
+    first: float
+    path: Path
+
+
+def options(**chosen):
+    return argparse.Namespace(**{"json": False, "quiet": False} | chosen)
+
+
+def test_people_get_lines_and_programs_json(capsys):
+    content = {"pair": Pair(math.nan, Path("a")), "set": (1, "x", None, True)}
+    print_results(options(), ["a line"], content)
+    assert capsys.readouterr().out == "a line\n"
+    print_results(options(json=True), ["a line"], content)
+    # JSON has no NaN (RFC 8259): no value.
+    expected = {"pair": {"first": None, "path": "a"}, "set": [1, "x", None, True]}
+    assert json.loads(capsys.readouterr().out) == expected
+    print_results(options(quiet=True), ["a line"], content)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_demo_for_a_program(tmp_path, capsys):
+    words = ["demo", "--speed", "max", "--duration", "1", "--output", str(tmp_path)]
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["motion"]["bench_time"] == 1.0
+    assert Path(found["files"]["recording"]).is_file()
+    assert main([*words, "-q"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+def test_a_picture_for_a_program(tmp_path, capsys):
+    log = tmp_path / "bus.log"
+    log.write_text("(0.1) can0 181#0102\n(0.2) can0 080#\n")
+    assert main(["plot", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"picture": str(tmp_path / "bus.png")}
+
+
+def test_a_commissioning_for_a_program(tmp_path, capsys):
+    plan = tmp_path / "plan.toml"
+    plan.write_text(
+        "[limits]\nposition_mm = [-150, 150]\nspeed_mm_s = 400\npressure_bar = [-1, 110]\n"
+        "[communication]\n"
+    )
+    words = ["commission", str(plan), "--virtual", "--output", str(tmp_path)]
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdict"] == "passed"
+    assert [step["step"] for step in found["steps"]] == ["communication"]
+    # The built-in bench has four nodes.
+    assert found["steps"][0]["measures"][0]["value"] == 4.0
+
+
+def completions(tmp_path, *words):
+    script = tmp_path / "completion.bash"
+    position = len(words) - 1
+    script.write_text(
+        f"COMP_WORDS=({' '.join(words)}); COMP_CWORD={position}; _shtab_hil_bench\n"
+        'echo "${COMPREPLY[@]}"\n'
+    )
+    command = f"source {tmp_path}/script.bash; source {script}"
+    shell = ["bash", "-c", command]
+    done = subprocess.run(shell, capture_output=True, text=True, check=True)  # noqa: S603 - our own
+    return done.stdout.split()
+
+
+def test_a_shell_completes_verbs_and_options(tmp_path, capsys):
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "script.bash").write_text(capsys.readouterr().out)
+    assert completions(tmp_path, "hil-bench", "sc") == ["scan"]
+    assert completions(tmp_path, "hil-bench", "run", "--lock") == ["--lockstep"]
+    assert set(completions(tmp_path, "hil-bench", '""')) == VERBS.keys()
+
+
+def test_another_shell_is_refused(capsys):
+    assert main(["completion", "fish"]) == 2
+    assert "'fish' is unknown; bash, zsh, tcsh are right" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("shell", ["zsh", "tcsh"])
+def test_other_shells(shell, capsys):
+    assert main(["completion", shell]) == 0
+    assert "hil-bench" in capsys.readouterr().out

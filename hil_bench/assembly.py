@@ -15,6 +15,7 @@ from hil_bench.axis import (
     SpoolCommand,
 )
 from hil_bench.bench import Bench
+from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
@@ -47,6 +48,7 @@ from hil_bench.measurement.chain import MeasuringChain
 from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import plant_at_rest
+from hil_bench.switchboard import Switchboard
 from hil_bench.transports.embedded import EmbeddedBus
 
 logger = logging.getLogger(__name__)
@@ -79,7 +81,8 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
 
 def build_bench(config: BenchConfig) -> Bench:
     """Return the bench that `config` describes, not yet powered on."""
-    nodes = {node.name: build_node(node) for node in config.nodes}
+    agenda = Agenda()
+    nodes = {node.name: build_node(node, agenda) for node in config.nodes}
     for member in config.nodes:
         limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
     commands = build_commands(config, nodes)
@@ -88,13 +91,8 @@ def build_bench(config: BenchConfig) -> Bench:
     points = find_fault_points(axes, nodes, config.nodes, buses)
     faults = Faults(points, tick_ns=config.tick_ns, seed=config.seed)
     schedule_faults(faults, config.faults)
-    return Bench(
-        axes,
-        list(nodes.values()),
-        steps=config.steps_per_tick,
-        faults=faults,
-        buses={nodes[name]: number for name, number in buses.items()},
-    )
+    switchboard = Switchboard({nodes[name]: number for name, number in buses.items()}, agenda)
+    return Bench(axes, switchboard, steps=config.steps_per_tick, faults=faults)
 
 
 def number_buses(config: BenchConfig) -> dict[str, int]:
@@ -103,11 +101,16 @@ def number_buses(config: BenchConfig) -> dict[str, int]:
     return {node.name: numbers[node.bus] for node in config.nodes}
 
 
-def build_node(config: NodeConfig) -> Node:
-    """Return the CANopen node of one device, made from its EDS and what it has stored."""
+def build_node(config: NodeConfig, agenda: Agenda | None = None) -> Node:
+    """Return the CANopen node of one device, made from its EDS and what it has stored.
+
+    Args:
+        config: of the device.
+        agenda: that of all nodes of the bench; see `Switchboard`.
+    """
     object_dictionary = load_objects(config)
     storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
-    return Node(object_dictionary, config.node_id, storage)
+    return Node(object_dictionary, config.node_id, storage, agenda)
 
 
 def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -> None:

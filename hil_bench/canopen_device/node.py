@@ -49,12 +49,14 @@ class Node:
             identifier changes, which makes the node due at once.
         counters: what was ignored or refused.
         emcy: where the application raises and clears errors.
-        agenda: when it has something to do; `whole` is that of all nodes on the bus, if there is
-            one.
     """
 
     def __init__(
-        self, object_dictionary: ObjectDictionary, node_id: int, storage: Storage | None = None
+        self,
+        object_dictionary: ObjectDictionary,
+        node_id: int,
+        storage: Storage | None = None,
+        agenda: Agenda | None = None,
     ) -> None:
         """Compose the services; the node is silent until `start`.
 
@@ -62,6 +64,7 @@ class Node:
             object_dictionary: its objects, with the defaults of `node_id`.
             node_id: 1 to 127, or 255 for none; a node-ID that LSS stored takes its place.
             storage: its non-volatile memory; without it, what is stored lives as long as the node.
+            agenda: one that several nodes share, which each of them brings forward with its own.
 
         Raises:
             ConfigError: the node-ID is none of these, or LSS cannot give one.
@@ -73,12 +76,12 @@ class Node:
         self.events = NodeEvents()
         self.routes: Routes = {}
         self.counters = NodeCounters()
-        self.agenda = Agenda()
+        self._agenda = Agenda(agenda)
         self._is_started = False
         self._is_silent = False
         self._services = Services(
             object_dictionary,
-            *(node_id, storage or MemoryStorage(), self.agenda, self.events, self.counters),
+            *(node_id, storage or MemoryStorage(), self._agenda, self.events, self.counters),
         )
         self._rest = self._services.agenda
         self._tpdos = self._services.tpdos
@@ -95,7 +98,7 @@ class Node:
     @property
     def deadline(self) -> int:
         """The next time at which `expire` or `serve` has something to do [ns]."""
-        return self.agenda.due
+        return self._agenda.due
 
     @property
     def sync_id(self) -> int | None:
@@ -183,11 +186,11 @@ class Node:
 
     def serve(self, now: int, emit: Emit) -> None:
         """Send boot-up, SDO and LSS answers, EMCY and error control, as far as they are due."""
-        if now < self.agenda.due or not self._is_started:
+        if now < self._agenda.due or not self._is_started:
             return
         services, rest = self._services, self._rest
         if self._is_silent:
-            self.agenda.due = rest.due = services.lss.silent_until
+            self._agenda.due = rest.due = services.lss.silent_until
             return
         if now < rest.due:
             services.sdo.serve(now, emit)
@@ -198,7 +201,7 @@ class Node:
         due = services.sdo.agenda.due
         if rest.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
             due = rest.due
-        self.agenda.due = due
+        self._agenda.due = due
 
     def _watch_identifiers(self) -> None:
         for variable in self.object_dictionary:

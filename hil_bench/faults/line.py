@@ -58,20 +58,27 @@ class Line:
     def __init__(self, node: Node) -> None:
         self.meetings: list[Meeting] = []
         self._node = node
+        self._now = 0
         self._late: dict[Direction, list[tuple[int, int, Frame]]] = {
             Direction.SENT: [],
             Direction.RECEIVED: [],
         }
         self._number = 0  # of late frames: those of one time keep their order
 
-    def sender(self, now: int, emit: Emit) -> Emit:
-        """Return where the node sends to at `now` [ns]: what gets through at once goes to `emit`.
+    def sender(self, emit: Emit) -> Emit:
+        """Return what takes the frames that the node sends; `emit` gets those not lost or late."""
 
-        Late frames whose time has come are emitted first.
-        """
-        for frame in self._due(Direction.SENT, now):
+        def send(frame: Frame) -> None:
+            passed = self._pass(frame, Direction.SENT, self._now)
+            if passed is not None:
+                emit(passed)
+
+        return send
+
+    def release(self, emit: Emit) -> None:
+        """Emit the frames that the node has sent and that were late until now."""
+        for frame in self._due(Direction.SENT, self._now):
             emit(frame)
-        return self._passing(Direction.SENT, now, emit)
 
     def guard(self, handle: Handler) -> Handler:
         """Return what takes received frames in place of a handler of the node."""
@@ -84,17 +91,10 @@ class Line:
         return take
 
     def deliver(self, now: int) -> None:
-        """Hand the node the received frames that were late until `now` [ns]."""
+        """Begin a round at `now` [ns]: hand the node the frames that were late until then."""
+        self._now = now
         for frame in self._due(Direction.RECEIVED, now):
             self._node.receive(frame, now)
-
-    def _passing(self, direction: Direction, now: int, take: Emit) -> Emit:
-        def pass_on(frame: Frame) -> None:
-            passed = self._pass(frame, direction, now)
-            if passed is not None:
-                take(passed)
-
-        return pass_on
 
     def _pass(self, frame: Frame, direction: Direction, now: int) -> Frame | None:
         """Return what gets through at once; what is late waits."""

@@ -32,7 +32,9 @@ def line(node):
 
 def send(line, *frames, now=0):
     sent = []
-    emit = line.sender(now, sent.append)
+    line.deliver(now)
+    line.release(sent.append)
+    emit = line.sender(sent.append)
     for frame in frames:
         emit(frame)
     return sent

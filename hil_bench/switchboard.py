@@ -9,8 +9,8 @@ two ticks.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
-from typing import NamedTuple
 
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.frame import (
@@ -26,7 +26,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.faults.line import Line
 
 
-class Port(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Port:
     """The place where a node is plugged in.
 
     Attributes:
@@ -107,8 +108,8 @@ class Switchboard:
             now: the time [ns].
             ports: those of the nodes that may have something to do.
         """
-        for line in self._lines.values():
-            line.deliver(now)
+        for deliver in self._deliveries:
+            deliver(now)
         routes = self.routes
         for frame in chain(self._heard, frames):
             address = frame.can_id | frame.bus << BUS_SHIFT
@@ -119,8 +120,8 @@ class Switchboard:
             for handle in handlers:
                 handle(frame, now)
         if now >= self._agenda.due:
-            for node, _, _ in ports:
-                node.expire(now)
+            for port in ports:
+                port.node.expire(now)
 
     def send(self, now: int, ports: Sequence[Port]) -> list[Frame]:
         """Return what is sent in this round: PDOs that are due, then what has time.
@@ -131,11 +132,11 @@ class Switchboard:
         """
         for release in self._releases:
             release()
-        for node, emit, _ in ports:
-            node.transmit_pdos(now, emit)
+        for port in ports:
+            port.node.transmit_pdos(now, port.emit)
         if now >= self._agenda.due:
-            for node, emit, _ in ports:
-                node.serve(now, emit)
+            for port in ports:
+                port.node.serve(now, port.emit)
             self._look_ahead(ports)
         sent = self._sent.copy()
         self._sent.clear()
@@ -150,10 +151,10 @@ class Switchboard:
     def _settle(self, frame: Frame, now: int) -> None:
         """Before a SYNC acts that is not the round's first: send the PDOs of the one before."""
         if now == self._synchronised_at and not frame.is_remote:
-            for node, emit, release in self._listeners[frame.can_id | frame.bus << BUS_SHIFT]:
-                if release is not None:
-                    release()
-                node.settle_pdos(now, emit)
+            for port in self._listeners[frame.can_id | frame.bus << BUS_SHIFT]:
+                if port.release is not None:
+                    port.release()
+                port.node.settle_pdos(now, port.emit)
         self._synchronised_at = now
 
     def _look_ahead(self, ports: Sequence[Port]) -> None:
@@ -166,12 +167,13 @@ class Switchboard:
             self._agenda.due = min(node.deadline for node in self.nodes)
 
     def _follow_routes(self, ports: Sequence[Port]) -> None:
-        if any(node.routes is not self._merged[node] for node, _, _ in ports):
+        if any(port.node.routes is not self._merged[port.node] for port in ports):
             self._merge_routes()
 
     def _plug_in(self) -> None:
         """Give each node its way to the bus, and find the nodes' listeners anew."""
         self.ports = tuple(self._port(node, bus) for node, bus in self._buses.items())
+        self._deliveries = [line.deliver for line in self._lines.values()]
         self._releases = [port.release for port in self.ports if port.release is not None]
         self._merge_routes()
 

@@ -1,6 +1,6 @@
 """When a node has something to do: one number, so that an idle tick costs one comparison."""
 
-from typing import Final, Protocol
+from typing import Final
 
 NEVER: Final = (1 << 63) - 1
 """A time that does not come [ns]."""
@@ -10,14 +10,6 @@ MILLISECOND: Final = 1_000_000
 
 INHIBIT_UNIT: Final = 100_000
 """Unit of inhibit times, 100 us [ns] (CiA 301)."""
-
-
-class Timed(Protocol):
-    """A service that wants to be called at a time."""
-
-    @property
-    def due(self) -> int:
-        """That time, or an earlier one [ns]; NEVER for none."""
 
 
 class Agenda:

@@ -15,7 +15,9 @@ from hil_bench.canopen_device.agenda import INHIBIT_UNIT, NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.service import Service
 from hil_bench.errors import SdoAbort
 
 GENERIC: Final = 0x01
@@ -36,17 +38,16 @@ _MONITORING: Final = range(0x8100, 0x8300)
 _MESSAGE: Final = struct.Struct("<HB5s")
 
 
-class EmcyProducer:
+class EmcyProducer(Service):
     """Emergency messages, error register and error history of one node.
 
-    Attributes:
-        is_enabled: whether the NMT state allows EMCY; messages wait while it does not.
+    Messages wait while the NMT state does not allow EMCY.
     """
 
     def __init__(
         self, object_dictionary: ObjectDictionary, agenda: Agenda, counters: NodeCounters
     ) -> None:
-        self.is_enabled = False
+        self._is_enabled = False
         self._object_dictionary = object_dictionary
         self._agenda = agenda
         self._counters = counters
@@ -55,12 +56,7 @@ class EmcyProducer:
         self._inhibited_until = 0
         self._can_id: int | None = None
         self._watch_parameters()
-        self.reset(range(0x10000))
-
-    @property
-    def due(self) -> int:
-        """When `serve` has something to send [ns]."""
-        return self._inhibited_until if self._queue and self.is_enabled else NEVER
+        self.forget(range(0x10000))
 
     def raise_error(
         self, code: int, register_bits: int, manufacturer: bytes = b"", source: int = 0
@@ -102,7 +98,11 @@ class EmcyProducer:
         """Return whether the error was raised and not cleared."""
         return (code, source) in self._present
 
-    def reset(self, restored: range) -> None:
+    def enter(self, state: NmtState) -> None:
+        """Begin or end to send."""
+        self._is_enabled = state in COMMUNICATING
+
+    def forget(self, restored: range) -> None:
         """Begin anew after the objects `restored` got their defaults.
 
         A reset of the communication forgets communication and protocol errors (0x81xx, 0x82xx);
@@ -120,14 +120,15 @@ class EmcyProducer:
         self._clear_history(0)
         self._set_can_id(self._object_dictionary.number(0x1014, absent=DISABLED))
 
-    def serve(self, now: int, emit: Emit) -> None:
+    def serve(self, now: int, emit: Emit) -> int:
         """Send what waits, as far as the inhibit time 0x1015 allows."""
-        while self._queue and self.is_enabled and now >= self._inhibited_until:
+        while self._queue and self._is_enabled and now >= self._inhibited_until:
             data = self._queue.popleft()
             if self._can_id is not None:
                 emit(Frame(self._can_id, data))
             inhibit_time = self._object_dictionary.number(0x1015)
             self._inhibited_until = now + inhibit_time * INHIBIT_UNIT
+        return self._inhibited_until if self._queue and self._is_enabled else NEVER
 
     def _watch_parameters(self) -> None:
         cob_id = self._object_dictionary.find(0x1014)

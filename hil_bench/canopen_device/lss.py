@@ -32,6 +32,7 @@ from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.parameter_store import ParameterStore
+from hil_bench.canopen_device.service import Service
 from hil_bench.errors import StorageError
 
 LSS_REQUEST: Final = 0x7E5
@@ -71,7 +72,7 @@ _SCAN: Final = struct.Struct("<BIBBB")
 _SHORT: Final = struct.Struct("<BB6x")
 
 
-class LssSlave:
+class LssSlave(Service):
     """The LSS side of one device.
 
     Attributes:
@@ -79,7 +80,6 @@ class LssSlave:
         pending_node_id: the node-ID after the next reset of the communication; 255 for none.
         must_boot: whether a device without node-ID got one, and is to boot.
         silent_until: end of the silence that a switch of the bit timing asks for [ns].
-        due: when there is something to send [ns].
     """
 
     def __init__(
@@ -94,7 +94,6 @@ class LssSlave:
         self.pending_node_id = node_id
         self.must_boot = False
         self.silent_until = 0
-        self.due = NEVER
         self._object_dictionary = object_dictionary
         self._store = store
         self._agenda = agenda
@@ -123,11 +122,11 @@ class LssSlave:
         else:
             self._dispatch(frame.data, now)
 
-    def serve(self, emit: Emit) -> None:
+    def serve(self, now: int, emit: Emit) -> int:  # noqa: ARG002 - answers wait for nothing
         """Send the answers."""
-        self.due = NEVER
         while self._answers:
             emit(Frame(LSS_RESPONSE, self._answers.popleft()))
+        return NEVER
 
     def _dispatch(self, data: bytes, now: int) -> None:
         specifier, number = _NUMBER.unpack(data)
@@ -163,7 +162,6 @@ class LssSlave:
 
     def _answer(self, data: bytes) -> None:
         self._answers.append(data)
-        self.due = 0
         self._agenda.bring_forward(0)
 
     def _address(self, part: int) -> int:

@@ -31,6 +31,10 @@ class NmtState(IntEnum):
     PRE_OPERATIONAL = 127
 
 
+COMMUNICATING: Final = frozenset({NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL})
+"""The states that have SDO, SYNC, TIME and EMCY."""
+
+
 class NmtCommand(IntEnum):
     """NMT command specifier."""
 

@@ -13,13 +13,14 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 
 from collections.abc import Collection
 
-from hil_bench.canopen_device.agenda import Agenda
+from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR
+from hil_bench.canopen_device.emcy import EmcyProducer
+from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR, ErrorBehaviour
+from hil_bench.canopen_device.error_control import ErrorControl
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Routes
-from hil_bench.canopen_device.heartbeat import ERROR_CONTROL
-from hil_bench.canopen_device.lss import LSS_REQUEST
+from hil_bench.canopen_device.lss import LSS_REQUEST, LssSlave
 from hil_bench.canopen_device.nmt import (
     ENTERED,
     NMT_COB_ID,
@@ -30,10 +31,13 @@ from hil_bench.canopen_device.nmt import (
     NmtState,
 )
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.parameter_store import ParameterStore
+from hil_bench.canopen_device.process_data import ProcessData
 from hil_bench.canopen_device.routing import RouteTable, names_identifier
-from hil_bench.canopen_device.services import COMMUNICATING, Services
+from hil_bench.canopen_device.sdo_channels import SdoChannels
+from hil_bench.canopen_device.startup import Startup
 from hil_bench.canopen_device.storage import MemoryStorage, Storage
-from hil_bench.canopen_device.time_stamp import TimeOfDay
+from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
 from hil_bench.errors import ConfigError
 
 
@@ -77,22 +81,22 @@ class Node:
         self.routes: Routes = {}
         self.counters = NodeCounters()
         self._agenda = Agenda(agenda)
+        self._rest = Agenda(self._agenda)  # of all but SDO, whose requests wake a node most often
         self._is_started = False
         self._is_silent = False
-        self._services = Services(
-            object_dictionary,
-            *(node_id, storage or MemoryStorage(), self._agenda, self.events, self.counters),
-        )
-        self._rest = self._services.agenda
-        self._tpdos = self._services.tpdos
-        self.node_id = self._services.node_id
-        self.emcy = self._services.emcy
-        if self.node_id == UNCONFIGURED and not self._services.lss.is_available:
+        self.emcy = EmcyProducer(object_dictionary, self._rest, self.counters)
+        self._store = ParameterStore(object_dictionary, storage or MemoryStorage(), self.emcy)
+        self._take_node_id(self._store.node_id or node_id)
+        self._power_up(RESTORED[NmtCommand.RESET_NODE])
+        self._compose()
+        if self.node_id == UNCONFIGURED and not self._lss.is_available:
             raise ConfigError(
                 f"{object_dictionary.source}: a node without node-ID needs the objects 0x1018.01 "
                 "to 0x1018.04, which LSS finds it by"
             )
-        self._watch_identifiers()
+        for variable in object_dictionary:
+            if names_identifier(variable):
+                variable.add_hook(self._follow_identifier)
         self._update_routes()
 
     @property
@@ -103,27 +107,26 @@ class Node:
     @property
     def sync_id(self) -> int | None:
         """Identifier of SYNC, None where the device knows none."""
-        return self._services.sync.can_id
+        return self._process_data.sync.can_id
 
     @property
     def sdo_ids(self) -> Collection[int]:
         """Identifiers of the requests that this node's SDO servers take."""
-        return self._services.sdo.handlers.keys()
+        return [can_id for can_id, _ in self._sdo.handlers() if can_id is not None]
 
     @property
     def syncs(self) -> int:
         """How many SYNCs it has taken."""
-        return self._services.sync.received
+        return self._process_data.sync.received
 
     @property
     def storage_problem(self) -> str | None:
         """Why parameters are not used or not stored, for people; None where all is well."""
-        store = self._services.store
-        return store.unwritten or store.problem
+        return self._store.unwritten or self._store.problem
 
     def time_of_day(self, now: int) -> TimeOfDay | None:
         """Return the time of day at `now` [ns] by the last TIME message, None before the first."""
-        return self._services.time.time_of_day(now)
+        return self._time.time_of_day(now)
 
     def start(self, now: int) -> None:
         """Power on: the next `serve` sends the boot-up message and enters PRE-OPERATIONAL.
@@ -144,16 +147,11 @@ class Node:
         """Act on what did not come in time, and produce SYNC where this node does that."""
         if now < self._rest.due:
             return
-        if self._is_silent and now >= self._services.lss.silent_until:
+        if self._is_silent and now >= self._lss.silent_until:
             self._is_silent = False
             self._update_routes()
-        sync = self._services.sync_producer.expire(now)
-        if sync is not None:
-            self._synchronise(sync.data, now, sync)
-        for rpdo in self._services.rpdos:
-            rpdo.expire(now)
-        is_heartbeat_lost = self._services.consumer.expire(now)
-        if self._services.guarding.expire(now) or is_heartbeat_lost:
+        self._process_data.expire(now)
+        if self._error_control.expire(now):
             self.follow_error_behaviour(COMMUNICATION_ERROR)
 
     def follow_error_behaviour(self, subindex: int) -> None:
@@ -162,7 +160,7 @@ class Node:
         The node sees to communication errors (sub-index 1) itself; the other classes are those of
         the device profile, and the application calls this.
         """
-        state = self._services.error_behaviour.state_after(subindex, self.state)
+        state = self._error_behaviour.state_after(subindex, self.state)
         if state is not None:
             self._enter(state)
 
@@ -188,25 +186,36 @@ class Node:
         """Send boot-up, SDO and LSS answers, EMCY and error control, as far as they are due."""
         if now < self._agenda.due or not self._is_started:
             return
-        services, rest = self._services, self._rest
+        rest, sdo = self._rest, self._sdo
         if self._is_silent:
-            self._agenda.due = rest.due = services.lss.silent_until
+            self._agenda.due = rest.due = self._lss.silent_until
             return
         if now < rest.due:
-            services.sdo.serve(now, emit)
+            sdo.serve(now, emit)
         if now >= rest.due:  # or is by now: what was written may ask for more
             if self.state is NmtState.INITIALISING and self.node_id != UNCONFIGURED:
                 self._boot(now, emit)
-            rest.due = services.serve(now, emit, self.state)
-        due = services.sdo.agenda.due
+            rest.due = NEVER
+            rest.bring_forward(min(service.serve(now, emit) for service in self._services))
+        due = sdo.agenda.due
         if rest.due < due:  # noqa: PLR1730 - min() costs more than all the rest here
             due = rest.due
         self._agenda.due = due
 
-    def _watch_identifiers(self) -> None:
-        for variable in self.object_dictionary:
-            if names_identifier(variable):
-                variable.add_hook(self._follow_identifier)
+    def _compose(self) -> None:
+        """Make the services, which read objects that have their power-on values."""
+        dictionary, rest, emcy = self.object_dictionary, self._rest, self.emcy
+        events, counters = self.events, self.counters
+        self._startup = Startup(dictionary)
+        self._error_behaviour = ErrorBehaviour(dictionary)
+        self._lss = LssSlave(dictionary, self.node_id, self._store, rest, counters)
+        self._sdo = SdoChannels(dictionary, self.node_id, self._agenda, counters)
+        self._time = TimeConsumer(dictionary, counters)
+        self._error_control = ErrorControl(dictionary, self.node_id, rest, events, emcy, counters)
+        self._process_data = ProcessData(dictionary, rest, events, emcy, counters)
+        self._tpdos = self._process_data.tpdos
+        sending = (self._lss, self._sdo, emcy, self._error_control)  # in this order
+        self._services = (*sending, self._process_data, self._time, self._store)
 
     def _follow_identifier(self, _cob_id: int) -> None:
         self._update_routes()
@@ -214,41 +223,28 @@ class Node:
 
     def _update_routes(self) -> None:
         table = RouteTable()
-        if self._services.lss.is_available and not self._is_silent:
+        if self._lss.is_available and not self._is_silent:
             table.add(LSS_REQUEST, self._receive_lss)
         if self.node_id != UNCONFIGURED and not self._is_silent:
             self._add_routes(table)
         self.routes = table.routes
 
     def _add_routes(self, table: RouteTable) -> None:
-        for can_id in self._tpdos.can_ids:
-            table.add(can_id, self._tpdos.receive)
-        table.add(ERROR_CONTROL + self.node_id, self._receive_guarding)
-        for node_id in self._services.consumer.node_ids:
-            table.add(ERROR_CONTROL + node_id, self._receive_heartbeat)
-        for rpdo in self._services.rpdos:
-            table.add(rpdo.can_id, rpdo.receive)
-        for can_id, handler in self._services.sdo.handlers.items():
-            table.add(can_id, handler)
-        table.add(self._services.time.can_id, self._services.time.receive)
-        table.add(self._services.sync.can_id, self._receive_sync)
+        for service in self._services:
+            for can_id, handler in service.handlers():
+                table.add(can_id, handler)
+        for can_id in self._error_control.heartbeat_ids:
+            table.add(can_id, self._receive_heartbeat)
         table.add(NMT_COB_ID, self._receive_nmt)
 
     def _receive_lss(self, frame: Frame, now: int) -> None:
-        self._services.lss.receive(frame, now)
-        if self._services.lss.must_boot:
+        self._lss.receive(frame, now)
+        if self._lss.must_boot:
             self._reset(NmtCommand.RESET_COMMUNICATION)
-        elif now < self._services.lss.silent_until:
+        elif now < self._lss.silent_until:
             self._is_silent = True
             self._update_routes()
             self._rest.bring_forward(now)
-
-    def _receive_guarding(self, frame: Frame, now: int) -> None:
-        """Take a frame with our own error control identifier: the master's request, or a stray."""
-        is_request = frame.is_remote and not frame.is_extended
-        is_up = self.state is not NmtState.INITIALISING
-        if not (is_request and is_up and self._services.guarding.receive(now)):
-            self.counters.is_data(frame)
 
     def _receive_nmt(self, frame: Frame, _now: int) -> None:
         if not self.counters.is_data(frame):
@@ -259,29 +255,8 @@ class Node:
         elif request.addresses(self.node_id) and self.state is not NmtState.INITIALISING:
             self._obey(request.command)
 
-    def _receive_sync(self, frame: Frame, now: int) -> None:
-        _, data, is_remote, is_extended, _ = frame
-        if is_remote or is_extended:
-            self.counters.ignored_frames += 1
-        elif self.state in COMMUNICATING and not self._services.sync_producer.is_producing:
-            self._synchronise(data, now)
-
-    def _synchronise(self, data: bytes, now: int, own: Frame | None = None) -> None:
-        """Act on a SYNC; `own` is the frame where this node produces it.
-
-        PDOs that still wait for their turn since the last SYNC keep the values that they had then.
-        """
-        if not self._tpdos.due:
-            self._tpdos.settle(now)
-        counter = self._services.sync.receive(data, now)
-        for rpdo in self._services.rpdos:
-            rpdo.synchronise()
-        self._tpdos.synchronise(counter, own)
-
     def _receive_heartbeat(self, frame: Frame, now: int) -> None:
-        if not self.counters.is_data(frame) or self.state is NmtState.INITIALISING:
-            return
-        if self._services.consumer.receive(frame, now):
+        if self._error_control.receive_heartbeat(frame, now):
             self.follow_error_behaviour(COMMUNICATION_ERROR)
 
     def _obey(self, command: NmtCommand) -> None:
@@ -293,24 +268,38 @@ class Node:
     def _reset(self, command: NmtCommand) -> None:
         restored = RESTORED[command]
         self._enter(NmtState.INITIALISING)
-        self._services.reset(restored)
-        self.node_id = self._services.node_id
+        self._take_node_id(self._lss.pending_node_id)
+        self._power_up(restored)
+        for service in self._services:
+            service.reset(self.node_id)
         self._update_routes()
         self._rest.bring_forward(0)
         is_whole = command is NmtCommand.RESET_NODE
         kind = NodeEventKind.RESET_NODE if is_whole else NodeEventKind.RESET_COMMUNICATION
         self.events.tell(NodeEvent(kind, 0))
 
+    def _take_node_id(self, node_id: int) -> None:
+        self.node_id = node_id
+        if node_id != UNCONFIGURED:
+            self.object_dictionary.assign_node_id(node_id)
+
+    def _power_up(self, restored: range) -> None:
+        """Set the objects `restored` to their power-on values; say so where these are damaged."""
+        self._store.restore(restored)
+        self.emcy.forget(restored)
+        self._store.report()
+
     def _boot(self, now: int, emit: Emit) -> None:
-        self._services.producer.boot_up(now, emit)
+        self._error_control.boot_up(now, emit)
         self._enter(NmtState.PRE_OPERATIONAL)
-        if self._services.startup.is_automatic:
+        if self._startup.is_automatic:
             self._enter(NmtState.OPERATIONAL)
 
     def _enter(self, state: NmtState) -> None:
         if state is self.state:
             return
         self.state = state
-        self._services.set_state(state)
+        for service in self._services:
+            service.enter(state)
         self._rest.bring_forward(0)
         self.events.tell(NodeEvent(NodeEventKind.STATE_CHANGED, state))

@@ -21,8 +21,10 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.emcy import GENERIC, EmcyProducer
+from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
+from hil_bench.canopen_device.service import Service
 from hil_bench.canopen_device.storage import Storage
 from hil_bench.canopen_device.stored_parameters import Identity, StoredParameters
 from hil_bench.errors import SdoAbort, StorageError
@@ -51,7 +53,7 @@ _RPDO_MAPPINGS: Final = range(0x1600, 0x1800)
 _HIGHEST_NODE_ID: Final = 127
 
 
-class ParameterStore:
+class ParameterStore(Service):
     """The non-volatile memory of one device.
 
     Attributes:
@@ -82,6 +84,10 @@ class ParameterStore:
     def bit_timing(self) -> int | None:
         """The index of the bit timing that LSS stored, None where it did not."""
         return self._parameters.bit_timing
+
+    def enter(self, state: NmtState) -> None:
+        """Allow to store and to restore but in OPERATIONAL, where it would hold up a machine."""
+        self.is_enabled = state is not NmtState.OPERATIONAL
 
     def restore(self, indices: range) -> None:
         """Set the objects of `indices` to what was stored, else to their defaults."""

@@ -1,5 +1,6 @@
 """SDO server parameters 0x1200 to 0x127F (CiA 301): the channels of a node, each by itself."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
 
@@ -8,8 +9,10 @@ from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.cob_id import DISABLED, can_id, check_change
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
+from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo import SdoServer
+from hil_bench.canopen_device.service import Service
 from hil_bench.errors import SdoAbort
 
 REQUEST: Final = 0x600
@@ -23,7 +26,7 @@ _REQUEST_SUBINDEX: Final = 1
 _RESPONSE_SUBINDEX: Final = 2
 
 
-class SdoChannels:
+class SdoChannels(Service):
     """The default channel, which every node has, and those of 0x1201 and following.
 
     A further channel is open while both of its identifiers are valid (bit 31 clear). Its
@@ -54,17 +57,14 @@ class SdoChannels:
         self._watch_parameters()
         self.reset(node_id)
 
-    @property
-    def handlers(self) -> dict[int, Handler]:
-        """The open channels' handlers of requests, by identifier."""
-        return {
-            server.request_id: server.receive
-            for server in self._servers
-            if server.request_id is not None
-        }
+    def handlers(self) -> Iterator[tuple[int | None, Handler]]:
+        """Yield the channels' handlers of requests."""
+        for server in self._servers:
+            yield server.request_id, server.receive
 
-    def set_enabled(self, *, is_enabled: bool) -> None:
+    def enter(self, state: NmtState) -> None:
         """Begin to serve, or end all transfers without a word."""
+        is_enabled = state in COMMUNICATING
         for server in self._servers:
             server.is_enabled = is_enabled
             if not is_enabled:
@@ -81,16 +81,17 @@ class SdoChannels:
         for index in self._further:
             self._configure(index)
 
-    def serve(self, now: int, emit: Emit) -> None:
+    def serve(self, now: int, emit: Emit) -> int:
         """Send the answer that is ready, then answer what was asked, channel by channel."""
         if self._answers:
             emit(self._answers.pop())
         if now < self.agenda.due:
-            return
+            return NEVER
         due = NEVER
         for server in self._open:
             due = min(due, server.serve(now, emit))
         self.agenda.due = due
+        return NEVER
 
     def _configure(self, index: int, _value: Any = None) -> None:  # noqa: ANN401 - it is a hook
         server = self._further[index]

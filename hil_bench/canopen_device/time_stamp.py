@@ -1,14 +1,17 @@
 """TIME consumer (CiA 301, time stamp object): 0x1012."""
 
 import struct
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND
 from hil_bench.canopen_device.cob_id import BIT_30, DISABLED, can_id, check_identifier
 from hil_bench.canopen_device.counters import NodeCounters
-from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.frame import Frame, Handler
+from hil_bench.canopen_device.nmt import COMMUNICATING, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.service import Service
 from hil_bench.errors import SdoAbort
 
 _COB_ID: Final = 0x1012
@@ -33,15 +36,11 @@ class TimeOfDay(NamedTuple):
     milliseconds: int
 
 
-class TimeConsumer:
-    """Keeps the time of day that the last TIME message told.
-
-    Attributes:
-        is_enabled: whether the NMT state allows TIME.
-    """
+class TimeConsumer(Service):
+    """Keeps the time of day that the last TIME message told."""
 
     def __init__(self, object_dictionary: ObjectDictionary, counters: NodeCounters) -> None:
-        self.is_enabled = False
+        self._is_enabled = False
         self._object_dictionary = object_dictionary
         self._counters = counters
         self._midnight: int | None = None
@@ -49,15 +48,17 @@ class TimeConsumer:
         if _COB_ID in object_dictionary:
             object_dictionary.add_check(_COB_ID, 0, self._check_cob_id)
 
-    @property
-    def can_id(self) -> int | None:
-        """The identifier of TIME, None while the device does not consume it."""
+    def handlers(self) -> Iterator[tuple[int | None, Handler]]:
+        """Yield that of TIME; its identifier is None while the device does not consume it."""
         cob_id = self._object_dictionary.number(_COB_ID)
-        return can_id(cob_id & ~_CONSUMES) if cob_id & _CONSUMES else None
+        yield can_id(cob_id & ~_CONSUMES) if cob_id & _CONSUMES else None, self._receive
 
-    def receive(self, frame: Frame, now: int) -> None:
-        """Take a TIME message."""
-        if not self._counters.is_data(frame) or not self.is_enabled:
+    def enter(self, state: NmtState) -> None:
+        """Begin or end to take TIME."""
+        self._is_enabled = state in COMMUNICATING
+
+    def _receive(self, frame: Frame, now: int) -> None:
+        if not self._counters.is_data(frame) or not self._is_enabled:
             return
         if len(frame.data) != _MESSAGE.size:
             self._counters.malformed_time += 1
@@ -72,7 +73,7 @@ class TimeConsumer:
         days, rest = divmod(now - self._midnight, _DAY)
         return TimeOfDay(self._days + days, rest // MILLISECOND)
 
-    def reset(self) -> None:
+    def reset(self, node_id: int) -> None:  # noqa: ARG002 - the identifier comes from 0x1012
         """Forget the time of day."""
         self._midnight = None
 

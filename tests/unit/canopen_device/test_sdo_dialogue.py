@@ -101,7 +101,7 @@ class Dialogue(RuleBasedStateMachine):
 
     @property
     def server(self):
-        return self.rig.node._services.sdo._default
+        return self.rig.node._sdo._default
 
     def ask(self, request):
         self.rig.receive(0x600 + NODE_ID, request)

@@ -94,7 +94,7 @@ def test_in_lockstep_somebody_else_watches_sync():
 def test_parameters_that_cannot_be_stored_are_said(bench, tmp_path):
     (tmp_path / "file").touch()
     node = bench.bench.nodes[3]
-    node._services.store._storage = FileStorage(tmp_path / "file" / "position.parameters")
+    node._store._storage = FileStorage(tmp_path / "file" / "position.parameters")
     bench.tick(download_request(POSITION, 0x1010, 1, b"save"))
     bench.tick(count=150)
     (said,) = bench.said

@@ -14,24 +14,39 @@ Each error is also the builtin that it is, so that a caller may catch either::
      ├── ControllerError (RuntimeError)   the controller of a bench has ended or is silent
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
-The controller side has a tree of its own, in `drivers.errors`.
+`hil_bench.canopen_device`, which knows nothing of the bench, has those that a device by itself may
+raise, and their base, which is this tree's. The controller side has a tree of its own, in
+`drivers.errors`.
 """
 
+from hil_bench.canopen_device.errors import (
+    ConfigError,
+    DeviceError,
+    EdsError,
+    SdoAbort,
+    StorageError,
+)
 
-class HilBenchError(Exception):
-    """Base of every error that the bench raises on purpose."""
+__all__ = [
+    "BusError",
+    "ConfigError",
+    "ControllerError",
+    "EdsError",
+    "HilBenchError",
+    "ParameterError",
+    "RecordingError",
+    "SdoAbort",
+    "StorageError",
+    "TimingError",
+    "WaitTimeoutError",
+    "printable",
+]
 
-
-class ConfigError(HilBenchError, ValueError):
-    """A file, an argument or a value is wrong; the message says what, where, what is right."""
+HilBenchError = DeviceError
 
 
 class ParameterError(ConfigError):
     """A plant parameter, input or state makes no physical sense; the message names it."""
-
-
-class EdsError(ConfigError):
-    """An EDS file is missing, malformed or lacks what its device profile needs."""
 
 
 class BusError(HilBenchError, OSError):
@@ -46,30 +61,12 @@ class RecordingError(HilBenchError, OSError):
     """A recording could not be written on: the disk is full, or its folder has vanished."""
 
 
-class StorageError(HilBenchError, OSError):
-    """Stored parameters of a device could not be read or written, or are damaged."""
-
-
 class WaitTimeoutError(HilBenchError, TimeoutError):
     """A condition was not met within the bench time that it was given."""
 
 
 class ControllerError(HilBenchError, RuntimeError):
     """The program that controls a bench has ended or says nothing, so bench time stands still."""
-
-
-class SdoAbort(HilBenchError):  # noqa: N818 - the standard's word
-    """An access to an object was refused.
-
-    Attributes:
-        code: the abort code, 32 bit (CiA 301, SDO abort codes).
-        text: the standard's words for that code.
-    """
-
-    def __init__(self, code: int, text: str) -> None:
-        super().__init__(f"SDO abort 0x{code:08X}: {text}")
-        self.code = code
-        self.text = text
 
 
 def printable(text: str) -> str:

@@ -3,8 +3,8 @@
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.errors import SdoAbort
 
 DISABLED: Final = 1 << 31
 """Bit 31: the object does not exist."""

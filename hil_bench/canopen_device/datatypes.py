@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.errors import SdoAbort
+from hil_bench.canopen_device.errors import SdoAbort
 
 Value = bool | int | float | str | bytes
 

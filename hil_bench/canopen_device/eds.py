@@ -13,9 +13,9 @@ from typing import Final
 from hil_bench.canopen_device.eds_document import Document, Finding, parse_document
 from hil_bench.canopen_device.eds_objects import add_mandatory, read_objects
 from hil_bench.canopen_device.eds_pdos import settle_pdos
+from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.errors import EdsError
 
 LARGEST_FILE: Final = 8 * 1024 * 1024
 """Longest file that is read [byte]; real ones are below a megabyte."""
@@ -70,14 +70,22 @@ def parse_eds(text: str, source: str) -> Document:
         EdsError: it is no EDS.
     """
     document = _parse(text)
+    refusal = find_refusal(document, text)
+    if refusal is not None:
+        raise EdsError(f"{source}: {refusal}")
+    return document
+
+
+def find_refusal(document: Document, text: str) -> str | None:
+    """Return why a text of these sections is no EDS and what is right, None where it is one."""
     if text.lstrip().startswith("<?xml"):
-        raise EdsError(f"{source}: is XML, as an XDD file is; {_RIGHT}")
+        return f"is XML, as an XDD file is; {_RIGHT}"
     if not document.objects:
-        raise EdsError(f"{source}: is no EDS file, it has no object such as [1000]; {_RIGHT}")
+        return f"is no EDS file, it has no object such as [1000]; {_RIGHT}"
     if not any(document.section(name) for name in _HEADERS):
         headers = " nor ".join(f"[{name}]" for name in _HEADERS)
-        raise EdsError(f"{source}: is no EDS file, it has neither {headers}; {_RIGHT}")
-    return document
+        return f"is no EDS file, it has neither {headers}; {_RIGHT}"
+    return None
 
 
 def build_objects(document: Document, node_id: int, source: str) -> ObjectDictionary:

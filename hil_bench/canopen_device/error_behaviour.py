@@ -8,9 +8,9 @@ the error classes of the device profile. Values: 0 to PRE-OPERATIONAL if OPERATI
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.errors import SdoAbort
 
 COMMUNICATION_ERROR: Final = 1
 """Sub-index of communication errors."""

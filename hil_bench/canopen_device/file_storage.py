@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 from zlib import crc32
 
-from hil_bench.errors import StorageError
+from hil_bench.canopen_device.errors import StorageError
 
 _HEADER: Final = re.compile(rb"hil-bench parameters (\d{1,9}) crc32 ([0-9a-f]{8})\n")
 _VERSION: Final = 1

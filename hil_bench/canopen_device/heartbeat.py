@@ -7,11 +7,11 @@ from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND, NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import COMMUNICATION, HEARTBEAT, EmcyProducer
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.errors import SdoAbort
 
 ERROR_CONTROL: Final = 0x700
 """Identifier of boot-up and heartbeat, plus the node-ID."""

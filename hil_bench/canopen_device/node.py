@@ -18,6 +18,7 @@ from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR, ErrorBehaviour
 from hil_bench.canopen_device.error_control import ErrorControl
+from hil_bench.canopen_device.errors import ConfigError
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Routes
 from hil_bench.canopen_device.lss import LSS_REQUEST, LssSlave
@@ -38,7 +39,6 @@ from hil_bench.canopen_device.sdo_channels import SdoChannels
 from hil_bench.canopen_device.startup import Startup
 from hil_bench.canopen_device.storage import MemoryStorage, Storage
 from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
-from hil_bench.errors import ConfigError
 
 
 class Node:

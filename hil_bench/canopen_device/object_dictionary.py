@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import DataType, Value
-from hil_bench.errors import SdoAbort
+from hil_bench.canopen_device.errors import SdoAbort
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.eds_document import Finding

@@ -21,13 +21,13 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.emcy import GENERIC, EmcyProducer
+from hil_bench.canopen_device.errors import SdoAbort, StorageError
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
 from hil_bench.canopen_device.service import Service
 from hil_bench.canopen_device.storage import Storage
 from hil_bench.canopen_device.stored_parameters import Identity, StoredParameters
-from hil_bench.errors import SdoAbort, StorageError
 
 STORAGE: Final = 0x5530
 """EMCY code: the stored parameters cannot be used (non-volatile data memory)."""

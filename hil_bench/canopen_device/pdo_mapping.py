@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.abort_codes import AbortCode
 from hil_bench.canopen_device.datatypes import BOOLEAN, DATA_TYPES, DataType
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.errors import SdoAbort
 
 PDO_BITS: Final = 64
 BITS_OF_A_BYTE: Final = 8

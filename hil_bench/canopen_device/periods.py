@@ -11,8 +11,8 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.errors import SdoAbort
 
 _MICROSECOND: Final = 1000
 _TPDOS: Final = range(0x1800, 0x1A00)

@@ -18,6 +18,7 @@ from typing import Final
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import NEVER, Agenda
 from hil_bench.canopen_device.counters import NodeCounters
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Emit, Frame, make_frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.sdo_block import BLOCK_SIZE, BlockDownload, BlockUpload
@@ -28,7 +29,6 @@ from hil_bench.canopen_device.sdo_transfer import (
     Transfer,
     check_bound,
 )
-from hil_bench.errors import SdoAbort
 
 BUFFER_SIZE: Final = 65536
 """Longest string or domain that a client may download [byte]."""

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.sdo_transfer import (
     SEGMENT,
     SEGMENT_BYTES,
@@ -22,7 +23,6 @@ from hil_bench.canopen_device.sdo_transfer import (
     check_bound,
     check_complete,
 )
-from hil_bench.errors import SdoAbort
 
 BLOCK_SIZE: Final = 127
 """Segments that the server takes in a sub-block, and the most that there may be."""

@@ -7,7 +7,7 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.agenda import MILLISECOND
-from hil_bench.errors import SdoAbort
+from hil_bench.canopen_device.errors import SdoAbort
 
 Multiplexer = tuple[int, int]
 """Index and sub-index: which object a transfer is about."""

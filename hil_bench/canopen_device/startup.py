@@ -3,8 +3,8 @@
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.errors import SdoAbort
 
 _OBJECT: Final = 0x1F80
 _NO_SELF_START: Final = 1 << 2

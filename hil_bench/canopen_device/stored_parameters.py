@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from hil_bench.errors import StorageError
+from hil_bench.canopen_device.errors import StorageError
 
 Identity = tuple[int, int, int]
 """Vendor-ID, product code and revision number: whose parameters these are (0x1018)."""

@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Final
 
-from hil_bench.canopen_device.eds import build_objects, parse_eds, read_eds
-from hil_bench.canopen_device.eds_document import Finding, Severity
+from hil_bench.canopen_device.eds import build_objects, find_refusal, read_eds
+from hil_bench.canopen_device.eds_document import Finding, Severity, parse_document
 from hil_bench.eds_check.header import check_header
 from hil_bench.eds_check.object_lists import check_lists
 from hil_bench.eds_check.objects import check_objects
-from hil_bench.errors import EdsError
 
 _CHECKS = (check_header, check_lists, check_objects)
 _ANY_NODE_ID: Final = 1
@@ -21,11 +20,10 @@ def check_eds(path: Path) -> list[Finding]:
     `EdsError` where the file cannot be read, or is too long to be an EDS.
     """
     text = read_eds(path)
-    try:
-        document = parse_eds(text, str(path))
-    except EdsError as error:
-        reason = str(error).removeprefix(f"{path}: ")
-        return [Finding(1, "", reason, Severity.ERROR)]
+    document = parse_document(text)
+    refusal = find_refusal(document, text)
+    if refusal is not None:
+        return [Finding(1, "", refusal, Severity.ERROR)]
     findings = [*build_objects(document, _ANY_NODE_ID, str(path)).findings]
     for check in _CHECKS:
         findings += check(document)

@@ -2,9 +2,9 @@
 
 import pytest
 
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo_transfer import check_bound, check_complete
-from hil_bench.errors import SdoAbort
 
 TOO_LONG, TOO_SHORT, TOGGLE = 0x06070012, 0x06070013, 0x05030000
 TAKEN = (b"\x20".ljust(8, b"\0"), b"\x30".ljust(8, b"\0"))  # by toggle bit

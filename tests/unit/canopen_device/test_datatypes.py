@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from hil_bench.canopen_device import datatypes
 from hil_bench.canopen_device.datatypes import DATA_TYPES, IntegerType
-from hil_bench.errors import SdoAbort
+from hil_bench.canopen_device.errors import SdoAbort
 
 INTEGERS = [t for t in DATA_TYPES.values() if isinstance(t, IntegerType)]
 

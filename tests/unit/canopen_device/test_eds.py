@@ -8,9 +8,9 @@ import device_profiles
 from hil_bench.canopen_device.eds import LARGEST_FILE, load_eds
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_document import Severity
+from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access
-from hil_bench.errors import EdsError
 
 EDS = Path(__file__).with_name("device.eds")
 

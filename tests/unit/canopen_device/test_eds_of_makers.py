@@ -10,7 +10,7 @@ import random
 import pytest
 
 from device_profiles import VALVE_408
-from hil_bench.errors import EdsError
+from hil_bench.canopen_device.errors import EdsError
 
 HEAD = {
     "FileInfo": {"FileName": "maker.eds"},

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil_bench.canopen_device.errors import StorageError
 from hil_bench.canopen_device.file_storage import FileStorage
-from hil_bench.errors import StorageError
 
 DATA = b'{"identity": [0, 1, 65536]}\n'
 

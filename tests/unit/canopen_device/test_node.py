@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.datatypes import UNSIGNED32
+from hil_bench.canopen_device.errors import ConfigError, SdoAbort
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import UNCONFIGURED, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.errors import ConfigError, SdoAbort
 
 
 @pytest.mark.parametrize("node_id", [0, 128])

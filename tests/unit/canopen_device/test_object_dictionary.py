@@ -4,8 +4,8 @@ import pytest
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import REAL32, UNSIGNED8, UNSIGNED16
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
-from hil_bench.errors import SdoAbort
 
 
 @pytest.fixture

@@ -48,11 +48,13 @@ class SdoAbortError(DriverError):
 
     Attributes:
         code: abort code, 32 bit (CiA 301, SDO abort codes).
+        reason: the code and what it means, in words.
     """
 
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
+    def __init__(self, what: str, code: int, meaning: str) -> None:
         self.code = code
+        self.reason = f"SDO abort 0x{code:08X}, {meaning}"
+        super().__init__(f"{what}: {self.reason}")
 
 
 class RegisterMapError(DriverError, ValueError):

@@ -266,9 +266,7 @@ class Node(canopen.RemoteNode):
             yield
         except SdoAbortedError as error:
             text = SdoAbortedError.CODES.get(error.code, "code unknown to CiA 301")
-            raise SdoAbortError(
-                f"{what}: SDO abort 0x{error.code:08X}, {text}", error.code
-            ) from None
+            raise SdoAbortError(what, error.code, text) from None
         except SdoTimeout:
             raise DriverTimeoutError(
                 f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s"

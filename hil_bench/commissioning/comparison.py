@@ -13,6 +13,7 @@ from hil_bench.config import BenchConfig, NodeConfig
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3))
 """What a device cannot change: device type, vendor, product, revision."""
 
+REVISION = IDENTITY[-1]
 SERIAL_NUMBER = (0x1018, 4)
 
 MAPPING = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
@@ -49,6 +50,7 @@ class Difference:
         mend: what can be done about it.
         key: the object; None where the node itself is concerned.
         right: the value that it should hold; None where there is none.
+        is_missing: whether the node does not answer at all.
     """
 
     node_id: int
@@ -56,6 +58,7 @@ class Difference:
     mend: Mend
     key: Key | None = None
     right: float | None = None
+    is_missing: bool = False
 
 
 def compare(
@@ -116,7 +119,7 @@ def _missing(node: NodeConfig) -> Difference:
         f"node {node.node_id} ({node.name}): does not answer; a device with this node-ID, "
         "powered, on this bus and at its bit rate, is right"
     )
-    return Difference(node.node_id, what, Mend.NODE)
+    return Difference(node.node_id, what, Mend.NODE, is_missing=True)
 
 
 def _compare_node(
@@ -164,7 +167,7 @@ def _compare_settings(node: Node, config: NodeConfig, name: str) -> Iterator[Dif
         try:
             found = node.read(*key)
         except SdoAbortError as error:
-            what = f"{name}: {_place(node, key)} cannot be read, {_after_colon(error)}; {by} has it"
+            what = f"{name}: {_place(node, key)} cannot be read, {error.reason}; {by} has it"
             yield Difference(config.node_id, what, Mend.NODE, key)
             continue
         if found != right:
@@ -226,7 +229,3 @@ def _text(key: Key, value: int | float) -> str:  # noqa: PYI041 - which of both 
 
 def _without_node(error: DriverError, node: Node) -> str:
     return str(error).removeprefix(f"{node}: ")
-
-
-def _after_colon(error: SdoAbortError) -> str:
-    return str(error).rpartition(": ")[2]

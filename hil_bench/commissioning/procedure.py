@@ -5,7 +5,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers import Network
-from hil_bench.commissioning.comparison import MAPPING, Difference, Mend, compare
+from hil_bench.commissioning.comparison import (
+    IDENTITY,
+    MAPPING,
+    REVISION,
+    SERIAL_NUMBER,
+    Difference,
+    Mend,
+    compare,
+)
 from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdict
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Step, expected_speed
@@ -95,7 +103,7 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
     foreign = [difference for difference in differences if difference.mend is Mend.NODE]
     settings = [difference for difference in differences if difference.mend is Mend.WRITE]
     remapped = [difference for difference in settings if _is_mapping(difference)]
-    result.findings += [_identity_finding(difference.what) for difference in foreign]
+    result.findings += [_identity_finding(difference) for difference in foreign]
     result.findings += [
         Finding("another PDO mapping", difference.what, "hil-bench check --bus --apply mends it")
         for difference in remapped
@@ -119,13 +127,12 @@ def _is_mapping(difference: Difference) -> bool:
     return difference.key is not None and any(difference.key[0] in block for block in MAPPING)
 
 
-def _identity_finding(what: str) -> Finding:
+def _identity_finding(difference: Difference) -> Finding:
+    if difference.key == REVISION:
+        name = "wrong EDS revision"
+    elif difference.key in {*IDENTITY, SERIAL_NUMBER}:
+        name = "another device"
+    else:
+        name = "node missing" if difference.is_missing else "node not usable"
     mend = "look at the device, or take the EDS that belongs to it: hil-bench scan"
-    if "cannot read" in what:
-        return Finding("node not usable", what, mend)
-    if "0x1018.03" in what:
-        return Finding("wrong EDS revision", what, mend)
-    if "0x1018" in what or "0x1000" in what:
-        return Finding("another device", what, mend)
-    name = "node missing" if "does not answer" in what else "node not usable"
-    return Finding(name, what, mend)
+    return Finding(name, difference.what, mend)

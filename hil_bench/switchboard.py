@@ -13,17 +13,10 @@ from dataclasses import dataclass
 from itertools import chain
 
 from hil_bench.canopen_device.agenda import Agenda
-from hil_bench.canopen_device.frame import (
-    BUS_SHIFT,
-    Emit,
-    Frame,
-    Handler,
-    Routes,
-    address_of,
-    make_frame,
-)
+from hil_bench.canopen_device.frame import Emit, Frame, Handler, Routes, make_frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.faults.line import Line
+from hil_bench.frame import BUS_SHIFT, address_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import can
 
 from drivers import Network
-from hil_bench.canopen_device.frame import frame_bits
 from hil_bench.commissioning.decoding import function_of, meaning_of
+from hil_bench.frame import frame_bits
 
 
 @dataclass(slots=True)

@@ -12,8 +12,9 @@ import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 
-from hil_bench.canopen_device.frame import Frame, frame_bits
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.frame import frame_bits
 from hil_bench.transports.socketcand_protocol import MAX_COMMAND, format_send, parse_frame
 from hil_bench.transports.transport import TransportCounters
 

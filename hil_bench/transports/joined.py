@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from operator import attrgetter
 
-from hil_bench.canopen_device.frame import BUS_SHIFT, Frame
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.frame import BUS_SHIFT
 from hil_bench.transports.socketcan import SocketCanTransport
 from hil_bench.transports.transport import Transport, TransportCounters
 

@@ -4,8 +4,9 @@ from collections.abc import Iterable, Sequence
 
 import can
 
-from hil_bench.canopen_device.frame import Frame, frame_bits, make_frame
+from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.errors import BusError
+from hil_bench.frame import frame_bits
 from hil_bench.transports.transport import TransportCounters
 
 _STANDARD_ID_MAX = 0x7FF

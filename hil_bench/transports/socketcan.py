@@ -16,8 +16,9 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from hil_bench.canopen_device.frame import FRAME_BITS, Frame, make_frame
+from hil_bench.canopen_device.frame import Frame, make_frame
 from hil_bench.errors import BusError
+from hil_bench.frame import FRAME_BITS
 from hil_bench.transports.can_interfaces import is_up
 from hil_bench.transports.transport import TransportCounters
 

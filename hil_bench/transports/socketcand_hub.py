@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, cast
 
-from hil_bench.canopen_device.frame import frame_bits
 from hil_bench.errors import BusError
+from hil_bench.frame import frame_bits
 from hil_bench.transports.bus_load import bitrate_text
 from hil_bench.transports.rate_limit import RateLimit
 from hil_bench.transports.socketcand_protocol import (

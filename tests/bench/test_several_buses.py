@@ -11,9 +11,10 @@ import pytest
 
 from drivers import Network, PositionSensor, ProportionalValve
 from hil_bench.assembly import build_bench
-from hil_bench.canopen_device.frame import Frame, address_of
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.config import load_config
+from hil_bench.frame import address_of
 from hil_bench.lockstep import LockStep
 from hil_bench.virtual_bench import VirtualBench
 

@@ -8,8 +8,9 @@ import threading
 import can
 import pytest
 
-from hil_bench.canopen_device.frame import Frame, frame_bits
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.frame import frame_bits
 from hil_bench.transports import hub_transport
 from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.hub_transport import HubTransport

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from hil_bench.canopen_device.frame import Frame, address_of
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.frame import address_of
 from hil_bench.transports.joined import JoinedTransport
 from hil_bench.transports.python_can import PythonCanTransport
 from hil_bench.transports.transport import TransportCounters

@@ -25,9 +25,20 @@ _COMMENT: Final = re.compile(r"\s;.*")
 _KEYS: Final = {
     key.lower(): key
     for key in (
-        *("ParameterName", "ObjectType", "DataType", "AccessType", "PDOMapping", "CompactSubObj"),
-        *("DefaultValue", "ParameterValue", "LowLimit", "HighLimit", "Factor", "Unit"),
-        *("Description", "StorageLocation"),
+        "ParameterName",
+        "ObjectType",
+        "DataType",
+        "AccessType",
+        "PDOMapping",
+        "CompactSubObj",
+        "DefaultValue",
+        "ParameterValue",
+        "LowLimit",
+        "HighLimit",
+        "Factor",
+        "Unit",
+        "Description",
+        "StorageLocation",
     )
 }
 _TEXTS: Final = ("VendorName", "ProductName", "OrderCode")

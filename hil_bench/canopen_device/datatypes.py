@@ -215,12 +215,31 @@ DOMAIN: Final = BytesType(0x0F, "DOMAIN", bits=0, zero=b"")
 DATA_TYPES: Final[dict[int, DataType]] = {
     data_type.code: data_type
     for data_type in (
-        *(BOOLEAN, INTEGER8, INTEGER16, INTEGER24, INTEGER32, INTEGER64),
-        *(IntegerType(0x12, 40, signed=True), IntegerType(0x13, 48, signed=True)),
-        *(IntegerType(0x14, 56, signed=True), IntegerType(0x18, 40, signed=False)),
-        *(IntegerType(0x19, 48, signed=False), IntegerType(0x1A, 56, signed=False)),
-        *(UNSIGNED8, UNSIGNED16, UNSIGNED24, UNSIGNED32, UNSIGNED64, REAL32, REAL64),
-        *(VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN, TIME_OF_DAY, TIME_DIFFERENCE),
+        BOOLEAN,
+        INTEGER8,
+        INTEGER16,
+        INTEGER24,
+        INTEGER32,
+        INTEGER64,
+        IntegerType(0x12, 40, signed=True),
+        IntegerType(0x13, 48, signed=True),
+        IntegerType(0x14, 56, signed=True),
+        IntegerType(0x18, 40, signed=False),
+        IntegerType(0x19, 48, signed=False),
+        IntegerType(0x1A, 56, signed=False),
+        UNSIGNED8,
+        UNSIGNED16,
+        UNSIGNED24,
+        UNSIGNED32,
+        UNSIGNED64,
+        REAL32,
+        REAL64,
+        VISIBLE_STRING,
+        OCTET_STRING,
+        UNICODE_STRING,
+        DOMAIN,
+        TIME_OF_DAY,
+        TIME_DIFFERENCE,
     )
 }
 """Every data type that an object may have, by its code."""

@@ -214,8 +214,15 @@ class Node:
         self._error_control = ErrorControl(dictionary, self.node_id, rest, events, emcy, counters)
         self._process_data = ProcessData(dictionary, rest, events, emcy, counters)
         self._tpdos = self._process_data.tpdos
-        sending = (self._lss, self._sdo, emcy, self._error_control)  # in this order
-        self._services = (*sending, self._process_data, self._time, self._store)
+        self._services = (  # in the order in which they send
+            self._lss,
+            self._sdo,
+            emcy,
+            self._error_control,
+            self._process_data,
+            self._time,
+            self._store,
+        )
 
     def _follow_identifier(self, _cob_id: int) -> None:
         self._update_routes()

@@ -67,8 +67,21 @@ class Variable:
     """
 
     __slots__ = (
-        *("_checks", "_hooks", "access", "base", "data_type", "default", "high", "index"),
-        *("is_carried", "is_plain", "low", "mappable", "name", "subindex", "value"),
+        "_checks",
+        "_hooks",
+        "access",
+        "base",
+        "data_type",
+        "default",
+        "high",
+        "index",
+        "is_carried",
+        "is_plain",
+        "low",
+        "mappable",
+        "name",
+        "subindex",
+        "value",
     )
 
     def __init__(  # noqa: PLR0913 - one argument for each key of an EDS section

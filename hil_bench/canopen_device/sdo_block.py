@@ -61,8 +61,16 @@ class BlockDownload(Transfer):
     """
 
     __slots__ = (
-        *("_absorbable", "_acknowledged", "_announced", "_data", "_has_crc", "_is_complete"),
-        *("_is_within", "_limit", "_segments", "_write"),
+        "_absorbable",
+        "_acknowledged",
+        "_announced",
+        "_data",
+        "_has_crc",
+        "_is_complete",
+        "_is_within",
+        "_limit",
+        "_segments",
+        "_write",
     )
 
     def __init__(
@@ -181,8 +189,15 @@ class BlockUpload(Transfer):
     """An upload in sub-blocks, whose size the client may change with each confirmation."""
 
     __slots__ = (
-        *("_block_size", "_count", "_data", "_first", "_has_ended", "_has_started", "_padded"),
-        *("_segments", "_sent"),
+        "_block_size",
+        "_count",
+        "_data",
+        "_first",
+        "_has_ended",
+        "_has_started",
+        "_padded",
+        "_segments",
+        "_sent",
     )
 
     def __init__(self, target: Multiplexer, data: bytes, block_size: int, now: int) -> None:

@@ -19,8 +19,19 @@ examples:
 """
 
 COLUMNS = (
-    *("unit_id", "unit", "table", "address", "reference", "name", "type", "count"),
-    *("word_order", "unit_of_measure", "scale", "access", "description"),
+    "unit_id",
+    "unit",
+    "table",
+    "address",
+    "reference",
+    "name",
+    "type",
+    "count",
+    "word_order",
+    "unit_of_measure",
+    "scale",
+    "access",
+    "description",
 )
 """Columns of the CSV: `address` is that in the frame, `reference` the older notation from 1."""
 

@@ -39,8 +39,12 @@ def after_boot_up(dut: DeviceUnderTest) -> str | None:
 def commands(dut: DeviceUnderTest) -> None:
     """Command each change of state between the three states."""
     path = (
-        *(NmtCommand.START, NmtCommand.STOP, NmtCommand.START, NmtCommand.ENTER_PRE_OPERATIONAL),
-        *(NmtCommand.STOP, NmtCommand.ENTER_PRE_OPERATIONAL),
+        NmtCommand.START,
+        NmtCommand.STOP,
+        NmtCommand.START,
+        NmtCommand.ENTER_PRE_OPERATIONAL,
+        NmtCommand.STOP,
+        NmtCommand.ENTER_PRE_OPERATIONAL,
     )
     right = {
         NmtCommand.START: NmtState.OPERATIONAL,

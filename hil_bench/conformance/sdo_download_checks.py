@@ -84,7 +84,9 @@ def segmented_short(dut: DeviceUnderTest) -> None:
         with scratch(dut) as variable:
             raw = _raw(variable, _TRIAL)
             dut.sdo.download_segments(
-                *(variable.index, variable.subindex, raw),
+                variable.index,
+                variable.subindex,
+                raw,
                 announced=len(raw) if with_size else None,
             )
             expect_number(dut, variable, _TRIAL)

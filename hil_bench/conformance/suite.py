@@ -28,10 +28,20 @@ from hil_bench.conformance.verdicts import Deviation, NotApplicable
 CHAPTERS = tuple(
     module.CHAPTER
     for module in (
-        *(nmt_checks, object_dictionary_checks, sdo_upload_checks, sdo_download_checks),
-        *(sdo_block_checks, error_control_checks, tpdo_checks, rpdo_checks),
-        *(pdo_parameter_checks, pdo_mapping_checks, sync_checks, emcy_checks),
-        *(storage_checks, lss_checks),
+        nmt_checks,
+        object_dictionary_checks,
+        sdo_upload_checks,
+        sdo_download_checks,
+        sdo_block_checks,
+        error_control_checks,
+        tpdo_checks,
+        rpdo_checks,
+        pdo_parameter_checks,
+        pdo_mapping_checks,
+        sync_checks,
+        emcy_checks,
+        storage_checks,
+        lss_checks,
     )
 )
 """All checks, by subject. NMT comes first: the reset sets the values that the others restore."""

@@ -12,7 +12,10 @@ _DATE: Final = re.compile(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}")
 _BIT_RATES: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 _FLAGS: Final = (
     *(f"BaudRate_{rate}" for rate in _BIT_RATES),
-    *("SimpleBootUpMaster", "SimpleBootUpSlave", "DynamicChannelsSupported", "LSS_Supported"),
+    "SimpleBootUpMaster",
+    "SimpleBootUpSlave",
+    "DynamicChannelsSupported",
+    "LSS_Supported",
 )
 _PDO_COUNTS: Final = {"NrOfRXPDO": range(0x1400, 0x1600), "NrOfTXPDO": range(0x1800, 0x1A00)}
 _MISSPELT: Final = {"devicecommissioning": "DeviceComissioning, with one m, is CiA 306's spelling"}

@@ -98,7 +98,7 @@ def set_deadline_policy(runtime: int, period: int) -> None:
     if number is None or sys.maxsize < 2**32:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
     attributes = _SCHED_ATTR.pack(
-        *(_SCHED_ATTR.size, _SCHED_DEADLINE, _RESET_ON_FORK, 0, 0, runtime, period, period)
+        _SCHED_ATTR.size, _SCHED_DEADLINE, _RESET_ON_FORK, 0, 0, runtime, period, period
     )
     _call("syscall", number, 0, attributes, 0)
 

@@ -146,8 +146,10 @@ class SocketCanTransport:
             logger.warning(
                 "%s: receive buffer of %d KiB, a flood may lose frames; "
                 "'sysctl -w net.core.rmem_max=%d' allows %d KiB",
-                *(self.description, self.receive_buffer // 1024),
-                *(RECEIVE_BUFFER, RECEIVE_BUFFER // 1024),
+                self.description,
+                self.receive_buffer // 1024,
+                RECEIVE_BUFFER,
+                RECEIVE_BUFFER // 1024,
             )
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)

@@ -154,7 +154,8 @@ class Hub:
             self._tell_at = now + _TOLD_AGAIN
             logger.warning(
                 "hub: the program at %s sends more than a bus of %s carries, and has to wait",
-                *(peer, bitrate_text(round(bitrate))),
+                peer,
+                bitrate_text(round(bitrate)),
             )
 
     def forget(self, client: "_Client") -> None:

@@ -117,8 +117,13 @@ def decode_request(pdu: bytes) -> Request:
         return Request(function, table, message.address, 1, (message.and_mask, message.or_mask))
     if function == READ_WRITE:
         return Request(
-            *(function, table, message.write_address, message.write_count),
-            *(message.write_registers, message.read_address, message.read_count),
+            function,
+            table,
+            message.write_address,
+            message.write_count,
+            message.write_registers,
+            message.read_address,
+            message.read_count,
         )
     words = [int(word) for word in (message.bits if table.holds_bits else message.registers)]
     count = 1 if function in _SINGLE_WRITES else message.count

@@ -65,7 +65,9 @@ async def secure(
     loop = asyncio.get_running_loop()
     try:
         secured = await loop.start_tls(
-            *(transport, protocol, context),
+            transport,
+            protocol,
+            context,
             server_side=True,
             ssl_handshake_timeout=HANDSHAKE_TIME,
         )

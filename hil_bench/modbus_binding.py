@@ -98,7 +98,7 @@ class ModbusBinding:
         self.plan = ModbusPlan(config.modbus.server, units, Snapshot(channels), Mailbox())
         self._exchange = Exchange(entries, self.plan.rows, self.plan.mailbox)
 
-    def exchange(self, _bench: Bench, now: int) -> None:
+    def exchange(self, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.
 
         Args:

@@ -38,7 +38,8 @@ from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_co
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.recording.channels import Channel, Recording
 from hil_bench.recording.snapshot import Snapshot
-from hil_bench.virtual_bench import NO_RECORDING, RecordingWish, VirtualBench
+from hil_bench.session.recording import NO_RECORDING, RecordingWish
+from hil_bench.virtual_bench import VirtualBench
 
 CYCLE = 0.002
 """Period of the controller [s]."""

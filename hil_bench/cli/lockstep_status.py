@@ -8,10 +8,10 @@ from hil_bench.cli.status_line import (
     bench_status_row,
     format_lines,
 )
-from hil_bench.lockstep import LockStep
 from hil_bench.realtime.clock import Clock
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.snapshot import Snapshot
+from hil_bench.session.lockstep import LockStep
 from hil_bench.transports.transport import Transport
 
 _PROGRESS = {

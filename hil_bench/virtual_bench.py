@@ -218,8 +218,10 @@ class VirtualBench:
 
     def _log(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
         """Keep the frames of a tick, or of what was served between two."""
-        self.frames.extend(LoggedFrame(frame, now, is_received=True) for frame in received)
-        self.frames.extend(LoggedFrame(frame, now, is_received=False) for frame in sent)
+        for frame in received:
+            self.frames.append(LoggedFrame(frame, now, is_received=True))
+        for frame in sent:
+            self.frames.append(LoggedFrame(frame, now, is_received=False))
 
     def _tell_observers(self, now: int) -> None:
         time = now * 1e-9

@@ -21,18 +21,16 @@ class Door:
 
     Args:
         controls: what the commands act on.
+
+    Attributes:
+        waiting: commands and where their answers go, the oldest first.
     """
 
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
-        self._waiting: deque[tuple[Command, Future[Any]]] = deque()
+        self.waiting: deque[tuple[Command, Future[Any]]] = deque()
         self._lock = threading.Lock()
         self._is_open = True
-
-    @property
-    def has_visitors(self) -> bool:
-        """Whether a command waits."""
-        return bool(self._waiting)
 
     def put(self, command: Command) -> "Future[Any]":
         """Queue a command.
@@ -47,12 +45,12 @@ class Door:
         with self._lock:
             if not self._is_open:
                 raise ControllerError("the bench has ended; it takes no more commands")
-            if len(self._waiting) >= MOST_WAITING:
+            if len(self.waiting) >= MOST_WAITING:
                 raise ControllerError(
                     f"{MOST_WAITING} commands wait for the next tick already; wait for an answer"
                 )
             answer: Future[Any] = Future()
-            self._waiting.append((command, answer))
+            self.waiting.append((command, answer))
         return answer
 
     def admit(self, now: int) -> None:
@@ -61,8 +59,8 @@ class Door:
         Args:
             now: bench time of the tick that begins [ns].
         """
-        for _ in range(len(self._waiting)):
-            command, answer = self._waiting.popleft()
+        for _ in range(len(self.waiting)):
+            command, answer = self.waiting.popleft()
             if not answer.set_running_or_notify_cancel():
                 continue
             try:
@@ -76,7 +74,7 @@ class Door:
         """Take no more commands; those that wait get an error."""
         with self._lock:
             self._is_open = False
-        while self._waiting:
-            _, answer = self._waiting.popleft()
+        while self.waiting:
+            _, answer = self.waiting.popleft()
             if answer.set_running_or_notify_cancel():
                 answer.set_exception(ControllerError("the bench ended before its next tick"))

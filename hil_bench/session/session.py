@@ -58,6 +58,7 @@ class Session:
         self.channels = (*stimuli, *bench_channels(bench))
         self.door = Door(Controls(bench, self.nodes))
         self.now = 0
+        self._commands = self.door.waiting
         self._stimuli = tuple(stimuli.values())
         self._frame_observers: list[FrameObserver] = []
         self._row_observers: list[RowObserver] = []
@@ -100,7 +101,7 @@ class Session:
                 wait for them.
         """
         self.now = now
-        if self.door.has_visitors:
+        if self._commands:
             self.door.admit(now)
         sent = self.bench.tick(frames, now)
         if send is not None:
@@ -108,7 +109,11 @@ class Session:
         for observe in self._frame_observers:
             observe(frames, sent, now)
         if self._row_observers:
-            self._show_row(now * 1e-9)
+            time = now * 1e-9
+            stimuli = [stimulus(time) for stimulus in self._stimuli]
+            row = (time, *stimuli, *sample(self.bench))
+            for show in self._row_observers:
+                show(row)
         for tell in self._tick_observers:
             tell(now)
         return sent
@@ -122,12 +127,6 @@ class Session:
         for observe in self._frame_observers:
             observe(frames, sent, now)
         return sent
-
-    def _show_row(self, time: float) -> None:
-        stimuli = [stimulus(time) for stimulus in self._stimuli]
-        row = (time, *stimuli, *sample(self.bench))
-        for observe in self._row_observers:
-            observe(row)
 
 
 def open_session(

@@ -57,7 +57,9 @@ class ScriptedTransport:
 def run(transport, ticks, observe=None):
     session = open_session(load_config())
     session.watch(ticks=observe)
-    pacer = Pacer(VirtualClock(), TICK)
+    clock = VirtualClock()
+    clock.advance(4711 * TICK)  # a machine's clock does not begin with 0
+    pacer = Pacer(clock, TICK)
     return run_paced(
         session,
         transport,
@@ -79,6 +81,13 @@ def test_bench_time_begins_with_the_first_tick():
     times = []
     run(ScriptedTransport(), ticks=4, observe=times.append)
     assert times == [0, TICK, 2 * TICK, 3 * TICK]
+
+
+def test_the_bus_does_not_wait_for_observers():
+    transport = ScriptedTransport()
+    sent = []
+    run(transport, ticks=1, observe=lambda _now: sent.append(len(transport.sent)))
+    assert sent == [4]  # the boot-up messages
 
 
 def test_a_flood_is_taken_a_bounded_share_at_a_time_and_none_is_lost():

@@ -44,6 +44,7 @@ def test_what_is_served_has_the_time_of_the_last_tick_and_brings_no_row(session)
     answer = session.serve((READ_DEVICE_TYPE,))
     assert [frame.can_id for frame in answer] == [0x581]
     assert told == [((READ_DEVICE_TYPE,), answer, 3 * TICK)]
+    assert session.now == 3 * TICK
 
 
 def test_a_row_has_the_stimuli_first():

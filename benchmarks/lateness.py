@@ -30,10 +30,10 @@ from pathlib import Path
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
 from hil_bench.config import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.snapshot import Snapshot
 from hil_bench.session.paced import run_paced
 from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
@@ -96,7 +96,7 @@ class Attachment:
     def __init__(self, config: BenchConfig, session: Session, folder: Path) -> None:
         self._session = session
         channels, self._fields = bench_status(session.bench)
-        self.snapshot = Snapshot(channels)
+        self.snapshot = Snapshot(len(channels))
         wish = RecordingWish((folder / "attached.csv",))
         self.recording = recorded(session, wish, config, is_real_time=True)
         self.binding = ModbusBinding(config, session.bench)

@@ -31,10 +31,10 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.snapshot import Snapshot
 from hil_bench.session.paced import RunReport, run_paced
 from hil_bench.transports.bus_load import BusLoad
 
@@ -92,7 +92,7 @@ class PacedRun:
         self._load = BusLoad(setup.bus.bitrate)
         channels, fields = bench_status(self._bench)
         bus_channels, bus_fields = bus_status()
-        self._snapshot = Snapshot((*channels, *bus_channels))
+        self._snapshot = Snapshot(len(channels) + len(bus_channels))
         self._fields = (fields, bus_fields)
         self._events = BenchEvents(setup.config, self._bench, logger.warning)
 

@@ -67,4 +67,5 @@ def recorded(
     try:
         yield sink
     finally:
+        session.unwatch(frames=take, rows=sink.append_row)
         sink.stop()

@@ -87,6 +87,27 @@ class Session:
         if ticks is not None:
             self._tick_observers.append(ticks)
 
+    def unwatch(
+        self,
+        *,
+        frames: FrameObserver | None = None,
+        rows: RowObserver | None = None,
+        ticks: TickObserver | None = None,
+    ) -> None:
+        """Take an observer away; between two ticks only.
+
+        Args:
+            frames: as given to `watch`.
+            rows: likewise.
+            ticks: likewise.
+        """
+        if frames is not None:
+            self._frame_observers.remove(frames)
+        if rows is not None:
+            self._row_observers.remove(rows)
+        if ticks is not None:
+            self._tick_observers.remove(ticks)
+
     def start(self) -> None:
         """Power the bench on; its nodes boot in the first tick."""
         self.bench.start(self.now)

@@ -5,6 +5,8 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.recording.channels import Channel
+from hil_bench.recording.files import read_recording
+from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000
@@ -57,6 +59,24 @@ def test_a_row_has_the_stimuli_first():
     (row,) = rows
     assert len(row) == 1 + len(session.channels)
     assert row[:2] == (0.002, pytest.approx(0.006))
+
+
+def test_an_observer_may_leave(session):
+    told = []
+    session.watch(frames=told.append, rows=told.append, ticks=told.append)
+    session.unwatch(frames=told.append, rows=told.append, ticks=told.append)
+    session.tick((), 0)
+    assert told == []
+
+
+def test_a_recording_ends_with_its_block(session, tmp_path, monkeypatch):
+    path = tmp_path / "run.csv"
+    with recorded(session, RecordingWish((path,)), load_config(), is_real_time=False):
+        session.tick((), 0)
+        session.tick((), TICK)
+    monkeypatch.setattr("hil_bench.session.session.sample", None)  # nobody wants a row any more
+    session.tick((), 2 * TICK)
+    assert read_recording(path)["time"] == pytest.approx([0.0, 0.001])
 
 
 def test_without_an_observer_of_rows_none_is_made(session, monkeypatch):

@@ -13,13 +13,13 @@ import os
 import platform
 from collections.abc import Iterable, Sequence
 
-from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.runner import run_paced
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import open_session
 from hil_bench.transports.silent import SilentTransport
 from hil_bench.transports.transport import TransportCounters
 from lockstep import config_of, cycle_frames, set_up_frames, valves_of
@@ -84,7 +84,7 @@ def run(
     )
     ticks = round(arguments.seconds * 1e9 / config.tick_ns)
     run_paced(
-        *(build_bench(config), transport, pacer),
+        *(open_session(config), transport, pacer),
         stopped=lambda: statistics.ticks + statistics.skipped >= ticks,
         realtime=realtime,
     )

@@ -24,7 +24,8 @@ from hil_bench.config import load_config
 from hil_bench.plant import PlantInput
 from hil_bench.realtime.clock import Clock, MonotonicClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import RunReport, run_paced
+from hil_bench.session.paced import RunReport, run_paced
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import TransportCounters
 from master import NMT_START, TICK, demand, download, upload
 from peers import CanopenNetwork
@@ -154,7 +155,7 @@ def serve_full_bus(seconds: float) -> Service:
     pacer = Pacer(clock, TICK)
     bus, ticks = FullBus(clock), round(seconds * 1000)
     start, cpu = time.perf_counter(), time.process_time()
-    report = run_paced(bench, bus, pacer, stopped=lambda: pacer.statistics.ticks >= ticks)
+    report = run_paced(Session(bench), bus, pacer, stopped=lambda: pacer.statistics.ticks >= ticks)
     share = (time.process_time() - cpu) / (time.perf_counter() - start)
     return Service(report, bus, next(commands), share)
 

@@ -27,19 +27,16 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
-from hil_bench.assembly import build_bench
-from hil_bench.bench import Bench
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
 from hil_bench.config import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
-from hil_bench.recording.snapshot import Snapshot
-from hil_bench.runner import run_paced
-from hil_bench.telemetry import RecordingTap, bench_channels
+from hil_bench.session.paced import run_paced
+from hil_bench.session.recording import RecordingWish, recorded
+from hil_bench.session.session import Session, open_session
 from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.silent import SilentTransport
 
@@ -96,12 +93,13 @@ class Peer:
 class Attachment:
     """A recording, a status line and a Modbus server, each in its process, as `run` has them."""
 
-    def __init__(self, config: BenchConfig, bench: Bench, folder: Path) -> None:
-        channels, self._fields = bench_status(bench)
-        self.snapshot = Snapshot(channels)
-        plan = RecordingPlan((folder / "attached.csv",), bench_channels(bench))
-        self.recorder = RecorderProcess(plan)
-        self.binding = ModbusBinding(config, bench)
+    def __init__(self, config: BenchConfig, session: Session, folder: Path) -> None:
+        self._session = session
+        channels, self._fields = bench_status(session.bench)
+        self.snapshot = Snapshot(len(channels))
+        wish = RecordingWish((folder / "attached.csv",))
+        self.recording = recorded(session, wish, config, is_real_time=True)
+        self.binding = ModbusBinding(config, session.bench)
 
     @contextlib.contextmanager
     def running(self, statistics: TickStatistics) -> Iterator[None]:
@@ -111,7 +109,8 @@ class Attachment:
         arguments = (self.snapshot, (tuple(self._fields),), statistics, ended)
         screen = context.Process(target=draw, args=arguments)
         screen.start()
-        with ModbusProcess(self.binding.plan) as server, self.recorder:
+        with ModbusProcess(self.binding.plan) as server, self.recording:
+            self._session.watch(ticks=self.observe)
             client = context.Process(target=poll, args=(server.endpoints.port, ended))
             client.start()
             yield
@@ -119,10 +118,10 @@ class Attachment:
             client.join()
         screen.join()
 
-    def observe(self, bench: Bench, now: int) -> None:
+    def observe(self, now: int) -> None:
         """Hand out what a tick has found."""
-        self.snapshot.write(bench_status_row(bench))
-        self.binding.exchange(bench, now)
+        self.snapshot.write(bench_status_row(self._session.bench))
+        self.binding.exchange(now)
 
 
 def poll(port: int, ended: Event) -> None:
@@ -144,23 +143,18 @@ def run_loop(
 ) -> None:
     """Run the bench's loop for a turn; with a folder, with everything attached."""
     config = load_config(folder / "modbus.toml" if folder else None)
-    bench = build_bench(config)
+    session = open_session(config)
     end = statistics.ticks + statistics.skipped + round(seconds * 1e9 / config.tick_ns)
-    transport: SilentTransport | RecordingTap = SilentTransport()
     pacer = Pacer(
         MonotonicClock(), config.tick_ns, overrun=OverrunPolicy.SKIP, statistics=statistics
     )
-    observers = []
     with contextlib.ExitStack() as stack:
         if folder is not None:
-            attachment = Attachment(config, bench, folder)
+            attachment = Attachment(config, session, folder)
             stack.enter_context(attachment.running(statistics))
-            transport = tap = RecordingTap(transport, attachment.recorder)
-            observers = [tap.observe, attachment.observe]
         run_paced(
-            *(bench, transport, pacer),
+            *(session, SilentTransport(), pacer),
             stopped=lambda: statistics.ticks + statistics.skipped >= end,
-            observers=observers,
             realtime=realtime,
         )
 

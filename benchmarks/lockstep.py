@@ -23,8 +23,9 @@ from pathlib import Path
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, ValveConfig, load_config
-from hil_bench.lockstep import LockStep, run_lockstep
 from hil_bench.plant import PlantInput
+from hil_bench.session.lockstep import LockStep, run_lockstep
+from hil_bench.session.session import open_session
 from hil_bench.transports.hosted_bus import HostedBus
 
 ROOT = Path(__file__).parents[1]
@@ -53,10 +54,10 @@ def cycle_frames(valves: Sequence[int], number: int) -> list[Frame]:
 
 def start_lockstep(config: BenchConfig) -> LockStep:
     """Return a powered-on bench."""
-    bench = build_bench(config)
-    bench.start(0)
-    bench.tick([], 0)
-    return LockStep(bench.tick, bench.serve, tick_ns=config.tick_ns)
+    session = open_session(config)
+    session.start()
+    session.tick([], 0)
+    return LockStep(session, tick_ns=config.tick_ns)
 
 
 def measure_plants(config: BenchConfig, cycles: int) -> float:

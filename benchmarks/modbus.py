@@ -34,7 +34,8 @@ from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.runner import run_paced
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import open_session
 from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.silent import SilentTransport
 
@@ -241,17 +242,17 @@ def measure(
         load: what asks.
         peer: whom it asks, port and process-ID; None for our own server.
     """
-    bench = build_bench(config)
-    binding = ModbusBinding(config, bench)
+    session = open_session(config)
+    binding = ModbusBinding(config, session.bench)
+    session.watch(ticks=binding.exchange)
     pacer = Pacer(MonotonicClock(), config.tick_ns, statistics=condition.statistics)
     with ModbusProcess(binding.plan) as server:
         port, process_id = peer or (server.endpoints.port or 0, server.pid or 0)
         began = processor_time(process_id)
         load.start(port)
         run_paced(
-            *(bench, SilentTransport(), pacer),
+            *(session, SilentTransport(), pacer),
             stopped=lambda: bool(load.is_over.value),
-            observers=[binding.exchange],
             realtime=realtime,
         )
         condition.latencies += load.collect()

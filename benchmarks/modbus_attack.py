@@ -35,7 +35,8 @@ from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.runner import run_paced
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import open_session
 from hil_bench.transports.modbus.process import ModbusProcess
 from hil_bench.transports.silent import SilentTransport
 
@@ -240,8 +241,9 @@ def take_turn(
         SystemExit: the server has died.
     """
     warm_up(config)
-    bench = build_bench(config)
-    binding = ModbusBinding(config, bench)
+    session = open_session(config)
+    binding = ModbusBinding(config, session.bench)
+    session.watch(ticks=binding.exchange)
     pacer = Pacer(MonotonicClock(), config.tick_ns, statistics=statistics)
     is_over = multiprocessing.RawValue("b", 0)
     ours, theirs = _CONTEXT.Pipe(duplex=False)
@@ -252,9 +254,8 @@ def take_turn(
         clients.start()
         ours.recv()
         run_paced(
-            *(bench, SilentTransport(), pacer),
+            *(session, SilentTransport(), pacer),
             stopped=lambda: bool(is_over.value),
-            observers=[binding.exchange],
             realtime=realtime,
         )
         tally: Tally = ours.recv()

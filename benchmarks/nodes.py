@@ -26,7 +26,8 @@ from device_profiles import PRESSURE_404, VALVE_408
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
-from hil_bench.lockstep import LockStep
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.session import Session
 from master import NMT_START, SYNC, demand, download, upload
 from peers import CanopenNetwork, Sent
 
@@ -50,7 +51,7 @@ class OurNodes:
             path.write_text(f"[bench]\ntick_us = {tick_us}\n{_VALVE}{''.join(sensors)}")
             config = load_config(path)
         self.bench = build_bench(config)
-        self._lockstep = LockStep(self.bench.tick, self.bench.serve, tick_ns=config.tick_ns)
+        self._lockstep = LockStep(Session(self.bench), tick_ns=config.tick_ns)
         self._ticks = 10_000 // tick_us
 
     def boot(self) -> int:

@@ -28,12 +28,12 @@ from typing import Any
 
 import can
 
-from hil_bench.assembly import build_bench
 from hil_bench.config import RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.runner import RunReport, run_paced
+from hil_bench.session.paced import RunReport, run_paced
+from hil_bench.session.session import open_session
 from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.opening import open_transport
 
@@ -213,7 +213,7 @@ def run_loop(
         time.sleep(0.01)
     try:
         return run_paced(
-            build_bench(config),
+            open_session(config),
             transport,
             Pacer(MonotonicClock(), config.tick_ns, statistics=statistics),
             stopped=lambda: counts.state.value == ENDED,

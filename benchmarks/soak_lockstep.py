@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hil_bench.assembly import build_bench
 from hil_bench.config import load_config
-from hil_bench.lockstep import LockStep, LockStepReport, run_lockstep
+from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
+from hil_bench.session.session import open_session
 from hil_bench.transports.hosted_bus import HostedBus
 
 NODE_IDS = (1, 2, 3, 4)
@@ -119,10 +119,10 @@ def run_bench(hub: HostedBus, minutes: float, counts: Counts) -> LockStepReport:
     while not hub.clients:
         hub.wait(0.1)
     config = load_config()
-    bench = build_bench(config)
-    bench.start(0)
-    hub.send(bench.tick([], 0))
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=config.tick_ns)
+    session = open_session(config)
+    session.start()
+    hub.send(session.tick([], 0))
+    lockstep = LockStep(session, tick_ns=config.tick_ns)
     interval = round(minutes * MINUTE / LINES)
     due, begin = interval, time.monotonic_ns()
 

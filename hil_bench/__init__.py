@@ -12,7 +12,8 @@ _MODULES = {
     "faults.faults": ("Faults",),
     "recording.frames": ("read_frames",),
     "recording.signal_table": ("SignalTable", "open_recording"),
-    "virtual_bench": ("RecordingWish", "VirtualBench"),
+    "session.recording": ("RecordingWish",),
+    "virtual_bench": ("VirtualBench",),
 }
 
 __all__ = [name for names in _MODULES.values() for name in names]

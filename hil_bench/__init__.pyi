@@ -9,7 +9,7 @@ from hil_bench.faults.faults import Faults as Faults
 from hil_bench.recording.frames import read_frames as read_frames
 from hil_bench.recording.signal_table import SignalTable as SignalTable
 from hil_bench.recording.signal_table import open_recording as open_recording
-from hil_bench.virtual_bench import RecordingWish as RecordingWish
+from hil_bench.session.recording import RecordingWish as RecordingWish
 from hil_bench.virtual_bench import VirtualBench as VirtualBench
 
 __version__: str

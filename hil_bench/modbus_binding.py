@@ -26,8 +26,7 @@ from hil_bench.modbus.mailbox import Mailbox
 from hil_bench.modbus.register_map import Access, Register
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
-from hil_bench.recording.channels import Channel
-from hil_bench.recording.snapshot import Snapshot
+from hil_bench.processes.snapshot import Snapshot
 
 _SAMPLE = "sample"
 _SAMPLES = 1 << 32
@@ -78,7 +77,6 @@ class ModbusBinding:
             if isinstance(axis.valve, ValveDevice)
         }
         entries: list[Entry] = []
-        channels: list[Channel] = []
         units: dict[int, UnitImage] = {}
         for unit in config.modbus.units:
             registers, first = unit.register_map, len(entries)
@@ -89,16 +87,13 @@ class ModbusBinding:
             known = unit_quantities(profiles[unit.node], node, valve)
             known[_SAMPLE] = Quantity("-", lambda: float(self._sample % _SAMPLES))
             entries += _entries(unit, bind_registers(unit, known, node))
-            channels += (
-                Channel(f"{unit.name}.{r.table}.{r.name}", "-") for r in registers.registers
-            )
             units[unit.unit_id] = UnitImage(
                 registers, first, commands=unit.commands, holes=unit.holes
             )
-        self.plan = ModbusPlan(config.modbus.server, units, Snapshot(channels), Mailbox())
+        self.plan = ModbusPlan(config.modbus.server, units, Snapshot(len(entries)), Mailbox())
         self._exchange = Exchange(entries, self.plan.rows, self.plan.mailbox)
 
-    def exchange(self, _bench: Bench, now: int) -> None:
+    def exchange(self, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.
 
         Args:

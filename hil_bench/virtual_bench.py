@@ -7,28 +7,25 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
-from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import BenchConfig, load_config
-from hil_bench.controller_link import ControllerLink, LockStepLink, RealTimeLink, advance
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
 from hil_bench.faults.faults import Faults
-from hil_bench.lockstep import LockStep
 from hil_bench.modbus_binding import ModbusBinding
-from hil_bench.node_objects import NodeTable
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.recording.channels import Channel, ChannelRecorder
-from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
 from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
 from hil_bench.recording.report import RecordingReport
 from hil_bench.recording.signal_table import SignalTable, as_table
-from hil_bench.telemetry import bench_channels, recording_heading, sample
+from hil_bench.session.joined import ControllerLink, LockStepLink, RealTimeLink, advance
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
+from hil_bench.session.session import open_session
 from hil_bench.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.transports.transport import Transport
 
@@ -43,23 +40,6 @@ RECORDED_TIME = 60.0
 
 LOGGED_FRAMES = 100_000
 """Frames that `VirtualBench.frames` reaches back unless told otherwise."""
-
-
-class RecordingWish(NamedTuple):
-    """What to record in files.
-
-    Attributes:
-        paths: the files; their suffixes are their formats, see docs/recording.md.
-        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
-        pre_trigger: time before the trigger that is recorded too [s].
-    """
-
-    paths: tuple[Path | str, ...] = ()
-    trigger: str = ""
-    pre_trigger: float = 1.0
-
-
-NO_RECORDING = RecordingWish()
 
 
 class VirtualBench:
@@ -78,6 +58,7 @@ class VirtualBench:
 
     Attributes:
         config: as passed in.
+        session: the bench that runs; its `door` takes commands from other threads.
         bench: axes and nodes.
         nodes: the objects of each node by the node's name, to read and to set:
             ``bench.nodes["io"]["0x6401.01"] = 1234``.
@@ -100,33 +81,27 @@ class VirtualBench:
         record: Path | str | RecordingWish = NO_RECORDING,
     ) -> None:
         self.config = config or load_config()
-        self.bench = build_bench(self.config)
-        self.nodes = NodeTable(self.bench.nodes, self.config.nodes)
+        self.session = open_session(self.config, stimuli)
+        self.bench = self.session.bench
+        self.nodes = self.session.nodes
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
-        stimuli = stimuli or {}
-        self._stimuli = tuple(stimuli.values())
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
-        channels = (*stimuli, *bench_channels(self.bench))
-        self._recorder = ChannelRecorder(channels, rows)
-        self._recording: RecordingSink | None = None
+        self._recorder = ChannelRecorder(self.session.channels, rows)
+        self.session.watch(frames=self._log, rows=self._recorder.append)
         if isinstance(record, (str, Path)):
             record = RecordingWish((record,))
-        if record.paths:
-            plan = RecordingPlan(
-                tuple(map(Path, record.paths)),
-                channels,
-                trigger=record.trigger,
-                pre_trigger=record.pre_trigger,
-                heading=recording_heading(self.config, is_real_time=pacer is not None),
-            )
-            self._recording = InlineRecorder(plan) if pacer is None else RecorderProcess(plan)
-            self._recording.start()
-        self._is_closed = False
-        modbus = self.config.modbus is not None
-        self._modbus = ModbusBinding(self.config, self.bench) if modbus else None
-        self.bench.start(0)
-        self.bus = EmbeddedBus(self._tick, self.config.tick_ns, pacer=pacer)
+        self._open = ExitStack()
+        self._recording = self._open.enter_context(
+            recorded(self.session, record, self.config, is_real_time=pacer is not None)
+        )
+        self._modbus: ModbusBinding | None = None
+        if self.config.modbus is not None:
+            self._modbus = ModbusBinding(self.config, self.bench)
+            self.session.watch(ticks=self._modbus.exchange)
+        self.session.watch(ticks=self._tell_observers)
+        self.session.start()
+        self.bus = EmbeddedBus(self.session.tick, self.config.tick_ns, pacer=pacer)
         self.buses: dict[str, EmbeddedPort] = {
             name: self.bus.make_further() if number else self.bus
             for number, name in enumerate(self.config.buses)
@@ -143,9 +118,8 @@ class VirtualBench:
     def close(self) -> None:
         """Shut the buses down and end the recording; a second call does nothing."""
         self._shut_down()
-        if self._recording is not None and not self._is_closed:
-            self._recording.stop()
-        self._is_closed = True
+        self.session.door.close()
+        self._open.close()
 
     @property
     def recording(self) -> RecordingReport | None:
@@ -220,22 +194,21 @@ class VirtualBench:
             Bench and bus as one.
         """
         self._shut_down()
-        now = round(self.now() * 1e9)
-        if not now:
-            transport.send(self._tick((), 0))  # all boot
+        session = self.session
+        session.now = round(self.now() * 1e9)  # a wait may have ended between two ticks
+        if not session.now:
+            transport.send(session.tick((), 0))  # all boot
         link: ControllerLink
         if pacer is None:
             lockstep = LockStep(
-                self._tick,
-                self._serve,
+                session,
                 tick_ns=self.config.tick_ns,
                 ticks_per_sync=self.config.ticks_per_sync,
-                now=now,
             )
             link = LockStepLink(lockstep, transport)
         else:
-            link = RealTimeLink(self._tick, transport, pacer, now=now)
-        self._clock = lambda: link.now * 1e-9
+            link = RealTimeLink(session, transport, pacer)
+        self._clock = lambda: session.now * 1e-9
         self.pump = lambda duration: advance(link, round(duration * 1e9), check)
         return link
 
@@ -243,18 +216,17 @@ class VirtualBench:
         for bus in self.buses.values():
             bus.shutdown()
 
-    def _serve(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
-        sent = self.bench.serve(frames, now)
-        self._log(frames, sent, now)
-        return sent
-
-    def _log(self, frames: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+    def _log(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
         """Keep the frames of a tick, or of what was served between two."""
-        self.frames.extend(LoggedFrame(frame, now, is_received=True) for frame in frames)
-        self.frames.extend(LoggedFrame(frame, now, is_received=False) for frame in sent)
-        if self._recording is not None:
-            self._recording.append_frames(frames, now, is_received=True)
-            self._recording.append_frames(sent, now, is_received=False)
+        for frame in received:
+            self.frames.append(LoggedFrame(frame, now, is_received=True))
+        for frame in sent:
+            self.frames.append(LoggedFrame(frame, now, is_received=False))
+
+    def _tell_observers(self, now: int) -> None:
+        time = now * 1e-9
+        for observe in self.observers:
+            observe(time)
 
     def modbus_link(self, framing: object, *, is_serial: bool = False) -> "EmbeddedLink":
         """Return a link for `drivers.modbus.ModbusClient` to this bench.
@@ -286,18 +258,3 @@ class VirtualBench:
             framing=framing,
             is_serial=is_serial,
         )
-
-    def _tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
-        sent = self.bench.tick(frames, now)
-        self._log(frames, sent, now)
-        if self._modbus is not None:
-            self._modbus.exchange(self.bench, now)
-        time = now * 1e-9
-        stimuli = [stimulus(time) for stimulus in self._stimuli]
-        row = (time, *stimuli, *sample(self.bench))
-        self._recorder.append(row)
-        if self._recording is not None:
-            self._recording.append_row(row)
-        for observe in self.observers:
-            observe(time)
-        return sent

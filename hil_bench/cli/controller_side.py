@@ -9,9 +9,9 @@ from drivers import BusLostError, Network
 from hil_bench.config import BenchConfig
 from hil_bench.config.choices import FIRST_BUS
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.session.lockstep_controller import LockStepController
 from hil_bench.transports.embedded import EmbeddedBus
 from hil_bench.transports.opening import open_can_bus, open_transport
-from hil_bench.transports.sync_producer import SyncProducer
 from hil_bench.virtual_bench import VirtualBench
 
 
@@ -139,7 +139,7 @@ def _open_lockstep(config: BenchConfig) -> Iterator[OpenNetwork]:
     bus = config.bus
     transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
     with contextlib.closing(transport):
-        producer = SyncProducer(transport, [node.node_id for node in config.nodes])
+        producer = LockStepController(transport, [node.node_id for node in config.nodes])
         producer.join()
         description = f"{transport.description} in lock-step"
         with (

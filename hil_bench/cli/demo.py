@@ -18,6 +18,7 @@ from hil_bench.cli.modbus_side import require_pymodbus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
+    recording_wish,
     report_lines,
 )
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -28,7 +29,6 @@ from hil_bench.recording.channels import Recording
 from hil_bench.recording.files import RecordingFile
 from hil_bench.recording.frames import FrameFile
 from hil_bench.recording.plot import plot_result
-from hil_bench.virtual_bench import RecordingWish
 
 _LONGEST = 3600.0
 
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
         is_paced=math.isfinite(args.speed),
         speed=args.speed,
         sensors=sensors,
-        recording=RecordingWish(tuple(args.record), args.trigger, args.pre_trigger),
+        recording=recording_wish(args),
     )
     make_directory(args.output)
     with contextlib.ExitStack() as stack:

@@ -32,13 +32,14 @@ from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.config import BenchConfig, NodeConfig, Profile
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.recording.channels import Channel, Recording
-from hil_bench.recording.snapshot import Snapshot
-from hil_bench.virtual_bench import NO_RECORDING, RecordingWish, VirtualBench
+from hil_bench.session.recording import NO_RECORDING, RecordingWish
+from hil_bench.virtual_bench import VirtualBench
 
 CYCLE = 0.002
 """Period of the controller [s]."""
@@ -132,7 +133,7 @@ class DemoSession:
         self.bench.observers.append(self._publish)
         self._plant = self.bench.bench.axes[0].plant
         channels, fields = bench_status(self.bench.bench)
-        self.snapshot = Snapshot((Channel("time", "s"), setpoint, *channels))
+        self.snapshot = Snapshot(2 + len(channels))  # time and set-point first
         self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
 
     def run(self, stopped: Callable[[], bool]) -> DemoReport:

@@ -4,112 +4,78 @@ import argparse
 import contextlib
 import logging
 import math
-from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING
 
 from hil_bench.bench import Bench
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.helpers import Helpers
-from hil_bench.cli.interruption import Interruption
 from hil_bench.cli.lockstep_status import LockStepStatus
-from hil_bench.cli.loop_summary import fault_lines, frame_lines, node_lines
+from hil_bench.cli.loop_summary import fault_lines, frame_lines, helper_lines, node_lines
+from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS
 from hil_bench.cli.progress import Progress
-from hil_bench.cli.recording_arguments import is_incomplete, open_recording
+from hil_bench.cli.recording_arguments import recording_lines
+from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.config import BenchConfig
-from hil_bench.lockstep import LockStep, LockStepReport, Round, run_lockstep
+from hil_bench.errors import ConfigError
 from hil_bench.realtime.clock import MonotonicClock
-from hil_bench.telemetry import record_exchange
-from hil_bench.transports.transport import Transport
-
-if TYPE_CHECKING:
-    from hil_bench.recording.inline_recorder import RecordingSink
+from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
 
 logger = logging.getLogger(__name__)
 
 
-class LockStepRun:
-    """A run by the SYNCs of a controller.
+def run(args: argparse.Namespace) -> int:
+    """Run the bench by a controller's SYNCs, print the summary and return the exit code.
 
-    Args:
-        args: the command line.
-        config: of the bench.
-        bench: not yet powered on.
-        transport: its bus.
-        wish: whether somebody wants the end.
+    The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
 
-    Attributes:
-        helpers: the processes beside the loop.
-        recording: what was recorded, None for nothing.
+    Raises:
+        ConfigError: Modbus in lock-step.
     """
+    config = load_bench_config(args, modbus=args.modbus)
+    if config.modbus is not None:
+        raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
+    with set_up(args, config, is_real_time=False) as setup:
+        announce = setup.announcement()
+        setup.session.start()
+        setup.bus.transport.send(setup.session.tick((), 0))
+        announce()
+        report, helpers = follow(setup)
+    lines = summary_lines(report, config, setup.session.bench) + recording_lines(setup.recording)
+    print("\n".join((*lines, *helper_lines(helpers.lines()))), flush=True)
+    if report.lost is not None:
+        raise report.lost
+    return setup.exit_code(helpers)
 
-    def __init__(
-        self,
-        args: argparse.Namespace,
-        config: BenchConfig,
-        bench: Bench,
-        transport: Transport,
-        wish: Interruption,
-    ) -> None:
-        self.helpers = Helpers([])
-        self.recording: RecordingSink | None = None
-        self._args = args
-        self._config = config
-        self._bench = bench
-        self._transport = transport
-        self._wish = wish
 
-    def run(self, announce: Callable[[], None]) -> LockStepReport:
-        """Power the bench on and let SYNC move it until somebody wants the end, or `--duration`.
+def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
+    """Let SYNC move a bench that has booted until somebody wants the end, or `--duration`.
 
-        The nodes boot in a tick at time 0; the first SYNC begins the first period after it.
+    Returns:
+        What the run did, and the processes beside it.
+    """
+    config, bench, transport = setup.config, setup.session.bench, setup.bus.transport
+    lockstep = LockStep(setup.session, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync)
+    status = LockStepStatus(bench, lockstep, transport, MonotonicClock())
+    line = StatusLine(status.snapshot, status.lines, wanted=not setup.args.quiet)
+    progress = Progress(logger.warning, lambda _now: status.texts())
+    events = BenchEvents(config, bench, logger.warning, watches_sync=False)
+    duration = setup.args.duration
+    end = math.inf if duration is None else round(duration * 1e9)
+    shown = [line] if line.is_shown else []
+    helpers = setup.watch(*shown)
 
-        Args:
-            announce: called once all nodes have booted, and answer.
-        """
-        with open_recording(
-            self._args, self._config, self._bench, is_real_time=False
-        ) as self.recording:
-            lockstep = self._power_on()
-            announce()
-            return self._follow(lockstep)
+    def is_over() -> bool:
+        if line.is_shown:
+            status.update()
+        else:
+            progress.look(lockstep.now)
+        helpers.look()
+        events.look(lockstep.now)
+        return setup.wish.requested or helpers.is_over or lockstep.now >= end
 
-    def _power_on(self) -> LockStep:
-        tick: Round = self._bench.tick
-        serve: Round = self._bench.serve
-        if self.recording is not None:
-            tick = record_exchange(tick, self.recording, self._bench)
-            serve = record_exchange(serve, self.recording)
-        self._bench.start(0)
-        self._transport.send(tick((), 0))
-        config = self._config
-        return LockStep(tick, serve, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync)
-
-    def _follow(self, lockstep: LockStep) -> LockStepReport:
-        status = LockStepStatus(self._bench, lockstep, self._transport, MonotonicClock())
-        line = StatusLine(status.snapshot, status.lines, wanted=not self._args.quiet)
-        progress = Progress(logger.warning, lambda _now: status.texts())
-        events = BenchEvents(self._config, self._bench, logger.warning, watches_sync=False)
-        duration = self._args.duration
-        end = math.inf if duration is None else round(duration * 1e9)
-        self.helpers = helpers = Helpers(
-            [line] if line.is_shown else [],
-            ends_on_loss=self._args.end_on_loss,
-            has_lost_data=partial(is_incomplete, self.recording),
-        )
-
-        def is_over() -> bool:
-            if line.is_shown:
-                status.update()
-            else:
-                progress.look(lockstep.now)
-            helpers.look()
-            events.look(lockstep.now)
-            return self._wish.requested or helpers.is_over or lockstep.now >= end
-
-        with line, contextlib.closing(helpers):
-            return run_lockstep(lockstep, self._transport, stopped=is_over)
+    with line, contextlib.closing(helpers):
+        return run_lockstep(lockstep, transport, stopped=is_over), helpers
 
 
 def speed_line(report: LockStepReport, config: BenchConfig) -> str:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from hil_bench.bench import Bench
 from hil_bench.config import BenchConfig
 from hil_bench.realtime.statistics import DurationSummary, TickSummary
-from hil_bench.runner import RunReport
+from hil_bench.session.paced import RunReport
 from hil_bench.transports.bus_load import bitrate_text, load_of
 from hil_bench.transports.transport import Transport, TransportCounters
 

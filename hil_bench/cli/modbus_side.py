@@ -5,12 +5,11 @@ import importlib.util
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil_bench.bench import Bench
 from hil_bench.cli.helpers import Helper
 from hil_bench.config import BenchConfig, ModbusConfig
 from hil_bench.errors import ConfigError
 from hil_bench.modbus_binding import ModbusBinding
-from hil_bench.runner import Observer
+from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.transports.modbus.process import Endpoints, ModbusProcess
@@ -27,12 +26,10 @@ class OpenModbus(NamedTuple):
 
     Attributes:
         lines: where clients find it.
-        observers: its part of each tick.
         helpers: its process.
     """
 
     lines: Sequence[str] = ()
-    observers: Sequence[Observer] = ()
     helpers: Sequence[Helper] = ()
 
 
@@ -64,8 +61,8 @@ class ModbusHelper:
 
 
 @contextlib.contextmanager
-def open_modbus(config: BenchConfig, bench: Bench) -> Iterator[OpenModbus]:
-    """Start the Modbus server of the configuration.
+def open_modbus(config: BenchConfig, session: Session) -> Iterator[OpenModbus]:
+    """Start the Modbus server of the configuration, and have each tick serve it.
 
     Yields:
         The server; one without anything where the configuration has none.
@@ -76,10 +73,11 @@ def open_modbus(config: BenchConfig, bench: Bench) -> Iterator[OpenModbus]:
     require_pymodbus()
     from hil_bench.transports.modbus.process import ModbusProcess  # noqa: PLC0415 - an extra
 
-    binding = ModbusBinding(config, bench)
+    binding = ModbusBinding(config, session.bench)
+    session.watch(ticks=binding.exchange)
     with ModbusProcess(binding.plan) as server:
         lines = endpoint_lines(config.modbus, server.endpoints)
-        yield OpenModbus(lines, [binding.exchange], [ModbusHelper(config.modbus, server)])
+        yield OpenModbus(lines, [ModbusHelper(config.modbus, server)])
 
 
 def require_pymodbus() -> None:

@@ -5,14 +5,11 @@ import contextlib
 import logging
 import math
 from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple
 
-from hil_bench.bench import Bench
-from hil_bench.cli.bench_bus import OpenBus
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.helpers import Helpers
-from hil_bench.cli.interruption import Interruption
+from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.loop_summary import (
     bus_lines,
     fault_lines,
@@ -22,9 +19,9 @@ from hil_bench.cli.loop_summary import (
     loop_lines,
     node_lines,
 )
-from hil_bench.cli.modbus_side import OpenModbus
 from hil_bench.cli.progress import Progress
-from hil_bench.cli.recording_arguments import is_incomplete
+from hil_bench.cli.recording_arguments import recording_lines
+from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import (
     StatusLine,
     bench_status,
@@ -34,43 +31,48 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
-from hil_bench.config import BenchConfig
-from hil_bench.realtime.clock import Clock
+from hil_bench.processes.snapshot import Snapshot
+from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.inline_recorder import RecordingSink
-from hil_bench.recording.snapshot import Snapshot
-from hil_bench.runner import Observer, RunReport, run_paced
-from hil_bench.telemetry import RecordingTap
+from hil_bench.session.paced import RunReport, run_paced
 from hil_bench.transports.bus_load import BusLoad
 
 logger = logging.getLogger(__name__)
 
 
-class Surroundings(NamedTuple):
-    """What is open around a bench that runs.
+def run(args: argparse.Namespace) -> int:
+    """Run the bench by the clock, print the summary and return the exit code."""
+    config = load_bench_config(args, modbus=args.modbus)
+    with (
+        HistogramFile(args.histograms) as histograms,
+        set_up(args, config, is_real_time=args.speed <= 1) as setup,
+    ):
+        announce = setup.announcement()
+        paced = PacedRun(setup, announce, clock_of(args.speed))
+        report = paced.run()
+        histograms.write(report, config.tick_ns, setup.bus.bitrate)
+    announce()  # where not even one tick was asked for
+    lines = summary_lines(report, paced, setup) + recording_lines(setup.recording)
+    print("\n".join(lines), flush=True)
+    if report.lost is not None:
+        raise report.lost
+    is_late = args.strict_timing and report.ticks.overruns > 0
+    return setup.exit_code(paced.helpers, is_late=is_late)
 
-    Attributes:
-        bus: its buses.
-        modbus: its Modbus server, where it has one.
-        recording: what is recorded, None for nothing.
-        wish: whether somebody wants the end.
-    """
 
-    bus: OpenBus
-    modbus: OpenModbus
-    recording: RecordingSink | None
-    wish: Interruption
+def clock_of(speed: float) -> Clock:
+    """Return the clock of a run at some speed, which may be infinite."""
+    if math.isinf(speed):
+        return VirtualClock()
+    return MonotonicClock() if speed == 1 else ScaledClock(MonotonicClock(), speed)
 
 
 class PacedRun:
     """A run by the clock.
 
     Args:
-        args: the command line.
-        config: of the bench.
-        bench: not yet powered on.
-        around: what is open around it.
+        setup: the bench and what is open around it.
         announce: called once all nodes have booted, and answer.
         clock: that moves the bench.
 
@@ -79,73 +81,50 @@ class PacedRun:
         is_timed: whether there is a time by which ticks are due.
     """
 
-    def __init__(
-        self,
-        args: argparse.Namespace,
-        config: BenchConfig,
-        bench: Bench,
-        around: Surroundings,
-        announce: Callable[[], None],
-        clock: Clock,
-    ) -> None:
-        self.is_timed = math.isfinite(args.speed)
+    def __init__(self, setup: RunSetup, announce: Callable[[], None], clock: Clock) -> None:
+        self.is_timed = math.isfinite(setup.args.speed)
         self.helpers = Helpers([])
-        self._args = args
-        self._config = config
-        self._bench = bench
-        self._around = around
+        self._setup = setup
+        self._bench = setup.session.bench
         self._announce = announce
         self._clock = clock
         self._statistics = TickStatistics(is_shared=True)
-        self._start: int | None = None
-        self._load = BusLoad(around.bus.bitrate)
-        channels, fields = bench_status(bench)
+        self._load = BusLoad(setup.bus.bitrate)
+        channels, fields = bench_status(self._bench)
         bus_channels, bus_fields = bus_status()
-        self._snapshot = Snapshot((*channels, *bus_channels))
+        self._snapshot = Snapshot(len(channels) + len(bus_channels))
         self._fields = (fields, bus_fields)
-        self._events = BenchEvents(config, bench, logger.warning)
+        self._events = BenchEvents(setup.config, self._bench, logger.warning)
 
     def run(self) -> RunReport:
         """Pace the bench until its end: by somebody's wish, by `--duration` or by a loss."""
-        args, config, around = self._args, self._config, self._around
+        args, config, session = self._setup.args, self._setup.config, self._setup.session
         pacer = Pacer(
             self._clock,
             config.tick_ns,
             overrun=config.realtime.overrun,
             statistics=self._statistics,
         )
-        transport = around.bus.transport
-        observers: list[Observer] = [*around.modbus.observers, self._watch]
-        if around.recording is not None:
-            tap = RecordingTap(transport, around.recording)
-            transport, observers = tap, [tap.observe, *observers]
         line = StatusLine(
             self._snapshot, self._fields, statistics=self._statistics, wanted=not args.quiet
         )
-        with line, contextlib.closing(self._watch_helpers(line)):
-            observers.append(self._publish if line.is_shown else self._tell_progress())
+        shown = [line] if line.is_shown else []
+        self.helpers = self._setup.watch(*shown)
+        session.watch(ticks=self._watch)
+        session.watch(ticks=self._publish if line.is_shown else self._make_progress().look)
+        with line, contextlib.closing(self.helpers):
             return run_paced(
-                *(self._bench, transport, pacer),
+                *(session, self._setup.bus.transport, pacer),
                 stopped=self._make_stopped(),
-                observers=observers,
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
+                hears_all=args.whole_bus,
             )
 
-    def _watch_helpers(self, line: StatusLine) -> Helpers:
-        around = self._around
-        shown = [line] if line.is_shown else []
-        self.helpers = Helpers(
-            [*around.bus.helpers, *around.modbus.helpers, *shown],
-            ends_on_loss=self._args.end_on_loss,
-            has_lost_data=partial(is_incomplete, around.recording),
-        )
-        return self.helpers
-
     def _make_stopped(self) -> Callable[[], bool]:
-        duration, statistics = self._args.duration, self._statistics
-        periods = math.inf if duration is None else round(duration * 1e9 / self._config.tick_ns)
-        wish, helpers = self._around.wish, self.helpers
+        setup, statistics, helpers = self._setup, self._statistics, self.helpers
+        duration, wish = setup.args.duration, setup.wish
+        periods = math.inf if duration is None else round(duration * 1e9 / setup.config.tick_ns)
 
         def stopped() -> bool:
             ticks = statistics.ticks + statistics.skipped
@@ -153,37 +132,34 @@ class PacedRun:
 
         return stopped
 
-    def _watch(self, _bench: Bench, now: int) -> None:
+    def _watch(self, now: int) -> None:
         """Look after all that is not the tick's work."""
-        if self._start is None:
-            self._start = now
+        if not now:
             self._announce()
         self.helpers.look()
-        self._events.look(now - self._start)
+        self._events.look(now)
 
     def _row(self, now: int) -> tuple[float, ...]:
-        counters = self._around.bus.transport.counters()
+        counters = self._setup.bus.transport.counters()
         present = bus_status_row(counters, self._load.update(now, counters.bits))
         return (*bench_status_row(self._bench), *present)
 
-    def _publish(self, _bench: Bench, now: int) -> None:
+    def _publish(self, now: int) -> None:
         self._snapshot.write(self._row(now))
 
-    def _tell_progress(self) -> Observer:
+    def _make_progress(self) -> Progress:
         """Return what says now and then how it goes, where no status lines do."""
 
         def lines(now: int) -> list[str]:
             health = format_health(self._statistics if self.is_timed else None)
             return format_lines(self._row(now), self._fields) + health
 
-        progress = Progress(logger.warning, lines)
-        return lambda _bench, now: progress.look(now - (self._start or 0))
+        return Progress(logger.warning, lines)
 
 
-def summary_lines(
-    report: RunReport, run: PacedRun, config: BenchConfig, bench: Bench, bus: OpenBus
-) -> list[str]:
+def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str]:
     """Return the summary at the end of a run; the loop's timing where there was any."""
+    config, bench, bus = setup.config, setup.session.bench, setup.bus
     ticks, *timing = loop_lines(report.ticks, config.tick_ns)
     return [
         *("summary", ticks, *(timing if run.is_timed else ())),

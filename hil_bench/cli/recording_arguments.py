@@ -1,19 +1,13 @@
 """Arguments that ask for a recording, and what is said of it at the end."""
 
 import argparse
-import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 
-from hil_bench.bench import Bench
-from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
 from hil_bench.recording.formats import check_suffix
-from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.recording.inline_recorder import RecordingSink
 from hil_bench.recording.report import FileReport, RecordingReport
-from hil_bench.telemetry import bench_channels, recording_heading
+from hil_bench.session.recording import RecordingWish
 
 
 def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,37 +53,9 @@ def check_recording_arguments(args: argparse.Namespace) -> None:
         raise ConfigError(f"--record {args.record[-1]}: is there twice; give each file once")
 
 
-@contextlib.contextmanager
-def open_recording(
-    args: argparse.Namespace, config: BenchConfig, bench: Bench, *, is_real_time: bool
-) -> Iterator[RecordingSink | None]:
-    """Open the recording that the command line asks for.
-
-    Args:
-        args: of the command line.
-        config: of the bench.
-        bench: whose signals are recorded.
-        is_real_time: whether ticks must not wait for it, so that another process has to write.
-
-    Yields:
-        What takes it; None where none is asked for.
-    """
-    if not args.record:
-        yield None
-        return
-    plan = RecordingPlan(
-        tuple(args.record),
-        bench_channels(bench),
-        trigger=args.trigger,
-        pre_trigger=args.pre_trigger,
-        heading=recording_heading(config, is_real_time=is_real_time),
-    )
-    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
-    recording.start()
-    try:
-        yield recording
-    finally:
-        recording.stop()
+def recording_wish(args: argparse.Namespace) -> RecordingWish:
+    """Return what the command line asks to record."""
+    return RecordingWish(tuple(args.record), args.trigger, args.pre_trigger)
 
 
 def recording_lines(recording: RecordingSink | None) -> list[str]:

@@ -1,45 +1,21 @@
 """`hil-bench run`: the bench alone, on a bus that a controller joins."""
 
 import argparse
-import contextlib
 import math
-from collections.abc import Callable
 from pathlib import Path
 
-from hil_bench.assembly import build_bench
-from hil_bench.bench import Bench
 from hil_bench.cli import lockstep_run, paced_run
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_fault_arguments,
     add_loop_arguments,
-    load_bench_config,
     read_speed,
 )
-from hil_bench.cli.bench_bus import HUB_CHANNEL, OpenBus, open_bus
-from hil_bench.cli.collection import collection_put_off
-from hil_bench.cli.device_table import device_table
-from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.bench_bus import HUB_CHANNEL
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.helpers import Helpers, add_loss_argument
-from hil_bench.cli.histogram_file import HistogramFile
-from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.lockstep_run import LockStepRun
-from hil_bench.cli.loop_summary import helper_lines
-from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS, OpenModbus, open_modbus
-from hil_bench.cli.paced_run import PacedRun, Surroundings
-from hil_bench.cli.recording_arguments import (
-    add_recording_arguments,
-    check_recording_arguments,
-    is_incomplete,
-    open_recording,
-    recording_lines,
-)
-from hil_bench.config import BenchConfig, FaultConfig
-from hil_bench.config.plausibility import find_doubts
+from hil_bench.cli.helpers import add_loss_argument
+from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
-from hil_bench.recording.inline_recorder import RecordingSink
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT
 
 _EXAMPLES = f"""\
@@ -114,6 +90,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_lockstep_arguments(parser)
     add_recording_arguments(parser)
+    parser.add_argument(
+        "--whole-bus",
+        action="store_true",
+        help="with --record: record the frames that the bench does not listen to as well; each of "
+        "them then costs the loop time (in lock-step the bench hears all frames anyway)",
+    )
     add_loss_argument(parser)
     parser.set_defaults(run=run)
 
@@ -135,41 +117,9 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the bench until it is told to stop, or its bus is lost.
-
-    Raises:
-        ConfigError: Modbus in lock-step.
-    """
+    """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
-    config = load_bench_config(args, modbus=args.modbus)
-    if args.lockstep and config.modbus is not None:
-        raise ConfigError(f"--lockstep: {NO_TIME_FOR_MODBUS}")
-    warn_of(find_doubts(config))
-    with collection_put_off():
-        bench = build_bench(config)
-    with contextlib.ExitStack() as stack:
-        wish = stack.enter_context(interruption())
-        recording = None
-        if not args.lockstep:
-            opened = open_recording(args, config, bench, is_real_time=args.speed <= 1)
-            recording = stack.enter_context(opened)
-        histograms = stack.enter_context(HistogramFile(args.histograms))
-        bus = stack.enter_context(open_bus(args, config))
-        modbus = stack.enter_context(open_modbus(config, bench))
-        if args.lockstep:
-            return lock_step(args, config, bench, bus, wish)
-        around = Surroundings(bus, modbus, recording, wish)
-        announce = print_once(introduction(config, bus, modbus))
-        run = PacedRun(args, config, bench, around, announce, clock_of(args.speed))
-        report = run.run()
-        histograms.write(report, config.tick_ns, bus.bitrate)
-    announce()  # where not even one tick was asked for
-    lines = paced_run.summary_lines(report, run, config, bench, bus) + recording_lines(recording)
-    print("\n".join(lines), flush=True)
-    if report.lost is not None:
-        raise report.lost
-    is_late = args.strict_timing and report.ticks.overruns > 0
-    return exit_code(run.helpers, recording, wish, is_late=is_late)
+    return lockstep_run.run(args) if args.lockstep else paced_run.run(args)
 
 
 def check_arguments(args: argparse.Namespace) -> None:
@@ -190,74 +140,10 @@ def check_arguments(args: argparse.Namespace) -> None:
             where = where if args.lockstep else "at --speed max"
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
     check_recording_arguments(args)
+    if args.whole_bus and not args.record:
+        raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")
     if args.hub_unlimited and (args.hub is None or args.lockstep):
         why = "in lock-step nothing is limited" if args.lockstep else "belongs to --hub"
         raise ConfigError(f"--hub-unlimited: {why}; leave it out")
     if args.hub is not None and ("interface" in args or "channel" in args):
         raise ConfigError("--hub makes a bus of its own; give either --hub or -i and -c")
-
-
-def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
-    """Return what a controller engineer needs to know to join."""
-    source = config.path or "built-in bench"
-    plant = f"{config.steps_per_tick} plant steps a tick" if config.axes else "no axis"
-    rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
-    lines = [f"bench  {source}, {rate}", *bus.lines]
-    lines += modbus.lines
-    lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
-    return "\n".join((*lines, "", device_table(config), ""))
-
-
-def fault_line(fault: FaultConfig) -> str:
-    """Return what a fault is, and when."""
-    lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
-    return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"
-
-
-def clock_of(speed: float) -> Clock:
-    """Return the clock of a run at some speed, which may be infinite."""
-    if math.isinf(speed):
-        return VirtualClock()
-    return MonotonicClock() if speed == 1 else ScaledClock(MonotonicClock(), speed)
-
-
-def lock_step(
-    args: argparse.Namespace,
-    config: BenchConfig,
-    bench: Bench,
-    bus: OpenBus,
-    wish: Interruption,
-) -> int:
-    """Run in lock-step, print the summary and return the exit code."""
-    run = LockStepRun(args, config, bench, bus.transport, wish)
-    report = run.run(print_once(introduction(config, bus, OpenModbus())))
-    lines = lockstep_run.summary_lines(report, config, bench) + recording_lines(run.recording)
-    print("\n".join((*lines, *helper_lines(run.helpers.lines()))), flush=True)
-    if report.lost is not None:
-        raise report.lost
-    return exit_code(run.helpers, run.recording, wish)
-
-
-def exit_code(
-    helpers: Helpers, recording: RecordingSink | None, wish: Interruption, *, is_late: bool = False
-) -> int:
-    """Return what a run ends with whose bus was not lost."""
-    if helpers.is_incomplete or is_incomplete(recording):
-        return ExitCode.LOST
-    if is_late:
-        return ExitCode.TIMING
-    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
-
-
-def print_once(text: str) -> Callable[[], None]:
-    """Return what prints a text at its first call, and nothing later.
-
-    The text is made before, when there is no tick yet to hold up.
-    """
-    left = [text]
-
-    def announce() -> None:
-        while left:
-            print(left.pop(), flush=True)
-
-    return announce

@@ -12,10 +12,10 @@ from multiprocessing.connection import Connection
 from typing import NamedTuple, Self
 
 from hil_bench.bench import Bench
+from hil_bench.processes.helper_process import HelperProcess
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.statistics import TickStatistics
 from hil_bench.recording.channels import Channel
-from hil_bench.recording.snapshot import Snapshot
-from hil_bench.spawning import HelperProcess
 from hil_bench.transports.transport import TransportCounters
 
 REFRESH = 0.1

@@ -8,7 +8,8 @@ from hil_bench.config import BenchConfig, RealtimeConfig, RealtimePolicy
 from hil_bench.realtime.clock import Clock
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.statistics import TickSummary
-from hil_bench.runner import run_paced
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import Session
 from hil_bench.transports.silent import SilentTransport
 
 
@@ -48,7 +49,7 @@ def measure_lateness(
 
 def _run(bench: Bench, pacer: Pacer, policy: RealtimePolicy, ticks: int) -> TickSummary:
     return run_paced(
-        *(bench, SilentTransport(), pacer),
+        *(Session(bench), SilentTransport(), pacer),
         stopped=lambda: pacer.statistics.ticks + pacer.statistics.skipped >= ticks,
         realtime=RealtimeConfig(policy=policy),
     ).ticks

@@ -208,7 +208,8 @@ def bench(
     from hil_bench.pytest_plugin.recording import make_recording_path
     from hil_bench.realtime.clock import MonotonicClock
     from hil_bench.realtime.pacer import Pacer
-    from hil_bench.virtual_bench import NO_RECORDING, VirtualBench
+    from hil_bench.session.recording import NO_RECORDING
+    from hil_bench.virtual_bench import VirtualBench
 
     directory = path_option(request.config, "artifacts")
     request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")

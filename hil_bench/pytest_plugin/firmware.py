@@ -9,7 +9,6 @@ from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.controller_link import ControllerLink
 from hil_bench.errors import (
     BusError,
     ConfigError,
@@ -17,9 +16,10 @@ from hil_bench.errors import (
     HilBenchError,
     WaitTimeoutError,
 )
-from hil_bench.lockstep import PATIENCE
 from hil_bench.realtime.clock import MonotonicClock
 from hil_bench.realtime.pacer import Pacer
+from hil_bench.session.joined import ControllerLink
+from hil_bench.session.lockstep import PATIENCE
 from hil_bench.transports.hosted_bus import HostedBus
 from hil_bench.transports.hub_process import HubProcess
 from hil_bench.transports.joined import JoinedTransport

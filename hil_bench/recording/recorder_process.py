@@ -16,11 +16,11 @@ from typing import NamedTuple, Self
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+from hil_bench.processes.helper_process import HelperProcess
+from hil_bench.processes.shared_ring import SharedRing
 from hil_bench.recording.logged_frame import LoggedFrame
 from hil_bench.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, ended_early
 from hil_bench.recording.report import Progress, RecordingReport
-from hil_bench.recording.shared_ring import SharedRing
-from hil_bench.spawning import HelperProcess
 
 logger = logging.getLogger(__name__)
 

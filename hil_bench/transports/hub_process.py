@@ -7,8 +7,8 @@ from multiprocessing.connection import Connection
 from typing import Self
 
 from hil_bench.errors import BusError
+from hil_bench.processes.child_process import ChildProcess
 from hil_bench.transports.bus_load import USUAL_BITRATE
-from hil_bench.transports.child_process import ChildProcess
 from hil_bench.transports.hub_transport import HubTransport
 from hil_bench.transports.socketcand_hub import DEFAULT_PORT, HubLimits, run_hub
 

@@ -22,12 +22,12 @@ from support.bus_side import (
     valve_command,
 )
 
-from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
-from hil_bench.lockstep import LockStep, run_lockstep
 from hil_bench.realtime.clock import VirtualClock
+from hil_bench.session.lockstep import LockStep, run_lockstep
+from hil_bench.session.session import open_session
 from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000  # [ns]
@@ -106,16 +106,12 @@ class Session:
         clock = VirtualClock()
         self.script = Script(clock, items)
         self.spools = []
-        bench = build_bench(load_config())
-        bench.start(0)
-        bench.tick([], 0)
-
-        def tick(frames, now):
-            sent = bench.tick(frames, now)
-            self.spools.append(bench.axes[0].plant.output.nu / FULL_OPENING)
-            return sent
-
-        lockstep = LockStep(tick, bench.serve, tick_ns=TICK)
+        session = open_session(load_config())
+        plant = session.bench.axes[0].plant
+        session.start()
+        session.tick([], 0)
+        session.watch(ticks=lambda _now: self.spools.append(plant.output.nu / FULL_OPENING))
+        lockstep = LockStep(session, tick_ns=TICK)
         self.report = run_lockstep(lockstep, self.script, stopped=lambda: False, clock=clock)
         self.sent = [frame for _, frame in self.script.sent]
 

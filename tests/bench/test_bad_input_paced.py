@@ -25,12 +25,12 @@ from support.bus_side import (
     valve_command,
 )
 
-from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.realtime.clock import VirtualClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import run_paced
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import open_session
 from hil_bench.transports.transport import TransportCounters
 
 MS = 1_000_000  # [ns]
@@ -98,15 +98,18 @@ class Session:
         pacer = Pacer(clock, config.tick_ns)
         self.spools = {}
 
-        def observe(bench, now):
-            self.spools[now] = bench.axes[0].plant.output.nu / FULL_OPENING
+        session = open_session(config)
+        plant = session.bench.axes[0].plant
 
+        def observe(now):
+            self.spools[now] = plant.output.nu / FULL_OPENING
+
+        session.watch(ticks=observe)
         self.report = run_paced(
-            build_bench(config),
+            session,
             wire,
             pacer,
             stopped=lambda: clock.now() >= until,
-            observers=[observe],
         )
         self.sent = wire.sent
         self.waiting = wire.arrivals

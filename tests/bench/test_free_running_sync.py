@@ -15,10 +15,11 @@ from device_profiles import IMITATIONS
 from hil_bench.assembly import build_bench, embedded_bus
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
-from hil_bench.lockstep import LockStep
 from hil_bench.realtime.clock import VirtualClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import run_paced
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.paced import run_paced
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000  # [ns]
@@ -86,7 +87,7 @@ def test_a_paced_bench_answers_every_sync(io_config):
     master = Master(clock, sync_times(MINUTE))
     pacer = Pacer(clock, TICK)
     bench = build_bench(io_config)
-    run_paced(bench, master, pacer, stopped=lambda: pacer.statistics.ticks > MINUTE + 50)
+    run_paced(Session(bench), master, pacer, stopped=lambda: pacer.statistics.ticks > MINUTE + 50)
     assert {0, 1, 2} <= set(master.counts)  # the clocks do beat
     assert [master.sent.count(can_id) for can_id in TPDOS] == [MINUTE, MINUTE]
 
@@ -96,7 +97,7 @@ def test_a_bench_in_lockstep_answers_every_sync(io_config):
     bench = build_bench(io_config)
     bench.start(0)
     bench.tick([], 0)
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=TICK)
+    lockstep = LockStep(Session(bench), tick_ns=TICK)
     lockstep.receive(START_ALL)
     sent = [frame.can_id for _ in range(MINUTE) for frame in lockstep.receive(SYNC)]
     assert [sent.count(can_id) for can_id in TPDOS] == [MINUTE, MINUTE]

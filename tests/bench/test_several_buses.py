@@ -15,7 +15,8 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.config import load_config
 from hil_bench.frame import address_of
-from hil_bench.lockstep import LockStep
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.session import Session
 from hil_bench.virtual_bench import VirtualBench
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_buses.toml"
@@ -107,7 +108,7 @@ def test_a_fault_on_the_line_leaves_the_frame_on_its_bus(bench):
 
 
 def test_in_lock_step_the_sync_of_the_first_bus_counts(bench):
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=TICK)
+    lockstep = LockStep(Session(bench), tick_ns=TICK)
     bench.tick([], 0)
     lockstep.receive(Frame(0x080, bus=1))
     assert lockstep.now == 0

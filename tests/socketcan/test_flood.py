@@ -41,8 +41,9 @@ def figure(pattern, ended):
 def check_that_nothing_was_lost(ended):
     """No frame was dropped on the way in or out.
 
-    That a flood costs no tick either is shown on a clock that jumps, in tests/unit/test_runner.py:
-    here one slow processor may have to do the flood, the bench and the watcher.
+    That a flood costs no tick either is shown on a clock that jumps, in
+    tests/unit/session/test_paced.py: here one slow processor may have to do the flood, the bench
+    and the watcher.
     """
     assert ended.exit_code == 130, ended
     assert "dropped" not in ended.stdout

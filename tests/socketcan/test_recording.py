@@ -2,6 +2,8 @@
 
 import signal
 
+import pytest
+
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
 
@@ -32,6 +34,20 @@ def test_signals_and_frames_of_a_run_are_in_its_file_and_play_back(
     ).wait()
     assert (played.exit_code, played.stderr) == (0, "")
     assert [frame.arbitration_id for frame in watch.take_all()] == [NMT]
+
+
+@pytest.mark.parametrize(("words", "received"), [([], [NMT]), (["--whole-bus"], [0x7FF, NMT])])
+def test_the_kernel_keeps_foreign_frames_back_unless_the_whole_bus_is_recorded(
+    start_bench, cansend, watch, tmp_path, words, received
+):
+    path = tmp_path / "run.mf4"
+    bench = start_bench("--record", path, *words)
+    cansend("7FF#01")
+    cansend(NMT_START_ALL)
+    watch.wait_for(POSITION)
+    ended = bench.stop()
+    assert f"{len(received)} received ({len(received) - 1} for nobody here)" in ended.stdout
+    assert [f.frame.can_id for f in read_frames(path) if f.is_received] == received
 
 
 def test_a_killed_bench_leaves_its_recorder_to_write_what_it_has(

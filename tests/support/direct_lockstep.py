@@ -2,8 +2,8 @@
 
 from collections import deque
 
-from hil_bench.assembly import build_bench
-from hil_bench.lockstep import LockStep
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.session import open_session
 
 
 class DirectLockStep:
@@ -22,17 +22,15 @@ class DirectLockStep:
     description = "direct"
 
     def __init__(self, config, bundles=()):
-        self.bench = build_bench(config)
-        self.bench.start(0)
+        session = open_session(config)
+        session.start()
+        self.bench = session.bench
         self.lockstep = LockStep(
-            self.bench.tick,
-            self.bench.serve,
-            tick_ns=config.tick_ns,
-            ticks_per_sync=config.ticks_per_sync,
+            session, tick_ns=config.tick_ns, ticks_per_sync=config.ticks_per_sync
         )
         self.sent = []
         self._bundles = iter(bundles)
-        self._arrived = deque(self.bench.tick((), 0))
+        self._arrived = deque(session.tick((), 0))
         self._clock = 0.0
 
     def clock(self):

@@ -24,7 +24,7 @@ def ticking(side, binding):
 
     def tick():
         side.tick()
-        binding.exchange(side.bench, side.now)
+        binding.exchange(side.now)
 
     def loop():
         while not ended.wait(0.0005):

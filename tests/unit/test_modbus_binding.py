@@ -37,7 +37,7 @@ class ModbusSide(BusSide):
         for number in range(count):
             sent += super().tick(*(frames if number == 0 else ()))
             if hasattr(self, "binding"):
-                self.binding.exchange(self.bench, self.now)
+                self.binding.exchange(self.now)
         return sent
 
     def read(self, unit_id, table, name):
@@ -136,7 +136,7 @@ def test_an_overload_is_no_value_and_says_why(side):
     device = side.bench.axes[0].sensors[0]
     output = side.plant.output._replace(P_A=400e5, P_B=400e5)
     device(output, side.now)
-    side.binding.exchange(side.bench, side.now)
+    side.binding.exchange(side.now)
     assert math.isnan(side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure"))
     assert side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure_pa") == -(2**31)
     bits = [

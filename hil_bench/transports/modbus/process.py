@@ -19,7 +19,7 @@ from hil_bench.errors import BusError
 from hil_bench.modbus.mailbox import Mailbox
 from hil_bench.modbus.server_config import SerialConfig, ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
-from hil_bench.transports.child_process import ChildProcess
+from hil_bench.processes.child_process import ChildProcess
 from hil_bench.transports.modbus.connections import ConnectionPool
 from hil_bench.transports.modbus.register_server import RegisterServer, RowSource
 

@@ -7,8 +7,9 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.lockstep_status import LockStepStatus
 from hil_bench.cli.status_line import format_lines
 from hil_bench.config import load_config
-from hil_bench.lockstep import LockStep
 from hil_bench.realtime.clock import VirtualClock
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import TransportCounters
 
 SYNC = Frame(0x080)
@@ -29,7 +30,7 @@ def clock():
 def lockstep():
     bench = build_bench(load_config())
     bench.start(0)
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=1_000_000)
+    lockstep = LockStep(Session(bench), tick_ns=1_000_000)
     lockstep.bench = bench
     return lockstep
 

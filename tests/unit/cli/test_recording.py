@@ -17,7 +17,7 @@ RUN = ["run", "-i", "virtual", "-c", "test_recording", "--duration", "0.1"]
 
 @pytest.fixture
 def _virtual_time(monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", VirtualClock)
 
 
 @pytest.mark.usefixtures("_virtual_time")
@@ -31,6 +31,18 @@ def test_a_run_is_recorded_from_its_first_tick(tmp_path, capsys):
     assert signals["axis1.P_A"] == pytest.approx(100e5 / 2 * 2 * 47 / (50 + 47))
     boot_ups = [(logged.frame.can_id, logged.is_received) for logged in read_frames(path)]
     assert boot_ups == [(can_id, False) for can_id in (0x701, 0x702, 0x703, 0x704)]
+
+
+@pytest.mark.usefixtures("_virtual_time")
+@pytest.mark.parametrize(("words", "received"), [([], []), (["--whole-bus"], [0x7FF])])
+def test_only_the_whole_bus_has_frames_that_are_for_nobody_here(
+    tmp_path, monkeypatch, words, received
+):
+    monkeypatch.setattr("hil_bench.cli.bench_bus.open_transport", lambda *_: FilteredBus())
+    path = tmp_path / "run.mf4"
+    assert main([*RUN, "--record", str(path), *words]) == 0
+    frames = [logged.frame.can_id for logged in read_frames(path) if logged.is_received]
+    assert sorted(set(frames)) == received
 
 
 def test_a_demo_is_recorded_on_one_time_base(tmp_path, monkeypatch, capsys):
@@ -100,10 +112,24 @@ class SyncOnly:
         pass
 
 
+class FilteredBus(SyncOnly):
+    """A bus on which a frame for nobody comes in each tick, unless it is filtered out."""
+
+    def __init__(self):
+        self.is_filtered = False
+
+    def receive(self, _limit):
+        return [] if self.is_filtered else [Frame(0x7FF)]
+
+    def listen_to(self, can_ids):
+        self.is_filtered = 0x7FF not in can_ids
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--trigger", "time > 1"], "--trigger: begins a recording; give --record FILE too"),
+        (["--whole-bus"], "--whole-bus: belongs to a recording; give --record FILE too"),
         (["--pre-trigger", "-1"], "--pre-trigger -1: 0 to 3600 s is right"),
         (
             ["--record", "x.csv", "--record", "x.csv"],

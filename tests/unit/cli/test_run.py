@@ -19,7 +19,7 @@ BUS = ["-i", "virtual", "-c", "test_run"]
 
 @pytest.fixture(autouse=True)
 def _virtual_time(monkeypatch):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", VirtualClock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", VirtualClock)
 
 
 def test_it_introduces_itself_runs_and_sums_up(capsys):
@@ -106,14 +106,14 @@ class SlowClock(VirtualClock):
 
 
 def test_strict_timing_fails_on_an_overrun(monkeypatch, capsys):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", SlowClock)
     assert main(["run", *BUS, "--duration", "0.01", "--strict-timing"]) == 4
     assert "10 overran" in capsys.readouterr().out
     assert main(["run", *BUS, "--duration", "0.01"]) == 0
 
 
 def test_an_overrun_stops_it_where_that_is_wanted(monkeypatch, capsys):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", SlowClock)
     assert main(["run", *BUS, "--duration", "1", "--overrun", "stop"]) == 4
     out, err = capsys.readouterr()
     assert "ticks     101 of 1000 us, 101 overran" in out  # the first 100 are forgiven
@@ -121,7 +121,7 @@ def test_an_overrun_stops_it_where_that_is_wanted(monkeypatch, capsys):
 
 
 def test_ticks_that_are_skipped_count_towards_the_duration(monkeypatch, capsys):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", SlowClock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", SlowClock)
     assert main(["run", *BUS, "--duration", "0.1", "--overrun", "skip"]) == 0
     ticks, skipped = re.search(r"ticks +(\d+) .* (\d+) skipped", capsys.readouterr().out).groups()
     assert int(skipped) > 0
@@ -228,14 +228,14 @@ def test_a_system_clock_that_is_set_back_holds_nothing_up(monkeypatch, capsys):
 
 def test_its_speed_is_that_of_the_clock_times_a_factor(monkeypatch, capsys):
     clock = VirtualClock()
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", lambda: clock)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", lambda: clock)
     assert main(["run", *BUS, "--duration", "1", "--speed", "0.5"]) == 0
     assert "ticks     1000 of 1000 us, 0 overran, 0 skipped\n" in capsys.readouterr().out
     assert clock.now() == pytest.approx(2e9, rel=2e-3)  # [ns], a tick more or less
 
 
 def test_at_full_speed_it_looks_at_no_clock_and_records_every_tick(monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("hil_bench.cli.run.MonotonicClock", None)
+    monkeypatch.setattr("hil_bench.cli.paced_run.MonotonicClock", None)
     path = tmp_path / "run.csv"
     words = ["--duration", "2", "--speed", "max", "--record", str(path)]
     assert main(["run", *BUS, *words]) == 0

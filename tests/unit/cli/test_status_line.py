@@ -19,8 +19,8 @@ from hil_bench.cli.status_line import (
     format_row,
     in_place,
 )
+from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.snapshot import Snapshot
 from hil_bench.transports.transport import TransportCounters
 
 
@@ -61,14 +61,14 @@ def test_it_shows_the_traffic_of_the_bus():
 
 def test_it_is_silent_where_nobody_looks(capfd):
     channels, fields = bus_status()
-    with StatusLine(Snapshot(channels), [fields]):
+    with StatusLine(Snapshot(len(channels)), [fields]):
         pass
     assert capfd.readouterr() == ("", "")
 
 
 def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
     channels, fields = bus_status()
-    snapshot = Snapshot(channels)
+    snapshot = Snapshot(len(channels))
     snapshot.write((7, 5, 0.5))
     statistics = TickStatistics(is_shared=True)
     statistics.overruns = 3
@@ -96,7 +96,7 @@ def test_it_writes_the_newest_row_to_a_terminal(monkeypatch):
 def test_one_that_was_killed_says_so_is_started_anew_and_holds_nothing_up(monkeypatch):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     channels, fields = bus_status()
-    with StatusLine(Snapshot(channels), [fields]) as line:
+    with StatusLine(Snapshot(len(channels)), [fields]) as line:
         assert line.ending() is None
         os.kill(line.pid, signal.SIGKILL)
         while line.ending() is None:  # pytest-timeout ends it otherwise

@@ -11,12 +11,12 @@ import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+from hil_bench.processes.shared_ring import _TAKEN
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import read_frames
 from hil_bench.recording.recorder import RecordingPlan
 from hil_bench.recording.recorder_process import LOOK, RecorderProcess
-from hil_bench.recording.shared_ring import _TAKEN
 
 try:
     import resource

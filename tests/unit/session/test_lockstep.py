@@ -12,7 +12,8 @@ from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
-from hil_bench.lockstep import LockStep, run_lockstep
+from hil_bench.session.lockstep import LockStep, run_lockstep
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000  # [ns]
@@ -33,7 +34,7 @@ def make_lockstep(ticks_per_sync=1):
     bench = build_bench(load_config())
     bench.start(0)
     bench.tick([], 0)
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=TICK, ticks_per_sync=ticks_per_sync)
+    lockstep = LockStep(Session(bench), tick_ns=TICK, ticks_per_sync=ticks_per_sync)
     return bench, lockstep
 
 

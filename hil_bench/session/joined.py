@@ -9,10 +9,11 @@ from operator import methodcaller
 from typing import Protocol
 
 from hil_bench.errors import ControllerError, HilBenchError
-from hil_bench.lockstep import PATIENCE, LockStep, LockStepBus, Round
 from hil_bench.realtime.clock import Clock, MonotonicClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import frames_per_tick
+from hil_bench.session.lockstep import PATIENCE, LockStep, LockStepBus
+from hil_bench.session.paced import frames_per_tick
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import Transport
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
@@ -97,28 +98,30 @@ class RealTimeLink:
     """A bench whose time the clock lets pass, beside a controller that keeps up with it.
 
     Args:
-        tick: the bench's tick.
+        session: the bench, powered on.
         transport: the bus.
         pacer: a new one, its grid not yet begun.
-        now: time of the last tick [ns].
     """
 
-    def __init__(self, tick: Round, transport: Transport, pacer: Pacer, *, now: int = 0) -> None:
-        self._tick = tick
+    def __init__(self, session: Session, transport: Transport, pacer: Pacer) -> None:
+        self._session = session
         self._transport = transport
         self._pacer = pacer
         self._limit = frames_per_tick(pacer.period)
         self._offset: int | None = None
-        self.now = now
+
+    @property
+    def now(self) -> int:
+        """The bench time [ns]."""
+        return self._session.now
 
     def step(self) -> bool:
         """Run the next tick when it is due; return whether frames had come for it."""
         scheduled = self._pacer.wait()
         if self._offset is None:
             self._offset = self.now + self._pacer.period - scheduled
-        self.now = scheduled + self._offset
         received = self._transport.receive(self._limit)
-        self._transport.send(self._tick(received, self.now))
+        self._session.tick(received, scheduled + self._offset, self._transport.send)
         self._pacer.done()
         return bool(received)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.spawning import SHIELDED, HelperProcess
+from hil_bench.processes.helper_process import SHIELDED, HelperProcess
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads masks from /proc")
 
@@ -101,7 +101,7 @@ def hang(connection):
 FORGETFUL = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from test_spawning import HelperProcess, wait_for_the_end
+from test_helper_process import HelperProcess, wait_for_the_end
 if __name__ == "__main__":
     helper = HelperProcess(wait_for_the_end, (), name="test")
     helper.start()

@@ -10,8 +10,8 @@ from drivers import BusLostError, DriverTimeoutError, Network, SdoAbortError
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
+from hil_bench.session.lockstep_controller import QUIET, LockStepController
 from hil_bench.transports.embedded import EmbeddedBus
-from hil_bench.transports.sync_producer import QUIET, SyncProducer
 
 SYNC = Frame(0x080)
 NODE_IDS = (1, 2, 3, 4)
@@ -26,7 +26,7 @@ def config():
 
 
 def join(transport, node_ids=NODE_IDS):
-    producer = SyncProducer(transport, node_ids, clock=transport.clock)
+    producer = LockStepController(transport, node_ids, clock=transport.clock)
     producer.join()
     return producer
 

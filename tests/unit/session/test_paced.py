@@ -2,18 +2,20 @@
 
 import pytest
 
-from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import VirtualClock
 from hil_bench.realtime.pacer import Pacer
-from hil_bench.runner import (
+from hil_bench.recording.frames import read_frames
+from hil_bench.session.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,
     frames_per_tick,
     run_paced,
 )
+from hil_bench.session.recording import RecordingWish, recorded
+from hil_bench.session.session import open_session
 from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000
@@ -52,15 +54,17 @@ class ScriptedTransport:
         return TransportCounters(received=sum(self.batches), sent=len(self.sent))
 
 
-def run(transport, ticks, observers=()):
-    bench = build_bench(load_config())
-    pacer = Pacer(VirtualClock(), TICK)
+def run(transport, ticks, observe=None):
+    session = open_session(load_config())
+    session.watch(ticks=observe)
+    clock = VirtualClock()
+    clock.advance(4711 * TICK)  # a machine's clock does not begin with 0
+    pacer = Pacer(clock, TICK)
     return run_paced(
-        bench,
+        session,
         transport,
         pacer,
         stopped=lambda: pacer.statistics.ticks == ticks,
-        observers=observers,
     )
 
 
@@ -73,10 +77,17 @@ def test_it_runs_until_it_is_stopped():
     assert report.frames == TransportCounters(received=0, sent=4)
 
 
-def test_observers_see_each_tick_at_its_scheduled_time():
+def test_bench_time_begins_with_the_first_tick():
     times = []
-    run(ScriptedTransport(), ticks=4, observers=[lambda _bench, now: times.append(now)])
-    assert times == [times[0] + k * TICK for k in range(4)]
+    run(ScriptedTransport(), ticks=4, observe=times.append)
+    assert times == [0, TICK, 2 * TICK, 3 * TICK]
+
+
+def test_the_bus_does_not_wait_for_observers():
+    transport = ScriptedTransport()
+    sent = []
+    run(transport, ticks=1, observe=lambda _now: sent.append(len(transport.sent)))
+    assert sent == [4]  # the boot-up messages
 
 
 def test_a_flood_is_taken_a_bounded_share_at_a_time_and_none_is_lost():
@@ -104,8 +115,8 @@ def test_a_flood_that_makes_the_loop_late_is_taken_in_small_shares_and_costs_no_
         return batch
 
     transport.receive = receive_slowly
-    bench = build_bench(load_config())
-    report = run_paced(bench, transport, pacer, stopped=lambda: pacer.statistics.ticks == 40)
+    session = open_session(load_config())
+    report = run_paced(session, transport, pacer, stopped=lambda: pacer.statistics.ticks == 40)
     # Lateness at the start of each tick, by hand: 0, 2.2, 1.6, 1.0 (as long as the period, so a
     # full share again), 3.2, 2.6, 2.0, 1.4, 0.8 ms. A full share when late would have cost ticks.
     assert transport.batches[:10] == [32, 4, 4, 32, 4, 4, 4, 4, 12, 0]
@@ -191,7 +202,7 @@ def run_ticks(arrivals, ticks, **options):
     transport = TimedTransport(clock, arrivals)
     pacer = Pacer(clock, TICK)
     run_paced(
-        build_bench(load_config()),
+        open_session(load_config()),
         transport,
         pacer,
         stopped=lambda: pacer.statistics.ticks == ticks,
@@ -277,10 +288,55 @@ def test_an_object_written_between_ticks_acts_in_the_next_one():
     )
     pacer = Pacer(clock, TICK)
     run_paced(
-        build_bench(load_config()),
+        open_session(load_config()),
         transport,
         pacer,
         stopped=lambda: pacer.statistics.ticks == 3,
     )
     assert 0x201 in transport.filters[0]
     assert 0x201 not in transport.filters[-1]
+
+
+def recorded_run(path, arrivals, ticks, **options):
+    """Run with a recording on a clock that starts at 0; return the transport and the frames."""
+    clock = VirtualClock()
+    transport = TimedTransport(clock, arrivals)
+    pacer = Pacer(clock, TICK)
+    config = load_config()
+    session = open_session(config)
+    with recorded(session, RecordingWish((path,)), config, is_real_time=False):
+        run_paced(
+            *(session, transport, pacer),
+            stopped=lambda: pacer.statistics.ticks == ticks,
+            **options,
+        )
+    return transport, list(read_frames(path))
+
+
+def test_a_recording_dates_frames_by_the_tick_that_took_them_or_after_which_they_were_served(
+    tmp_path,
+):
+    arrivals = [(us(2300), READ_VALVE), (us(2400), SYNC), (us(2500), READ_POSITION)]
+    _, frames = recorded_run(tmp_path / "run.mf4", arrivals, 5)
+    seen = [(logged.now, logged.frame.can_id, logged.is_received) for logged in frames]
+    assert seen[:4] == [(0, 0x700 + node, False) for node in (1, 2, 3, 4)]
+    assert seen[4:] == [
+        (2 * TICK, 0x601, True),  # served after tick 2, at which the bench stands still
+        (2 * TICK, 0x581, False),
+        (3 * TICK, 0x080, True),  # held back for tick 3, with all behind it
+        (3 * TICK, 0x604, True),
+        (3 * TICK, 0x584, False),
+    ]
+
+
+def test_a_recording_changes_no_filter(tmp_path):
+    transport, _ = recorded_run(tmp_path / "run.mf4", [], 3)
+    assert transport.filters == run_ticks([], 3)[0].filters
+    assert len(transport.filters) == 1
+
+
+def test_who_wants_to_hear_the_whole_bus_sets_no_filter(tmp_path):
+    arrivals = [(us(1500), Frame(0x7FF))]
+    transport, frames = recorded_run(tmp_path / "run.mf4", arrivals, 3, hears_all=True)
+    assert transport.filters == []
+    assert [logged.frame.can_id for logged in frames if logged.is_received] == [0x7FF]

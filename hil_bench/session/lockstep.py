@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.realtime.clock import Clock, MonotonicClock
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import Transport, TransportCounters, outage_at_end
 
 logger = logging.getLogger(__name__)
@@ -30,34 +31,30 @@ LONG_SILENCE = 5_000_000_000
 FRAMES_AT_ONCE = 64
 """Most frames taken from the bus before the bus is asked again."""
 
-Round = Callable[[Sequence[Frame], int], Sequence[Frame]]
-"""A bench's `tick` or `serve`: received frames and the time [ns] in, frames to send out."""
-
 
 class LockStep:
     """A bench whose time is counted in SYNCs: frame in, frames out.
 
     Args:
-        tick: the bench's tick.
-        serve: the bench's answers while time stands still.
+        session: the bench, powered on.
         tick_ns: period of a tick [ns].
         ticks_per_sync: ticks that each SYNC runs, one or more.
-        now: time of the last tick [ns].
 
     Attributes:
-        now: time of the last tick [ns].
+        session: as passed in.
         syncs: SYNCs so far.
     """
 
-    def __init__(
-        self, tick: Round, serve: Round, *, tick_ns: int, ticks_per_sync: int = 1, now: int = 0
-    ) -> None:
-        self.now = now
+    def __init__(self, session: Session, *, tick_ns: int, ticks_per_sync: int = 1) -> None:
+        self.session = session
         self.syncs = 0
-        self._tick = tick
-        self._serve = serve
         self._tick_ns = tick_ns
         self._ticks_per_sync = ticks_per_sync
+
+    @property
+    def now(self) -> int:
+        """The bench time [ns]."""
+        return self.session.now
 
     def receive(self, frame: Frame) -> Sequence[Frame]:
         """Take the next frame of the bus; return all that the bench has to say to it, in order."""
@@ -65,13 +62,12 @@ class LockStep:
             frame.is_remote or frame.is_extended or frame.bus
         )
         if not is_sync:
-            return self._serve((frame,), self.now)
+            return self.session.serve((frame,))
         self.syncs += 1
         sent: list[Frame] = []
         received: tuple[Frame, ...] = (frame,)
         for _ in range(self._ticks_per_sync):
-            self.now += self._tick_ns
-            sent += self._tick(received, self.now)
+            sent += self.session.tick(received, self.session.now + self._tick_ns)
             received = ()
         return sent
 

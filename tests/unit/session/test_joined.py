@@ -5,10 +5,11 @@ import pytest
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.config import load_config
-from hil_bench.controller_link import LockStepLink
 from hil_bench.errors import ControllerError
-from hil_bench.lockstep import LockStep
 from hil_bench.realtime.clock import VirtualClock
+from hil_bench.session.joined import LockStepLink
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.session import Session
 
 SYNC = Frame(0x080)
 HEARTBEAT = Frame(0x77F, b"\x05")
@@ -44,7 +45,7 @@ def bus():
 def link(bus):
     bench = build_bench(load_config())
     bench.start(0)
-    lockstep = LockStep(bench.tick, bench.serve, tick_ns=1_000_000)
+    lockstep = LockStep(Session(bench), tick_ns=1_000_000)
     return LockStepLink(lockstep, bus, clock=bus.clock)
 
 

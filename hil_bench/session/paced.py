@@ -1,9 +1,8 @@
-"""Joins a bench with a bus and a clock, and owns start and stop."""
+"""A session in real time: joins it with a bus and a clock, and owns start and stop."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from hil_bench.bench import Bench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.config import RealtimeConfig
@@ -11,6 +10,7 @@ from hil_bench.errors import BusError, TimingError
 from hil_bench.realtime.pacer import Pacer
 from hil_bench.realtime.scheduling import undisturbed
 from hil_bench.realtime.statistics import TickStatistics, TickSummary
+from hil_bench.session.session import Session
 from hil_bench.transports.transport import Transport, TransportCounters, outage_at_end
 
 FRAMES_PER_MILLISECOND = 32
@@ -31,9 +31,6 @@ flood of what nobody here listens to costs no more than that."""
 
 _MILLISECOND = 1_000_000
 
-Observer = Callable[[Bench, int], None]
-"""Told the bench and the scheduled time [ns] at the end of each tick; must be short."""
-
 
 @dataclass(frozen=True, slots=True)
 class RunReport:
@@ -53,35 +50,37 @@ class RunReport:
 
 
 def run_paced(
-    bench: Bench,
+    session: Session,
     transport: Transport,
     pacer: Pacer,
     *,
     stopped: Callable[[], bool],
-    observers: Sequence[Observer] = (),
     realtime: RealtimeConfig | None = None,
     serves_between_ticks: bool = True,
+    hears_all: bool = False,
 ) -> RunReport:
-    """Run the bench on a bus, tick by tick on the pacer's grid, until `stopped` says so.
+    """Run a bench on a bus, tick by tick on the pacer's grid, until `stopped` says so.
 
-    One thread owns bus and plant. A lost bus ends the run, and so does an overrun where the pacer
-    is to stop then; the report says why. An interface that is down does not: it may come back.
+    Bench time begins with the first tick. One thread owns bus and plant. A lost bus ends the run,
+    and so does an overrun where the pacer is to stop then; the report says why. An interface that
+    is down does not: it may come back.
 
     Args:
-        bench: not yet powered on.
+        session: the bench, not yet powered on.
         transport: the bus; it stays open.
         pacer: a new one, its grid not yet begun.
         stopped: asked once a tick.
-        observers: called at the end of each tick.
         realtime: what to ask of the operating system; None for what needs no permission.
         serves_between_ticks: whether SDO requests are answered there too; that needs a pacer whose
             seconds are the bus's.
+        hears_all: whether to take all frames of the bus, for who observes them, and not only those
+            that the bench listens to. Each costs the loop time.
     """
     lost: BusError | TimingError | None = None
     with undisturbed(realtime or RealtimeConfig(), pacer.period):
         try:
-            bus = _Bus(bench, transport, pacer, serves_between_ticks=serves_between_ticks)
-            _loop(bench, bus, pacer, stopped, observers)
+            bus = _Bus(session, transport, pacer, hears_all=hears_all)
+            _loop(session, bus, pacer, stopped, serves_between_ticks=serves_between_ticks)
         except (BusError, TimingError) as error:
             lost = error
     lost = lost or outage_at_end(transport)
@@ -101,43 +100,45 @@ def frames_per_tick(period: int) -> int:
 
 
 def _loop(
-    bench: Bench,
+    session: Session,
     bus: "_Bus",
     pacer: Pacer,
     stopped: Callable[[], bool],
-    observers: Sequence[Observer],
+    *,
+    serves_between_ticks: bool,
 ) -> None:
-    now = pacer.wait()
-    bench.start(now)
+    start = scheduled = pacer.wait()
+    session.start()
     bus.listen()
     share = frames_per_tick(pacer.period)
     while not stopped():
         limit = share if pacer.lateness <= pacer.period else FRAMES_WHEN_LATE
-        bus.send(bench.tick(bus.take(limit), now))
-        for observe in observers:
-            observe(bench, now)
+        session.tick(bus.take(limit), scheduled - start, bus.send)
         pacer.done()
-        bus.serve(now)
-        now = pacer.wait()
+        if serves_between_ticks:
+            bus.serve()
+        scheduled = pacer.wait()
 
 
 class _Bus:
     """The bus of a paced run: what ticks take from it, and what is served between them."""
 
     def __init__(
-        self, bench: Bench, transport: Transport, pacer: Pacer, *, serves_between_ticks: bool
+        self, session: Session, transport: Transport, pacer: Pacer, *, hears_all: bool
     ) -> None:
-        self._bench = bench
+        self._session = session
+        self._bench = session.bench
         self._transport = transport
         self._pacer = pacer
+        self._hears_all = hears_all
         self._held: list[Frame] = []
-        self._routes = bench.routes
-        self._serves_between_ticks = serves_between_ticks and transport.has_exact_wait
+        self._routes = session.bench.routes
 
     def listen(self) -> None:
         """Let the identifiers through that a bench listens to which has been powered on."""
         self._routes = self._bench.routes
-        self._transport.listen_to(self._routes)
+        if not self._hears_all:
+            self._transport.listen_to(self._routes)
 
     def take(self, limit: int) -> list[Frame]:
         """Return the frames for a tick, the oldest first."""
@@ -153,15 +154,12 @@ class _Bus:
             self.listen()
         self._transport.send(frames)
 
-    def serve(self, now: int) -> None:
-        """Answer SDO requests until shortly before the next tick.
+    def serve(self) -> None:
+        """Answer SDO requests until shortly before the next tick, where the bus allows that.
 
         Nothing overtakes: a frame that is for the tick holds back what comes after it.
-
-        Args:
-            now: time of the last tick [ns], at which the bench stands still.
         """
-        if not self._serves_between_ticks:
+        if not self._transport.has_exact_wait:
             return
         for _ in range(ROUNDS_BETWEEN_TICKS):
             remaining = self._pacer.remaining()
@@ -175,6 +173,6 @@ class _Bus:
             )
             self._held = frames[count:]
             if count:
-                self.send(self._bench.serve(frames[:count], now))
+                self._session.serve(frames[:count], self.send)
             if self._held:
                 return

@@ -10,19 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.recording.channels import Channel
-from hil_bench.recording.snapshot import Snapshot, SnapshotRow
+from hil_bench.processes.snapshot import Snapshot, SnapshotRow
 
-CHANNELS = tuple(Channel(f"c{number}", "m") for number in range(64))
+WIDTH = 64
 SPAWN = multiprocessing.get_context("spawn")
 
 
 def test_there_is_no_row_before_the_first_is_written() -> None:
-    assert Snapshot(CHANNELS).read() is None
+    assert Snapshot(WIDTH).read() is None
 
 
 def test_a_reader_sees_the_newest_row() -> None:
-    snapshot = Snapshot(CHANNELS[:2])
+    snapshot = Snapshot(2)
     snapshot.write((1.0, 2.0))
     snapshot.write((3.0, 4.0))
 
@@ -31,7 +30,7 @@ def test_a_reader_sees_the_newest_row() -> None:
 
 
 def test_a_row_half_written_is_not_shown() -> None:
-    snapshot = Snapshot(CHANNELS[:2])
+    snapshot = Snapshot(2)
     snapshot.write((1.0, 2.0))
     snapshot._memory[8:16] = b"\x00\x00\x00\x00\x00\x00\x08@"  # type: ignore[index]
 
@@ -42,7 +41,7 @@ def test_a_row_half_written_is_not_shown() -> None:
 
 def test_a_row_of_the_wrong_length_is_refused() -> None:
     with pytest.raises(Exception, match="pack expected 3 items"):
-        Snapshot(CHANNELS[:2]).write((1.0,))
+        Snapshot(2).write((1.0,))
 
 
 def read_many(snapshot: Snapshot, found: Connection) -> None:
@@ -62,15 +61,15 @@ def read_many(snapshot: Snapshot, found: Connection) -> None:
 
 
 def test_a_reader_in_another_process_never_sees_a_torn_row() -> None:
-    snapshot = Snapshot(CHANNELS)
+    snapshot = Snapshot(WIDTH)
     here, there = SPAWN.Pipe()
     reader = SPAWN.Process(target=read_many, args=(snapshot, there))
     reader.start()
     assert here.recv() == "ready"
     # All values of a row are the same, so that a torn row shows.
     for number in range(200_000):
-        snapshot.write([float(number)] * len(CHANNELS))
-    snapshot.write([-1.0] * len(CHANNELS))
+        snapshot.write([float(number)] * WIDTH)
+    snapshot.write([-1.0] * WIDTH)
     torn, seen = here.recv()
     reader.join()
 
@@ -85,7 +84,7 @@ def wait_for_ever(_snapshot: Snapshot, found: Connection) -> None:
 
 
 def test_a_reader_that_is_killed_leaves_the_writer_at_work() -> None:
-    snapshot = Snapshot(CHANNELS[:1])
+    snapshot = Snapshot(1)
     here, there = SPAWN.Pipe()
     reader = SPAWN.Process(target=wait_for_ever, args=(snapshot, there))
     reader.start()
@@ -100,8 +99,7 @@ def test_a_reader_that_is_killed_leaves_the_writer_at_work() -> None:
 
 PROGRAM = """
 import multiprocessing, os, signal, sys
-from hil_bench.recording.channels import Channel
-from hil_bench.recording.snapshot import Snapshot
+from hil_bench.processes.snapshot import Snapshot
 
 def read(snapshot, pipe):
     pipe.send(snapshot.read().values)
@@ -110,7 +108,7 @@ def read(snapshot, pipe):
 if __name__ == "__main__":
     print(os.getpid())
     context = multiprocessing.get_context("spawn")
-    snapshot = Snapshot([Channel("x", "m")])
+    snapshot = Snapshot(1)
     snapshot.write([3.0])
     here, there = context.Pipe()
     reader = context.Process(target=read, args=(snapshot, there))

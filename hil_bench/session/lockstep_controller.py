@@ -42,7 +42,7 @@ class _LockStepError(Exception):
     """The bench is gone, or not in lock-step."""
 
 
-class SyncProducer:
+class LockStepController:
     """What lets a bench in lock-step move.
 
     Its `tick` is one that `EmbeddedBus` takes, so a controller waits as in front of a bench in its

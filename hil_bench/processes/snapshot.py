@@ -15,8 +15,6 @@ import zlib
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from hil_bench.recording.channels import Channel
-
 _CHECK_SUM = struct.Struct("<I")
 _ATTEMPTS = 100
 
@@ -26,7 +24,7 @@ class SnapshotRow(NamedTuple):
 
     Attributes:
         sequence: number of the row, from 1; a higher number is a newer row.
-        values: one value a channel, in its SI unit.
+        values: as many values as it is wide.
     """
 
     sequence: int
@@ -34,21 +32,20 @@ class SnapshotRow(NamedTuple):
 
 
 class Snapshot:
-    """The newest row of some channels, shared between one writer and any readers.
+    """The newest row of values, shared between one writer and any readers.
 
     Args:
-        channels: the quantities of a row.
+        width: values of a row.
     """
 
-    def __init__(self, channels: Sequence[Channel]) -> None:
-        self.channels = tuple(channels)
-        self._format = f"<Q{len(self.channels)}d"
+    def __init__(self, width: int) -> None:
+        self._format = f"<Q{width}d"
         self._size = struct.calcsize(self._format)
         self._memory = multiprocessing.RawArray(ctypes.c_char, self._size + _CHECK_SUM.size)
         self._sequence = 0
 
     def write(self, values: Sequence[float]) -> None:
-        """Publish one row: one value a channel, in its SI unit."""
+        """Publish one row: as many values as it is wide."""
         self._sequence += 1
         row = struct.pack(self._format, self._sequence, *values)
         self._memory.raw = row + _CHECK_SUM.pack(zlib.crc32(row))

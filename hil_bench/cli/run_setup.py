@@ -1,0 +1,116 @@
+"""What both ways to `hil-bench run` share: the set-up before the first tick, and the exit code."""
+
+import argparse
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from hil_bench.cli.bench_bus import OpenBus, open_bus
+from hil_bench.cli.collection import collection_put_off
+from hil_bench.cli.device_table import device_table
+from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.helpers import Helper, Helpers
+from hil_bench.cli.interruption import Interruption, interruption
+from hil_bench.cli.modbus_side import OpenModbus, open_modbus
+from hil_bench.cli.recording_arguments import is_incomplete, recording_wish
+from hil_bench.config import BenchConfig, FaultConfig
+from hil_bench.config.plausibility import find_doubts
+from hil_bench.recording.inline_recorder import RecordingSink
+from hil_bench.session.recording import recorded
+from hil_bench.session.session import Session, open_session
+
+
+class RunSetup(NamedTuple):
+    """A bench that is about to run, and what is open around it.
+
+    Attributes:
+        args: the command line.
+        config: of the bench.
+        session: the bench, not yet powered on.
+        bus: its buses.
+        modbus: its Modbus server, where it has one.
+        recording: what is recorded, None for nothing.
+        wish: whether somebody wants the end.
+    """
+
+    args: argparse.Namespace
+    config: BenchConfig
+    session: Session
+    bus: OpenBus
+    modbus: OpenModbus
+    recording: RecordingSink | None
+    wish: Interruption
+
+    def watch(self, *helpers: Helper) -> Helpers:
+        """Return what looks after the processes of this run, and after further ones."""
+        return Helpers(
+            [*self.bus.helpers, *self.modbus.helpers, *helpers],
+            ends_on_loss=self.args.end_on_loss,
+            has_lost_data=lambda: is_incomplete(self.recording),
+        )
+
+    def announcement(self) -> Callable[[], None]:
+        """Return what tells a controller engineer, once, how to join.
+
+        The text is made now, when there is no tick yet to hold up.
+        """
+        left = [introduction(self.config, self.bus, self.modbus)]
+
+        def announce() -> None:
+            while left:
+                print(left.pop(), flush=True)
+
+        return announce
+
+    def exit_code(self, helpers: Helpers, *, is_late: bool = False) -> int:
+        """Return what the run ends with, if its bus was not lost."""
+        if helpers.is_incomplete or is_incomplete(self.recording):
+            return ExitCode.LOST
+        if is_late:
+            return ExitCode.TIMING
+        return ExitCode.INTERRUPTED if self.wish.requested else ExitCode.DONE
+
+
+@contextlib.contextmanager
+def set_up(
+    args: argparse.Namespace, config: BenchConfig, *, is_real_time: bool
+) -> Iterator[RunSetup]:
+    """Build the bench and open its recording, its buses and its Modbus server.
+
+    Args:
+        args: the command line.
+        config: of the bench.
+        is_real_time: whether ticks must not wait for the recording.
+
+    Yields:
+        All that.
+    """
+    warn_of(find_doubts(config))
+    with collection_put_off():
+        session = open_session(config)
+    with contextlib.ExitStack() as stack:
+        stack.callback(session.door.close)
+        wish = stack.enter_context(interruption())
+        files = recording_wish(args)
+        recording = stack.enter_context(recorded(session, files, config, is_real_time=is_real_time))
+        bus = stack.enter_context(open_bus(args, config))
+        modbus = stack.enter_context(open_modbus(config, session))
+        yield RunSetup(args, config, session, bus, modbus, recording, wish)
+
+
+def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
+    """Return what a controller engineer needs to know to join."""
+    source = config.path or "built-in bench"
+    plant = f"{config.steps_per_tick} plant steps a tick" if config.axes else "no axis"
+    rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
+    lines = [f"bench  {source}, {rate}", *bus.lines]
+    lines += modbus.lines
+    lines += [f"fault  {fault_line(fault)}" for fault in config.faults]
+    return "\n".join((*lines, "", device_table(config), ""))
+
+
+def fault_line(fault: FaultConfig) -> str:
+    """Return what a fault is, and when."""
+    lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
+    return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"

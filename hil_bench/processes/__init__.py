@@ -1,0 +1,1 @@
+"""Processes beside the loop, and what passes between them and it through shared memory."""

@@ -1,0 +1,195 @@
+"""What may be asked of a running bench through its door.
+
+Each command is a record of plain values, so that it can come from another process.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+from hil_bench.bench import Bench
+from hil_bench.canopen_device.datatypes import Value
+from hil_bench.errors import ConfigError
+from hil_bench.faults.fault import Fault
+from hil_bench.faults.kinds import FaultKind
+from hil_bench.node_objects import NodeObjects
+from hil_bench.plant.stepping import LOAD_LIMIT
+
+SUPPLY_LIMIT = 1e9
+"""Highest supply pressure that a plant may be given [Pa], ten times that of a water jet cutter."""
+
+
+class Controls:
+    """What commands act on.
+
+    Args:
+        bench: the bench.
+        nodes: the objects of its nodes, by the names of the nodes.
+
+    Attributes:
+        bench: as passed in.
+        nodes: as passed in.
+        faults: those that commands have begun, by their numbers.
+    """
+
+    def __init__(self, bench: Bench, nodes: Mapping[str, NodeObjects]) -> None:
+        self.bench = bench
+        self.nodes = nodes
+        self.faults: dict[int, Fault] = {}
+        self._last_number = 0
+
+    def keep(self, fault: Fault, now: int) -> int:
+        """Keep a fault that begins at `now` [ns] or later; return its number.
+
+        Those that have ended by themselves are forgotten.
+        """
+        self.faults = {
+            number: known
+            for number, known in self.faults.items()
+            if known.is_active or known.begins is None or known.begins >= now
+        }
+        self._last_number += 1
+        self.faults[self._last_number] = fault
+        return self._last_number
+
+
+class Command(Protocol):
+    """Something to do at the start of a tick."""
+
+    def act(self, controls: Controls, now: int) -> object:
+        """Do it at `now` [ns] and return the answer; any exception is the answer of a failure."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeginFault:
+    """Begin a fault, as the verb of its kind does: `hil_bench.faults.faults.Faults`.
+
+    Attributes:
+        kind: of the fault.
+        target: the node or axis that it concerns.
+        arguments: further arguments of the verb, such as ``{"amount": 2e6, "duration": 0.5}``.
+    """
+
+    kind: FaultKind | str
+    target: str
+    arguments: Mapping[str, object] = field(default_factory=dict)
+
+    def act(self, controls: Controls, now: int) -> int:
+        """Begin it in this tick, or when its `at` says; return its number.
+
+        Raises:
+            ConfigError: no such kind, target or argument; it says what would be right.
+        """
+        try:
+            kind = FaultKind(self.kind)
+        except ValueError:
+            kinds = ", ".join(FaultKind)
+            raise ConfigError(
+                f'fault: there is no kind "{self.kind}"; give one of {kinds}'
+            ) from None
+        begin = getattr(controls.bench.faults, kind.value)
+        try:
+            fault: Fault = begin(self.target, **self.arguments)
+        except TypeError as error:
+            raise ConfigError(f"fault {kind} {self.target}: {error}") from None
+        return controls.keep(fault, now)
+
+
+@dataclass(frozen=True, slots=True)
+class ClearFault:
+    """End a fault, or all.
+
+    Attributes:
+        number: the answer of its `BeginFault`; None for all faults of the bench, planned ones too.
+    """
+
+    number: int | None = None
+
+    def act(self, controls: Controls, now: int) -> None:  # noqa: ARG002 - it ends with this tick
+        """End it.
+
+        Raises:
+            ConfigError: no fault has this number.
+        """
+        if self.number is None:
+            controls.bench.faults.clear()
+            controls.faults.clear()
+        elif (fault := controls.faults.pop(self.number, None)) is not None:
+            fault.clear()
+        else:
+            known = ", ".join(map(str, controls.faults)) or "no fault is there"
+            raise ConfigError(f"fault {self.number}: there is no such number; there is: {known}")
+
+
+@dataclass(frozen=True, slots=True)
+class SetObject:
+    """Set an object of a node, as ``bench.nodes["io"]["0x6401.01"] = 1234`` does.
+
+    Attributes:
+        node: the name of the node.
+        name: of the object: "0x6401.01".
+        value: what it is to hold.
+    """
+
+    node: str
+    name: str
+    value: Value
+
+    def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
+        """Set it; return what it holds now. `ConfigError` where it cannot."""
+        objects = controls.nodes[self.node]
+        objects[self.name] = self.value
+        return objects[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class SetPlant:
+    """Set what acts on a plant from outside: its load [N] or its supply pressure [Pa].
+
+    Attributes:
+        axis: the name of the axis.
+        quantity: "load" or "supply_pressure".
+        value: in SI; it holds until it is set again.
+    """
+
+    axis: str
+    quantity: str
+    value: object
+
+    def act(self, controls: Controls, now: int) -> None:  # noqa: ARG002 - Command's
+        """Set it for this tick and the following ones.
+
+        Raises:
+            ConfigError: no such axis or quantity, or a value that cannot be.
+        """
+        bench = controls.bench
+        names = [axis.name for axis in bench.axes]
+        if self.axis not in names:
+            right = ", ".join(names) or "this bench has none"
+            raise ConfigError(f'axis "{self.axis}": there is no such axis; there is: {right}')
+        number = names.index(self.axis)
+        axis = bench.axes[number]
+        if self.quantity == "load":
+            load = self._bounded(-LOAD_LIMIT, LOAD_LIMIT, "N")
+            axes = list(bench.axes)
+            axes[number] = replace(axis, load=load)
+            bench.axes = tuple(axes)
+        elif self.quantity == "supply_pressure":
+            parameters = axis.plant.parameters
+            axis.plant.supply_pressure = self._bounded(parameters.P_T, SUPPLY_LIMIT, "Pa")
+        else:
+            raise ConfigError(
+                f'{self.axis}.{self.quantity}: cannot be set; give "load" or "supply_pressure"'
+            )
+
+    def _bounded(self, low: float, high: float, unit: str) -> float:
+        """Return the value.
+
+        Raises:
+            ConfigError: it is not a number, or out of range.
+        """
+        if not (isinstance(self.value, (int, float)) and low <= self.value <= high):
+            raise ConfigError(
+                f"{self.axis}.{self.quantity} = {self.value!r}: give {low:g} to {high:g} {unit}"
+            )
+        return float(self.value)

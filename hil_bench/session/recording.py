@@ -1,0 +1,71 @@
+"""Recording as an observer of a session, whatever makes its ticks."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import BenchConfig
+from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.recording.recorder import RecordingPlan
+from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.session.session import Session
+from hil_bench.telemetry import recording_heading
+
+
+class RecordingWish(NamedTuple):
+    """What to record in files.
+
+    Attributes:
+        paths: the files; their suffixes are their formats, see docs/recording.md.
+        trigger: what begins it, as in ``axis1.P_A > 80 bar``; empty for the start.
+        pre_trigger: time before the trigger that is recorded too [s].
+    """
+
+    paths: tuple[Path | str, ...] = ()
+    trigger: str = ""
+    pre_trigger: float = 1.0
+
+
+NO_RECORDING = RecordingWish()
+
+
+@contextmanager
+def recorded(
+    session: Session, wish: RecordingWish, config: BenchConfig, *, is_real_time: bool
+) -> Iterator[RecordingSink | None]:
+    """Record a session from now until the end of the block.
+
+    Args:
+        session: not yet started.
+        wish: what to record.
+        config: of the bench.
+        is_real_time: whether ticks must not wait for a disk, so that another process writes.
+
+    Yields:
+        What takes the recording; None where nothing is wished for.
+    """
+    if not wish.paths:
+        yield None
+        return
+    plan = RecordingPlan(
+        tuple(map(Path, wish.paths)),
+        session.channels,
+        trigger=wish.trigger,
+        pre_trigger=wish.pre_trigger,
+        heading=recording_heading(config, is_real_time=is_real_time),
+    )
+    sink = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
+    sink.start()
+
+    def take(received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        sink.append_frames(received, now, is_received=True)
+        sink.append_frames(sent, now, is_received=False)
+
+    session.watch(frames=take, rows=sink.append_row)
+    try:
+        yield sink
+    finally:
+        session.unwatch(frames=take, rows=sink.append_row)
+        sink.stop()

@@ -1,0 +1,163 @@
+"""A bench that runs: what moves it, what watches it, and where commands come in.
+
+A runner calls `tick` and `serve` and knows nothing else of the bench; an observer is told what
+passed and knows nothing of the runner. All times are bench time: nanoseconds since power-on.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from hil_bench.assembly import build_bench
+from hil_bench.bench import Bench
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.config import BenchConfig
+from hil_bench.node_objects import NodeObjects, NodeTable
+from hil_bench.recording.channels import Channel
+from hil_bench.session.commands import Controls
+from hil_bench.session.door import Door
+from hil_bench.telemetry import bench_channels, sample
+
+FrameObserver = Callable[[Sequence[Frame], Sequence[Frame], int], None]
+"""Told the frames that the bench received and sent, and their time [ns]."""
+
+RowObserver = Callable[[Sequence[float]], None]
+"""Told the time [s] and a value a channel, in its SI unit, at the end of each tick."""
+
+Send = Callable[[Sequence[Frame]], None]
+"""Puts frames on the bus."""
+
+TickObserver = Callable[[int], None]
+"""Told the time [ns] at the end of each tick."""
+
+
+class Session:
+    """A bench with its observers and its door.
+
+    Args:
+        bench: not yet powered on.
+        nodes: the objects of its nodes, by the names of the nodes.
+        stimuli: what else to record, each a function of bench time [s].
+
+    Attributes:
+        bench: as passed in.
+        nodes: as passed in.
+        channels: of a row, without the time.
+        door: takes commands from anywhere; they act at the start of the next tick.
+        now: bench time [ns]: that of the last tick, or later where a runner has waited since.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        *,
+        nodes: Mapping[str, NodeObjects] | None = None,
+        stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
+    ) -> None:
+        self.bench = bench
+        self.nodes = nodes or {}
+        stimuli = stimuli or {}
+        self.channels = (*stimuli, *bench_channels(bench))
+        self.door = Door(Controls(bench, self.nodes))
+        self.now = 0
+        self._commands = self.door.waiting
+        self._stimuli = tuple(stimuli.values())
+        self._frame_observers: list[FrameObserver] = []
+        self._row_observers: list[RowObserver] = []
+        self._tick_observers: list[TickObserver] = []
+
+    def watch(
+        self,
+        *,
+        frames: FrameObserver | None = None,
+        rows: RowObserver | None = None,
+        ticks: TickObserver | None = None,
+    ) -> None:
+        """Add an observer; at the end of a tick it is told the frames, the row, then the time.
+
+        It is called in the thread of the bench, so it must be short.
+
+        Args:
+            frames: told all frames of a tick, and those that were served between two.
+            rows: told the row of each tick; without any, no row is made.
+            ticks: told each tick, after all frames and rows.
+        """
+        if frames is not None:
+            self._frame_observers.append(frames)
+        if rows is not None:
+            self._row_observers.append(rows)
+        if ticks is not None:
+            self._tick_observers.append(ticks)
+
+    def unwatch(
+        self,
+        *,
+        frames: FrameObserver | None = None,
+        rows: RowObserver | None = None,
+        ticks: TickObserver | None = None,
+    ) -> None:
+        """Take an observer away; between two ticks only.
+
+        Args:
+            frames: as given to `watch`.
+            rows: likewise.
+            ticks: likewise.
+        """
+        if frames is not None:
+            self._frame_observers.remove(frames)
+        if rows is not None:
+            self._row_observers.remove(rows)
+        if ticks is not None:
+            self._tick_observers.remove(ticks)
+
+    def start(self) -> None:
+        """Power the bench on; its nodes boot in the first tick."""
+        self.bench.start(self.now)
+
+    def tick(self, frames: Sequence[Frame], now: int, send: Send | None = None) -> Sequence[Frame]:
+        """Move the bench on by one tick; return the frames that it sends.
+
+        Args:
+            frames: what arrived since the last tick, oldest first.
+            now: bench time of this tick [ns].
+            send: is given those frames before the observers are told, so that the bus does not
+                wait for them.
+        """
+        self.now = now
+        if self._commands:
+            self.door.admit(now)
+        sent = self.bench.tick(frames, now)
+        if send is not None:
+            send(sent)
+        for observe in self._frame_observers:
+            observe(frames, sent, now)
+        if self._row_observers:
+            time = now * 1e-9
+            stimuli = [stimulus(time) for stimulus in self._stimuli]
+            row = (time, *stimuli, *sample(self.bench))
+            for show in self._row_observers:
+                show(row)
+        for tell in self._tick_observers:
+            tell(now)
+        return sent
+
+    def serve(self, frames: Sequence[Frame], send: Send | None = None) -> Sequence[Frame]:
+        """Let the bench answer frames while its time stands still; see `tick`."""
+        now = self.now
+        sent = self.bench.serve(frames, now)
+        if send is not None:
+            send(sent)
+        for observe in self._frame_observers:
+            observe(frames, sent, now)
+        return sent
+
+
+def open_session(
+    config: BenchConfig, stimuli: Mapping[Channel, Callable[[float], float]] | None = None
+) -> Session:
+    """Return a session of the bench of a configuration, not yet powered on.
+
+    Args:
+        config: of the bench.
+        stimuli: what else to record, each a function of bench time [s].
+    """
+    bench = build_bench(config)
+    return Session(bench, nodes=NodeTable(bench.nodes, config.nodes), stimuli=stimuli)

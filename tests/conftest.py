@@ -22,8 +22,10 @@ def pytest_configure(config):
 def _own_log_handlers():
     """Take back the handlers that a test of the command line has put on the root logger.
 
-    They would write to the captured stream of that test, which is closed by then.
+    They would write to the captured stream of that test, which is closed by then; and --quiet lets
+    the root logger drop warnings.
     """
-    before = logging.root.handlers[:]
+    before, level = logging.root.handlers[:], logging.root.level
     yield
+    logging.root.setLevel(level)
     logging.root.handlers[:] = [handler for handler in logging.root.handlers if handler in before]

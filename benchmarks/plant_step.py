@@ -37,10 +37,11 @@ from hil_bench.plant import (
 )
 from hil_bench.plant.constants import pack
 from hil_bench.plant.parameters import paper_parameters
+from hil_bench.plant.stepping import DEFAULT_STEP
 
-DT = 1e-4
-STEPS_PER_MOVE = 5_000  # half a second each way, so that the piston stays off its stops
-MOVES = 40
+DT = DEFAULT_STEP
+STEPS_PER_MOVE = 10_000  # half a second each way, so that the piston stays off its stops
+MOVES = 20
 REPEATS = 15
 SPOOL_SETPOINT = 1e-3
 SOURCE = Path(__file__).with_suffix(".c")

@@ -32,13 +32,14 @@ from hil_bench.plant import (
     paper_parameters,
 )
 from hil_bench.plant.full_order import largest_step
+from hil_bench.plant.stepping import DEFAULT_STEP
 
 Array = npt.NDArray[np.float64]
 Move = tuple[float, float, int]
 """Spool set-point [m], external load [N] and duration [ms]."""
 
 TICK = 1e-3
-BENCH_STEP, PAPER_STEP = 5e-5, 1e-4
+BENCH_STEP, PAPER_STEP = DEFAULT_STEP, 1e-4
 OPTIONS = PlantOptions.paper()
 OILS = (1e8, 3e8, 7e8, 1e9, 1.7e9)
 MASSES = (5.0, 20.0, 100.0, 500.0)
@@ -118,7 +119,7 @@ def edge_crossings(
 
 def reference(p: PlantParameters, start: PlantState, moves: list[Move]) -> Array:
     """Return the states at each millisecond, shape (ticks + 1, 6)."""
-    rates, y = right_hand_side(p), np.array(start)
+    rates, y = right_hand_side(p), np.array(start[:6])
     rows = [y]
     for u, F_L, ticks in moves:
         grid = np.arange(1, ticks + 1) * TICK
@@ -146,11 +147,11 @@ def reference(p: PlantParameters, start: PlantState, moves: list[Move]) -> Array
 def run(plant: FullOrderPlant, moves: list[Move]) -> Array:
     """Return the states of a plant at each millisecond, shape (ticks + 1, 6)."""
     steps = round(TICK / plant.dt)
-    rows = [plant.state]
+    rows = [plant.state[:6]]
     for u, F_L, ticks in moves:
         for _ in range(ticks):
             plant.step(PlantInput(u, F_L), steps)
-            rows.append(plant.state)
+            rows.append(plant.state[:6])
     return np.array(rows)
 
 

@@ -32,7 +32,7 @@ from hil_bench.config.values import (
     text,
 )
 from hil_bench.plant.models import Model
-from hil_bench.plant.stepping import Solver
+from hil_bench.plant.stepping import DEFAULT_STEP, Solver
 from hil_bench.units import (
     BAR,
     CUBIC_CENTIMETRE,
@@ -76,7 +76,7 @@ REALTIME_KEYS = (
 
 BENCH_KEYS = (
     Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
-    Key("step_us", integer(1, 10_000), 50, MICROSECOND),
+    Key("step_us", integer(1, 10_000), round(1e6 * DEFAULT_STEP), MICROSECOND),
     Key("sync_period_us", integer(100, 60_000_000), None, MICROSECOND),
     Key("seed", integer(0), 1),
     *REALTIME_KEYS,

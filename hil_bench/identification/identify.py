@@ -16,6 +16,7 @@ from hil_bench.identification.stages import FINE
 from hil_bench.identification.trial import Trial, trial_pieces, try_out
 from hil_bench.identification.unknowns import KINDS, OFFSETS, Unknowns
 from hil_bench.plant import PlantOptions, PlantParameters
+from hil_bench.plant.stepping import DEFAULT_STEP
 
 Values = npt.NDArray[np.float64]
 
@@ -91,7 +92,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
     known: PlantParameters,
     options: PlantOptions,
     *,
-    step: float = 5e-5,
+    step: float = DEFAULT_STEP,
     names: Sequence[str] = tuple(KINDS),
     starts: int = 24,
     seed: int = 1,

@@ -2,7 +2,8 @@
 
 A block holds one number of each plant, then the next number: so the compiler turns the very kernels
 of a single plant into vector instructions, and each plant of a batch gives the same bits as alone.
-A block stays in the processor's first cache for all steps of a run.
+A block stays in the processor's first cache for all steps of a run. A plant whose step is made in
+parts (`hil_bench.plant.parts`) makes it alone, after the others.
 """
 
 from collections.abc import Sequence
@@ -11,11 +12,12 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plant.constants import pack, unpack_lane
-from hil_bench.plant.implicit_midpoint import Cylinder, move_cylinder
+from hil_bench.plant.constants import ROW, pack, unpack_lane
+from hil_bench.plant.implicit_midpoint import Cylinder, move_cylinder, try_free_step
 from hil_bench.plant.kernel import Floats, kernel, long_kernel
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.parts import TOLERANCE
 from hil_bench.plant.spool import move_spool, orifice_state
 from hil_bench.plant.state import PlantState
 
@@ -28,6 +30,8 @@ SEEN = ("x", "v", "P_A", "P_B", "z")
 _STATES = len(PlantState._fields)
 _SETPOINT = _STATES  # its place in the block, after the states
 _CONSTANTS = _STATES + 1
+_NEXT = _CONSTANTS + ROW  # the states at the end of a step, and the error of the velocity
+_PLACES = _NEXT + _STATES + 1
 
 Values = npt.NDArray[np.float64]
 
@@ -43,21 +47,41 @@ def pack_block(plants: PlantSet, dt: float) -> Values:
         dt: step [s].
     """
     rows = [[*state, 0.0, *pack(parameters, options, dt)] for parameters, options, state in plants]
-    rows += [rows[-1]] * (LANES - len(rows))
-    return np.ascontiguousarray(np.array(rows, dtype=np.float64).T).reshape(-1)
+    block = np.zeros((_PLACES, LANES))
+    block[:_NEXT, : len(rows)] = np.array(rows, dtype=np.float64).T
+    block[:_NEXT, len(rows) :] = block[:_NEXT, len(rows) - 1, np.newaxis]
+    return block.reshape(-1)
 
 
 @kernel
-def move_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float]:
-    """Return the cylinder, nu and nu_dot of one plant of a block one step later."""
+def lane_cylinder(block: Floats, lane: int) -> Cylinder:
+    """Return the cylinder of one plant of a block at the start of the step."""
+    return (
+        block[lane],
+        block[LANES + lane],
+        block[2 * LANES + lane],
+        block[3 * LANES + lane],
+        block[6 * LANES + lane],
+        block[7 * LANES + lane],
+    )
+
+
+@kernel
+def try_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float, float]:
+    """Return the cylinder, nu and nu_dot of one plant a step later, and the velocity's error."""
     constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
     nu, nu_dot = block[4 * LANES + lane], block[5 * LANES + lane]
     moved, moved_dot = move_spool(nu, nu_dot, block[_SETPOINT * LANES + lane], constants[3])
-    z_middle = orifice_state(0.5 * (nu + moved), constants[2])
-    x, v = block[lane], block[LANES + lane]
-    P_A, P_B = block[2 * LANES + lane], block[3 * LANES + lane]
-    cylinder = (x, v, P_A, P_B, block[6 * LANES + lane], block[7 * LANES + lane])
-    return move_cylinder(cylinder, z_middle, 0.0, constants), moved, moved_dot
+    cylinder, error = try_free_step(lane_cylinder(block, lane), (nu, moved), 0.0, constants)
+    return cylinder, moved, moved_dot, error
+
+
+@kernel
+def move_lane(block: Floats, lane: int) -> Cylinder:
+    """Return the cylinder of one plant a step later, made in parts."""
+    constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+    spool = (block[4 * LANES + lane], block[(_NEXT + 4) * LANES + lane])
+    return move_cylinder(lane_cylinder(block, lane), spool, 0.0, constants)[0]
 
 
 @kernel
@@ -82,15 +106,25 @@ def run_block(block: Floats, setpoints: Floats, seen: Floats, steps: int, every:
         steps: how many.
         every: steps between two rows.
     """
+    first = _NEXT * LANES
     for step in range(steps):
         for lane in range(LANES):
             block[_SETPOINT * LANES + lane] = setpoints[step * LANES + lane]
         for lane in range(LANES):
-            (x, v, P_A, P_B, V_CA, V_CB), nu, nu_dot = move_lane(block, lane)
-            block[lane], block[LANES + lane] = x, v
-            block[2 * LANES + lane], block[3 * LANES + lane] = P_A, P_B
-            block[4 * LANES + lane], block[5 * LANES + lane] = nu, nu_dot
-            block[6 * LANES + lane], block[7 * LANES + lane] = V_CA, V_CB
+            (x, v, P_A, P_B, V_CA, V_CB), nu, nu_dot, error = try_lane(block, lane)
+            block[first + lane], block[first + LANES + lane] = x, v
+            block[first + 2 * LANES + lane], block[first + 3 * LANES + lane] = P_A, P_B
+            block[first + 4 * LANES + lane], block[first + 5 * LANES + lane] = nu, nu_dot
+            block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
+            block[first + _STATES * LANES + lane] = error
+        for lane in range(LANES):
+            if block[first + _STATES * LANES + lane] > TOLERANCE:
+                x, v, P_A, P_B, V_CA, V_CB = move_lane(block, lane)
+                block[first + lane], block[first + LANES + lane] = x, v
+                block[first + 2 * LANES + lane], block[first + 3 * LANES + lane] = P_A, P_B
+                block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
+        for place in range(_STATES * LANES):
+            block[place] = block[first + place]
         if (step + 1) % every == 0:
             show_block(block, seen, (step + 1) // every - 1)
 
@@ -132,12 +166,11 @@ def run_starts(
         The fields of `SEEN` after each `every`-th step, shape (starts, steps // every, 5).
     """
     count = len(starts)
-    block = np.empty((_STATES + 1 + len(constants := pack(*plant, dt)), LANES))
+    block = np.zeros((_PLACES, LANES))
     given = starts.shape[1]
     block[:given, :count] = starts.T
     block[:given, count:] = starts[-1, :, np.newaxis]
-    block[given:_CONSTANTS] = 0.0
-    block[_CONSTANTS:] = np.array(constants)[:, np.newaxis]
+    block[_CONSTANTS:_NEXT] = np.array(pack(*plant, dt))[:, np.newaxis]
     return _run(block.reshape(-1), setpoints, every)[:count]
 
 

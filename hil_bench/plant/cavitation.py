@@ -13,15 +13,17 @@ from the floor can only raise the other one: the solution is found by releasing,
 """
 
 from hil_bench.plant.chamber import ChamberConstants
+from hil_bench.plant.constants import Constants
 from hil_bench.plant.kernel import kernel
 
-Oil = tuple[float, float, float, float, float]
-"""(a, b, c, net_A, net_B) of a step: a dP_A - c dP_B = net_A - A_A dv / 2 and, for B,
-b dP_B - c dP_A = net_B + A_B dv / 2.
+Oil = tuple[float, float, float, float, float, float]
+"""(a, b, c, net_A, net_B, half) of a step: a dP_A - c dP_B = net_A - half A_A dv and, for B,
+b dP_B - c dP_A = net_B + half A_B dv.
 
 a and b are the chambers' compliances over dt and what damps there, c the share of the leakage
 between both [m³/(s Pa)]; net_A and net_B are the flows that compress the oil at the start of the
-step, less those that close the cavities [m³/s].
+step, less those that close the cavities [m³/s]; half is 1/2, and a little more with the end
+correction of `hil_bench.plant.coupling`.
 """
 
 Response = tuple[float, float, float, float]
@@ -67,6 +69,12 @@ def fill(pressure: float, cavity: float, stiffness: float, floor: float) -> tupl
 
 
 @kernel
+def most(first: float, second: float) -> float:
+    """Return the larger of two numbers."""
+    return second if first < second else first
+
+
+@kernel
 def missing_flows(
     rise_A: float, rise_B: float, dv: float, oil: Oil, chambers: ChamberConstants
 ) -> tuple[float, float]:
@@ -79,11 +87,10 @@ def missing_flows(
         oil: of the step.
         chambers: the constants.
     """
-    a, b, c, net_A, net_B = oil
-    half = 0.5 * dv
+    a, b, c, net_A, net_B, half = oil
     return (
-        a * rise_A - c * rise_B - net_A + chambers[2] * half,
-        b * rise_B - c * rise_A - net_B - chambers[3] * half,
+        a * rise_A - c * rise_B - net_A + chambers[2] * half * dv,
+        b * rise_B - c * rise_A - net_B - chambers[3] * half * dv,
     )
 
 
@@ -94,7 +101,7 @@ def hold(
     force: float,
     inertia: float,
     oil: Oil,
-    chambers: ChamberConstants,
+    constants: Constants,
 ) -> Response:
     """Return how the pressures respond in a step that at least one chamber ends at the floor.
 
@@ -104,16 +111,17 @@ def hold(
         force: on the piston at the start of the step [N].
         inertia: m / dt and what damps the piston [N s/m].
         oil: of the step.
-        chambers: the constants.
+        constants: in their groups.
     """
-    a, b, c, net_A, net_B = oil
+    a, b, c, net_A, net_B, half = oil
+    chambers, sigma = constants[5], constants[6][2]
     _, _, A_A, A_B, _, _, _ = chambers
-    dv = (force + 0.5 * (A_A * rise_A - A_B * rise_B)) / inertia
+    dv = (force + half * (A_A * rise_A - A_B * rise_B)) / (inertia + (half - 0.5) * sigma)
     missing_A, missing_B = missing_flows(rise_A, rise_B, dv, oil, chambers)
     if missing_A < 0.0:
-        return (net_A + c * rise_B) / a, 0.5 * A_A / a, rise_B, 0.0
+        return (net_A + c * rise_B) / a, half * A_A / a, rise_B, 0.0
     if missing_B < 0.0:
-        return rise_A, 0.0, (net_B + c * rise_A) / b, -0.5 * A_B / b
+        return rise_A, 0.0, (net_B + c * rise_A) / b, -half * A_B / b
     return rise_A, 0.0, rise_B, 0.0
 
 
@@ -130,12 +138,13 @@ def share_out(
         oil: of the step.
         chambers: the constants.
     """
-    a, b, c, _, _ = oil
+    a, b, c, _, _, _ = oil
     missing_A, missing_B = missing_flows(rise_A, rise_B, dv, oil, chambers)
-    if missing_A < 0.0:
-        missing_B += c * missing_A / a
-        return rise_A - missing_A / a, rise_B, 0.0, 0.0 if missing_B < 0.0 else missing_B
-    if missing_B < 0.0:
-        missing_A += c * missing_B / b
-        return rise_A, rise_B - missing_B / b, 0.0 if missing_A < 0.0 else missing_A, 0.0
-    return rise_A, rise_B, missing_A, missing_B
+    # A alone at the floor: B rises until it lacks nothing; then B alone, then both.
+    more_B = -missing_B / b
+    if more_B >= 0.0 and missing_A - c * more_B >= 0.0:
+        return rise_A, rise_B + more_B, missing_A - c * more_B, 0.0
+    more_A = -missing_A / a
+    if more_A >= 0.0 and missing_B - c * more_A >= 0.0:
+        return rise_A + more_A, rise_B, 0.0, missing_B - c * more_A
+    return rise_A, rise_B, most(missing_A, 0.0), most(missing_B, 0.0)

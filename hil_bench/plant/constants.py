@@ -25,6 +25,9 @@ StepConstants = tuple[float, float, float, float]
 ORIFICE_P_S = 15
 """Place of P_S in the row of constants."""
 
+ROW = 35
+"""Constants in a row."""
+
 Constants = tuple[
     StepConstants,
     SpoolConstants,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hil_bench.plant.bristles import BristleConstants
 from hil_bench.plant.bulk_modulus import AirConstants
-from hil_bench.plant.constants import pack
+from hil_bench.plant.constants import ROW, pack
 from hil_bench.plant.extensions import ATMOSPHERE
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import LoadConstants
@@ -23,7 +23,7 @@ ExtendedConstants = tuple[
 ]
 
 # Where the extension begins in the row, after the paper's constants, and where the load series.
-_EXTENSION = 35
+_EXTENSION = ROW
 SERIES = _EXTENSION + 16
 
 

@@ -20,21 +20,25 @@ from hil_bench.plant.bulk_modulus import AirConstants, bulk_modulus
 from hil_bench.plant.cavitation import Oil, Response
 from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
+from hil_bench.plant.coupling import eliminate_pressures, velocity_change
 from hil_bench.plant.extended_constants import SERIES, ExtendedConstants, unpack_extended
-from hil_bench.plant.implicit_midpoint import (
-    NO_DRAG,
-    Cylinder,
-    eliminate_pressures,
-    finish_step,
-    implicit_share,
-    linearise_drag,
-    velocity_change,
-)
+from hil_bench.plant.following import NO_DRAG, implicit_share, linearise_drag
+from hil_bench.plant.implicit_midpoint import Cylinder, Spool, finish_step
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import find_point, series_force
 from hil_bench.plant.orifice import linearise_flow
+from hil_bench.plant.parts import (
+    PARTS,
+    RATIO,
+    TOLERANCE,
+    Ports,
+    largest_part,
+    oil_error,
+    place_between,
+    shorten,
+)
 from hil_bench.plant.spool import move_spool, orifice_state
-from hil_bench.plant.state_row import POINT, STEPS, Seen, keep_extended, read_states
+from hil_bench.plant.state_row import EXTRA, POINT, STEPS, Seen, keep_extended, read_states
 from hil_bench.plant.supply import SupplyConstants, relief_flow, supply_compliance
 
 Charge = tuple[float, float]
@@ -105,8 +109,8 @@ def draw(net: float, share: float, charge: Charge) -> tuple[float, float]:
 @kernel
 def compress_oil(
     cylinder: Cylinder, z: float, P_S: float, constants: Constants, extension: ExtendedConstants
-) -> tuple[Oil, Charge, float]:
-    """Return the oil of the step, the supply's charge, and the share that it feeds.
+) -> tuple[Oil, Ports, Charge, float]:
+    """Return the step's oil by the midpoint rule, its ports, the supply's charge and what it feeds.
 
     Args:
         cylinder: at the start of the step.
@@ -144,7 +148,7 @@ def compress_oil(
     c = 0.5 * C_L
     a = C_A + c + share_A + 0.5 * C_LA
     b = C_B + c + share_B + 0.5 * C_LB
-    return (a, b, c, net_A, net_B), charge, fed
+    return (a, b, c, net_A, net_B, 0.5), (secant_A, secant_B, Q_A, Q_B), charge, fed
 
 
 @kernel
@@ -168,38 +172,41 @@ def find_bending(
         constants: in their groups.
         bristles: the constants.
     """
-    (dt, _, _, _), _, _, _, _, chambers, friction, _ = constants
+    dt, friction = constants[0][0], constants[6]
     bending = bend(slip_rate(v, friction, bristles), dt)
     held, slope = resist(z_f, bending, friction[2], dt, bristles)
-    dv, _ = velocity_change(drive - held - slope * v, inertia + 0.5 * slope, response, chambers)
+    dv, _ = velocity_change(
+        drive - held - slope * v, inertia + 0.5 * slope, 0.5, response, constants
+    )
     return bend(slip_rate(v + 0.5 * dv, friction, bristles), dt)
 
 
 @kernel
-def move_extended(
+def try_extended(
     cylinder: Cylinder,
-    z: float,
+    spool: Spool,
     F_L: float,
     z_f: float,
     P_S: float,
     constants: Constants,
     extension: ExtendedConstants,
-) -> tuple[Cylinder, float, float]:
-    """Return the cylinder, z_f and P_S one step later.
+) -> tuple[Cylinder, float, float, float]:
+    """Return the cylinder, z_f and P_S one step later, and what the velocity is off by.
 
     Args:
         cylinder: at the start of the step.
-        z: orifice state in the middle of the step [m].
+        spool: its way over the step.
         F_L: external load in the middle of the step, without the spring's [N].
         z_f: bristle deflection at the start of the step [m].
         P_S: supply pressure at the start of the step [Pa].
         constants: in their groups.
         extension: those of the extensions.
     """
-    (dt, m, _, floor), _, _, _, _, chambers, friction, _ = constants
+    (dt, m, _, floor), _, opening, _, _, chambers, friction, _ = constants
     _, _, bristles, (_, spring, rest), _ = extension
     x, v, P_A, P_B, _, _ = cylinder
-    oil, charge, fed = compress_oil(cylinder, z, P_S, constants, extension)
+    z = orifice_state(0.5 * (spool[0] + spool[1]), opening)
+    oil, ports, charge, fed = compress_oil(cylinder, z, P_S, constants, extension)
 
     load = F_L + spring * (x + 0.5 * dt * v - rest)
     drive = P_A * chambers[2] - P_B * chambers[3]
@@ -207,20 +214,21 @@ def move_extended(
     if bristles[0] == 0.0:
         drag = linearise_drag(v, m / dt, friction)
         force = drive - drag[0] * v - load
-        moved = finish_step(cylinder, force, inertia, drag, oil, constants)
+        moved, error = finish_step(cylinder, force, inertia, drag, oil, constants)
     else:
         response = eliminate_pressures(oil, chambers)
         bending = find_bending(drive - load, v, inertia, z_f, response, constants, bristles)
         held, slope = resist(z_f, bending, friction[2], dt, bristles)
         force = drive - held - slope * v - load
         inertia += 0.5 * slope
-        moved = finish_step(cylinder, force, inertia, NO_DRAG, oil, constants)
+        moved, error = finish_step(cylinder, force, inertia, NO_DRAG, oil, constants)
         limit = (friction[0] + friction[1]) / bristles[0]
         z_f = settle(z_f, 0.5 * (v + moved[1]), bending, limit)
 
-    change = moved[2] - P_A if z > 0.0 else moved[3] - P_B
-    P_S += (charge[0] + fed * change) / (charge[1] + fed)
-    return moved, z_f, floor if P_S < floor else P_S
+    rises = (moved[2] - P_A, moved[3] - P_B)
+    error += oil_error(rises, ports, spool, z, constants)
+    P_S += (charge[0] + fed * (rises[0] if z > 0.0 else rises[1])) / (charge[1] + fed)
+    return moved, z_f, floor if P_S < floor else P_S, error
 
 
 @kernel
@@ -240,19 +248,32 @@ def advance_extended_midpoint(
         What is seen after the last step.
     """
     groups, extension = unpack(constants), unpack_extended(constants)
-    (dt, _, _, _), _, opening, transition, _, _, _, _ = groups
+    dt = groups[0][0]
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
     cylinder = (x, v, P_A, P_B, V_CA, V_CB)
     point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += extension[3][0]
+    extra = -steps
     for step in range(steps):
         nu_before = nu
-        nu, nu_dot = move_spool(nu, nu_dot, u, transition)
-        z_middle = orifice_state(0.5 * (nu_before + nu), opening)
-        t_middle = (state[STEPS] + step + 0.5) * dt
-        point = find_point(constants, point, last, t_middle)
-        load = F_L + series_force(constants, point, last, t_middle)
-        cylinder, z_f, P_S = move_extended(cylinder, z_middle, load, z_f, P_S, groups, extension)
+        nu, nu_dot = move_spool(nu, nu_dot, u, groups[3])
+        spool = (nu_before, nu)
+        done, size = 0, PARTS
+        while done < PARTS:
+            extra += 1
+            way = (place_between(spool, done), place_between(spool, done + size))
+            middle = (state[STEPS] + step + (done + 0.5 * size) / PARTS) * dt
+            reached = find_point(constants, point, last, middle)
+            load = F_L + series_force(constants, reached, last, middle)
+            moved, bent, supplied, error = try_extended(
+                cylinder, way, load, z_f, P_S, shorten(groups, size), extension
+            )
+            if error > TOLERANCE and size > 1:
+                size //= RATIO
+            else:
+                cylinder, z_f, P_S, point, done = moved, bent, supplied, reached, done + size
+                size = largest_part(done, size)
     x, v, P_A, P_B, V_CA, V_CB = cylinder
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
+    state[EXTRA] += extra
     return keep_extended(state, states, steps, point, groups)

@@ -25,8 +25,15 @@ from hil_bench.plant.state import (
     PlantState,
     balanced_state,
 )
-from hil_bench.plant.state_row import STEPS, SUPPLY
-from hil_bench.plant.stepping import Solver, bound_input, check_solver, check_step, divergence
+from hil_bench.plant.state_row import EXTRA, PLAIN_EXTRA, STEPS, SUPPLY
+from hil_bench.plant.stepping import (
+    DEFAULT_STEP,
+    Solver,
+    bound_input,
+    check_solver,
+    check_step,
+    divergence,
+)
 from hil_bench.plant.validation import require_kind, require_not_negative
 
 _ADVANCE = {
@@ -76,7 +83,7 @@ class FullOrderPlant:
         *,
         options: PlantOptions | None = None,
         solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
-        dt: float = 1e-4,
+        dt: float = DEFAULT_STEP,
         state: PlantState | None = None,
         extension: ExtensionState | None = None,
     ) -> None:
@@ -98,7 +105,9 @@ class FullOrderPlant:
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
-        self._state = make_row((*start, t / dt, z_f, P_S, 0.0) if is_extended else start)
+        self._state = make_row(
+            (*start, t / dt, z_f, P_S, 0.0, 0.0) if is_extended else (*start, 0.0)
+        )
         self._supply = (self._state, SUPPLY) if is_extended else (self._constants, ORIFICE_P_S)
         self._output = self._advance_by(0.0, 0.0, 0)
 
@@ -120,6 +129,11 @@ class FullOrderPlant:
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
         return self._output
+
+    @property
+    def extra_evaluations(self) -> int:
+        """Evaluations beyond one a step so far; 0 for the solvers with a fixed step."""
+        return int(self._state[EXTRA if self._is_extended else PLAIN_EXTRA])
 
     @property
     def supply_pressure(self) -> float:

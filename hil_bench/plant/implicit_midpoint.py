@@ -5,192 +5,151 @@ in spool and piston position. W = dt J / 2 makes that a Rosenbrock step of order
 the diagonal, W grows beyond that by terms of order dt² where an orifice or the friction curve is
 stiff, up to the backward Euler step on the secant: so nothing rings there and the order stays
 (`docs/decisions/0001-plant-and-solver.md`). Where one step resolves the friction curve, its mean
-over the step then takes the place of its tangent: the curve bends so much while the piston breaks
-away or comes to rest that the tangent made most of the error (`docs/solvers.md`).
+over the step then takes the place of its tangent (`hil_bench.plant.following`); the swing of the
+piston on the oil is of order 4 (`hil_bench.plant.coupling`). A step judges its own error and is
+made in parts where that is too large (`hil_bench.plant.parts`).
 """
 
 import math
 
-from hil_bench.plant.cavitation import Oil, Response, hold, share_out
-from hil_bench.plant.chamber import ChamberConstants, chamber_volumes, net_flows
+from hil_bench.plant.cavitation import Oil, hold, share_out
+from hil_bench.plant.chamber import chamber_volumes, net_flows
 from hil_bench.plant.constants import Constants, unpack
-from hil_bench.plant.friction import FrictionConstants, linearise_friction
+from hil_bench.plant.coupling import (
+    couple,
+    eliminate_pressures,
+    mean_velocity,
+    pressure_rises,
+    swing_lag,
+    velocity_change,
+)
+from hil_bench.plant.following import Drag, follow_friction, implicit_share, linearise_drag
 from hil_bench.plant.kernel import Floats, kernel
 from hil_bench.plant.load import stop_velocity_change
 from hil_bench.plant.orifice import linearise_flow
+from hil_bench.plant.parts import (
+    PARTS,
+    RATIO,
+    TOLERANCE,
+    Ports,
+    largest_part,
+    oil_error,
+    place_between,
+    shorten,
+)
 from hil_bench.plant.spool import move_spool, orifice_state
-from hil_bench.plant.state_row import Seen, keep
+from hil_bench.plant.state_row import PLAIN_EXTRA, Seen, keep
 
 Cylinder = tuple[float, float, float, float, float, float]
 """(x, v, P_A, P_B, V_CA, V_CB)."""
 
-Drag = tuple[float, float, float]
-"""What the friction curve is at the start of a step: (secant, tangent, implicit share) [N s/m]."""
-
-NO_DRAG: Drag = (math.inf, 0.0, 0.0)
-"""In place of the friction curve where bristles hold the piston."""
+Spool = tuple[float, float]
+"""Spool position at the start and at the end of a step [m]."""
 
 
 @kernel
-def implicit_share(secant: float, tangent: float, inertia: float) -> float:
-    """Return how much a damping element adds to the inertia it works on, in one step.
-
-    tangent / 2 is the midpoint rule's share, secant that of a backward Euler step on the secant.
-    Between them, secant² / (8 inertia) brings the step close to the exact solution of both
-    dy/dt = -y and dy/dt = -sqrt(y), and keeps it from overshooting.
-
-    Args:
-        secant: flow / drop or force / velocity.
-        tangent: d flow / d drop or d force / d velocity.
-        inertia: V / (E dt) or m / dt, in the unit of the two.
-    """
-    share = 0.5 * tangent + 0.125 * secant * secant / inertia
-    if share > secant:
-        return secant
-    least = -0.25 * inertia
-    return least if share < least else share
-
-
-@kernel
-def eliminate_pressures(oil: Oil, chambers: ChamberConstants) -> Response:
-    """Return how both pressures respond to the step's velocity change, with no cavity at its end.
-
-    Args:
-        oil: of the step.
-        chambers: the constants.
-    """
-    a, b, c, net_A, net_B = oil
-    _, _, A_A, A_B, _, _, _ = chambers
-    per_det = 1.0 / (a * b - c * c)
-    return (
-        (b * net_A + c * net_B) * per_det,
-        0.5 * (b * A_A - c * A_B) * per_det,
-        (c * net_A + a * net_B) * per_det,
-        0.5 * (c * A_A - a * A_B) * per_det,
-    )
-
-
-@kernel
-def pressure_rises(response: Response, dv: float) -> tuple[float, float]:
-    """Return by how much both pressures rise over a step with this velocity change [Pa]."""
-    dP_A, fall_A, dP_B, fall_B = response
-    return dP_A - fall_A * dv, dP_B - fall_B * dv
-
-
-@kernel
-def velocity_change(
-    force: float, inertia: float, response: Response, chambers: ChamberConstants
+def constrain(
+    dv: float, resistance: float, cylinder: Cylinder, drag: Drag, constants: Constants
 ) -> tuple[float, float]:
-    """Return the velocity change over the step [m/s] and the force it takes [N s/m].
-
-    Args:
-        force: on the piston at the start of the step [N].
-        inertia: m / dt and what damps the piston [N s/m].
-        response: of the pressures.
-        chambers: the constants.
-    """
-    _, _, A_A, A_B, _, _, _ = chambers
-    dP_A, fall_A, dP_B, fall_B = response
-    resistance = inertia + 0.5 * (A_A * fall_A - A_B * fall_B)
-    return (force + 0.5 * (A_A * dP_A - A_B * dP_B)) / resistance, resistance
-
-
-@kernel
-def linearise_drag(v: float, inertia: float, friction: FrictionConstants) -> Drag:
-    """Return secant, tangent and implicit share of the friction curve, eq. (13) [N s/m].
-
-    Args:
-        v: piston velocity at the start of the step [m/s].
-        inertia: m / dt [N s/m].
-        friction: the constants.
-    """
-    secant, tangent = linearise_friction(v, friction)
-    return secant, tangent, implicit_share(secant, tangent, inertia)
-
-
-@kernel
-def follow_friction(
-    dv: float,
-    v: float,
-    resistance: float,
-    drag: Drag,
-    inertia: float,
-    friction: FrictionConstants,
-) -> float:
-    """Return the velocity change over the step with the friction curve's mean along it [m/s].
-
-    The mean from v to v + dv is that of the cubic through both ends with their tangents; one Newton
-    step brings dv there. Where the secant exceeds the inertia, a step is too long to follow the
-    curve, and dv stays: so no piston turns round further than without this.
+    """Return the velocity change with friction and end stop, and what it is off by [m/s].
 
     Args:
         dv: velocity change with the friction as linearised at the start of the step [m/s].
-        v: piston velocity at the start of the step [m/s].
         resistance: force per velocity change of everything [N s/m].
-        drag: the friction curve at the start of the step.
-        inertia: m / dt [N s/m].
-        friction: the constants.
+        cylinder: at the start of the step.
+        drag: the friction curve there.
+        constants: in their groups.
     """
-    secant, tangent, share = drag
-    if secant > inertia:
-        return dv
-    end = v + dv
-    secant_end, tangent_end = linearise_friction(end, friction)
-    mean = 0.5 * (secant * v + secant_end * end) - (tangent_end - tangent) * dv / 12.0
-    excess = mean - secant * v - share * dv
-    slope = 0.5 * tangent_end if tangent_end > 0.0 else 0.0
-    return dv - excess / (resistance - share + slope)
+    (dt, m, _, _), _, _, _, _, _, friction, stop = constants
+    x, v = cylinder[0], cylinder[1]
+    dv, resistance, of_stop = stop_velocity_change(dv, resistance, x, v, dt, stop)
+    dv, error = follow_friction(dv, v, resistance, drag, m / dt, friction)
+    return dv, error + of_stop
+
+
+@kernel
+def finish_free(
+    cylinder: Cylinder, force: float, inertia: float, drag: Drag, rows: Oil, constants: Constants
+) -> tuple[Cylinder, float]:
+    """Return the cylinder one step later and what its velocity is off by, away from the floor.
+
+    The error is infinite where a cavity is or opens. Arguments as `finish_step`.
+    """
+    (dt, m, _, floor), _, _, _, _, chambers, friction, _ = constants
+    x, v, P_A, P_B, V_CA, V_CB = cylinder
+    lag = swing_lag(v, m / dt, friction)
+    oil = couple(rows, lag, friction[2], chambers)
+    response = eliminate_pressures(oil, chambers)
+    dv, resistance = velocity_change(force, inertia + drag[2], oil[5], response, constants)
+    dv, error = constrain(dv, resistance, cylinder, drag, constants)
+    rises = pressure_rises(response, dv)
+    P_A, P_B = P_A + rises[0], P_B + rises[1]
+    if P_A < floor or P_B < floor or V_CA > 0.0 or V_CB > 0.0:
+        error = math.inf
+    x += dt * mean_velocity(v, dv, rises, oil[5], lag, chambers)
+    return (x, v + dv, P_A, P_B, 0.0, 0.0), error
+
+
+@kernel
+def finish_low(
+    cylinder: Cylinder, force: float, inertia: float, drag: Drag, rows: Oil, constants: Constants
+) -> tuple[Cylinder, float]:
+    """Return the cylinder one step later and what its velocity is off by, near the floor.
+
+    Arguments as `finish_step`.
+    """
+    (dt, m, _, floor), _, _, _, _, chambers, friction, _ = constants
+    x, v, P_A, P_B, V_CA, V_CB = cylinder
+    inertia += drag[2]
+    # What damps the piston more couples the chambers the other way, which `hold` cannot have.
+    lag = swing_lag(v, m / dt, friction) if inertia <= 2.0 * m / dt else 0.0
+    a, b, c, net_A, net_B, half = couple(rows, lag, friction[2], chambers)
+    oil = (a, b, c, net_A - V_CA / dt, net_B - V_CB / dt, half)
+    free = eliminate_pressures(oil, chambers)
+    dv, resistance = velocity_change(force, inertia, half, free, constants)
+    rise_A, rise_B = pressure_rises(free, dv)
+    if P_A + rise_A < floor or P_B + rise_B < floor:
+        held = hold(floor - P_A, floor - P_B, force, inertia, oil, constants)
+        dv, resistance = velocity_change(force, inertia, half, held, constants)
+    dv, error = constrain(dv, resistance, cylinder, drag, constants)
+    rise_A, rise_B = pressure_rises(free, dv)
+    void_A = void_B = 0.0
+    if P_A + rise_A < floor or P_B + rise_B < floor:
+        rise_A, rise_B, void_A, void_B = share_out(floor - P_A, floor - P_B, dv, oil, chambers)
+    # In the step that opens or fills a cavity, the pressure does not rise evenly.
+    jump = chambers[2] * abs(rise_A) if (void_A > 0.0) != (V_CA > 0.0) else 0.0
+    jump += chambers[3] * abs(rise_B) if (void_B > 0.0) != (V_CB > 0.0) else 0.0
+    x += dt * mean_velocity(v, dv, (rise_A, rise_B), half, lag, chambers)
+    P_A = floor if void_A > 0.0 or P_A + rise_A < floor else P_A + rise_A
+    P_B = floor if void_B > 0.0 or P_B + rise_B < floor else P_B + rise_B
+    return (x, v + dv, P_A, P_B, dt * void_A, dt * void_B), error + 0.25 * jump / resistance
 
 
 @kernel
 def finish_step(
-    cylinder: Cylinder,
-    force: float,
-    inertia: float,
-    drag: Drag,
-    oil: Oil,
-    constants: Constants,
-) -> Cylinder:
-    """Return the cylinder one step later, with the cavitation floor and the end stops in force.
+    cylinder: Cylinder, force: float, inertia: float, drag: Drag, rows: Oil, constants: Constants
+) -> tuple[Cylinder, float]:
+    """Return the cylinder one step later, and what its velocity is off by [m/s].
 
     Args:
         cylinder: at the start of the step.
         force: on the piston at the start of the step [N].
         inertia: m / dt and what damps the piston besides the friction curve [N s/m].
         drag: the friction curve at the start of the step; `NO_DRAG` for none.
-        oil: of the step, before any cavity is filled.
+        rows: the oil of the midpoint rule, before any cavity is filled.
         constants: in their groups.
     """
-    (dt, m, _, floor), _, _, _, _, chambers, friction, stop = constants
-    inertia += drag[2]
-    x, v, P_A, P_B, V_CA, V_CB = cylinder
-    response = eliminate_pressures(oil, chambers)
-    dv, resistance = velocity_change(force, inertia, response, chambers)
-    is_open = V_CA > 0.0 or V_CB > 0.0
-    if is_open:
-        a, b, c, net_A, net_B = oil
-        oil = (a, b, c, net_A - V_CA / dt, net_B - V_CB / dt)
-        response = eliminate_pressures(oil, chambers)
-        dv, resistance = velocity_change(force, inertia, response, chambers)
-    rise_A, rise_B = pressure_rises(response, dv)
-    if P_A + rise_A < floor or P_B + rise_B < floor:
-        held = hold(floor - P_A, floor - P_B, force, inertia, oil, chambers)
-        dv, resistance = velocity_change(force, inertia, held, chambers)
-    dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
-    dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
-    rise_A, rise_B = pressure_rises(response, dv)
-    x, v = x + dt * (v + 0.5 * dv), v + dv
-    if P_A + rise_A < floor or P_B + rise_B < floor:
-        rise_A, rise_B, void_A, void_B = share_out(floor - P_A, floor - P_B, dv, oil, chambers)
-        P_A = floor if void_A > 0.0 else P_A + rise_A
-        P_B = floor if void_B > 0.0 else P_B + rise_B
-        return x, v, P_A, P_B, dt * void_A, dt * void_B
-    return x, v, P_A + rise_A, P_B + rise_B, 0.0, 0.0
+    moved, error = finish_free(cylinder, force, inertia, drag, rows, constants)
+    if error == math.inf:
+        return finish_low(cylinder, force, inertia, drag, rows, constants)
+    return moved, error
 
 
 @kernel
-def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants) -> Cylinder:
-    """Return the cylinder one step later.
+def prepare_step(
+    cylinder: Cylinder, z: float, F_L: float, constants: Constants
+) -> tuple[float, Drag, Oil, Ports]:
+    """Return the force on the piston at the start of a step [N], the friction curve, oil and ports.
 
     Args:
         cylinder: at the start of the step.
@@ -214,7 +173,65 @@ def move_cylinder(cylinder: Cylinder, z: float, F_L: float, constants: Constants
 
     drag = linearise_drag(v, m / dt, friction)
     force = P_A * A_A - P_B * A_B - drag[0] * v - F_L
-    return finish_step(cylinder, force, m / dt, drag, (a, b, c, net_A, net_B), constants)
+    return force, drag, (a, b, c, net_A, net_B, 0.5), (secant_A, secant_B, Q_A, Q_B)
+
+
+@kernel
+def try_step(
+    cylinder: Cylinder, spool: Spool, F_L: float, constants: Constants
+) -> tuple[Cylinder, float]:
+    """Return the cylinder one step later, and what its velocity is off by [m/s].
+
+    Args:
+        cylinder: at the start of the step.
+        spool: its way over the step.
+        F_L: external load [N].
+        constants: in their groups.
+    """
+    (dt, m, _, _), _, opening, _, _, _, _, _ = constants
+    z = orifice_state(0.5 * (spool[0] + spool[1]), opening)
+    force, drag, rows, ports = prepare_step(cylinder, z, F_L, constants)
+    moved, error = finish_step(cylinder, force, m / dt, drag, rows, constants)
+    rises = (moved[2] - cylinder[2], moved[3] - cylinder[3])
+    return moved, error + oil_error(rises, ports, spool, z, constants)
+
+
+@kernel
+def try_free_step(
+    cylinder: Cylinder, spool: Spool, F_L: float, constants: Constants
+) -> tuple[Cylinder, float]:
+    """Return what `try_step` does, with an infinite error where a cavity is or opens."""
+    (dt, m, _, _), _, opening, _, _, _, _, _ = constants
+    z = orifice_state(0.5 * (spool[0] + spool[1]), opening)
+    force, drag, rows, ports = prepare_step(cylinder, z, F_L, constants)
+    moved, error = finish_free(cylinder, force, m / dt, drag, rows, constants)
+    rises = (moved[2] - cylinder[2], moved[3] - cylinder[3])
+    return moved, error + oil_error(rises, ports, spool, z, constants)
+
+
+@kernel
+def move_cylinder(
+    cylinder: Cylinder, spool: Spool, F_L: float, constants: Constants
+) -> tuple[Cylinder, int]:
+    """Return the cylinder one step later, in as many parts as its error asks for, and evaluations.
+
+    Args:
+        cylinder: at the start of the step.
+        spool: its way over the step.
+        F_L: external load [N].
+        constants: in their groups.
+    """
+    done, size, evaluations = 0, PARTS, 0
+    while done < PARTS:
+        evaluations += 1
+        way = (place_between(spool, done), place_between(spool, done + size))
+        moved, error = try_step(cylinder, way, F_L, shorten(constants, size))
+        if error > TOLERANCE and size > 1:
+            size //= RATIO
+        else:
+            cylinder, done = moved, done + size
+            size = largest_part(done, size)
+    return cylinder, evaluations
 
 
 @kernel
@@ -224,7 +241,7 @@ def advance_implicit_midpoint(
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
-        state: x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB.
+        state: x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, extra evaluations.
         constants: as `hil_bench.plant.constants.pack` gives them.
         u: spool set-point [m].
         F_L: external load [N].
@@ -234,13 +251,13 @@ def advance_implicit_midpoint(
         What is seen after the last step.
     """
     groups = unpack(constants)
-    _, _, opening, transition, _, _, _, _ = groups
     cylinder = (state[0], state[1], state[2], state[3], state[6], state[7])
-    nu, nu_dot = state[4], state[5]
+    nu, nu_dot, extra = state[4], state[5], -steps
     for _ in range(steps):
         nu_before = nu
-        nu, nu_dot = move_spool(nu, nu_dot, u, transition)
-        z_middle = orifice_state(0.5 * (nu_before + nu), opening)
-        cylinder = move_cylinder(cylinder, z_middle, F_L, groups)
+        nu, nu_dot = move_spool(nu, nu_dot, u, groups[3])
+        cylinder, evaluations = move_cylinder(cylinder, (nu_before, nu), F_L, groups)
+        extra += evaluations
+    state[PLAIN_EXTRA] += extra
     x, v, P_A, P_B, V_CA, V_CB = cylinder
     return keep(state, (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB), groups)

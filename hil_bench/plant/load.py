@@ -29,12 +29,14 @@ def stop_force(x: float, v: float, stop: StopConstants) -> float:
 @kernel
 def stop_velocity_change(
     change: float, resistance: float, x: float, v: float, dt: float, stop: StopConstants
-) -> float:
-    """Return the velocity change over one step once the end stop has had its say [m/s].
+) -> tuple[float, float, float]:
+    """Return the velocity change over one step under the end stop, and what it is off by [m/s].
 
-    The spring's force is taken at the end of the step and the damper's in its middle: then a step
-    takes at least (stiffness / 2 + damping / dt) times the square of its travel out of the motion,
-    whatever the stiffness and the step.
+    Between them stands the force per velocity change of everything and the stop [N s/m].
+
+    In contact the forces of spring and damper are those in the middle of the step; in the step that
+    makes contact the spring's is that at its end. Then the spring never gives more energy than it
+    took, whatever the stiffness and the step, and the damper only takes.
 
     Args:
         change: velocity change without a stop [m/s].
@@ -47,12 +49,19 @@ def stop_velocity_change(
     position, stiffness, damping = stop
     travel = dt * (v + 0.5 * change)
     if -position <= x + travel <= position:
-        return change
+        return change, resistance, 0.5 * abs(stop_force(x, v, stop)) / resistance
     side = 1.0 if x + travel > 0.0 else -1.0
-    push = stiffness * (side * (x + travel) - position) + damping * side * travel / dt
+    depth, share = side * x - position, 0.5
+    if depth <= 0.0:
+        share = 1.0
+    push = stiffness * (depth + share * side * travel) + damping * side * travel / dt
     if push <= 0.0:
-        return change
-    return change - side * push / (resistance + 0.5 * (stiffness * dt + damping))
+        return change, resistance, 0.0
+    held = resistance + 0.5 * (share * stiffness * dt + damping)
+    lost = side * push / held
+    if depth <= 0.0:
+        return change - lost, held, 0.5 * abs(lost)
+    return change - lost, held, abs(change - lost) * stiffness * dt / (12.0 * resistance)
 
 
 @kernel

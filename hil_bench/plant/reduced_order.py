@@ -11,6 +11,7 @@ from hil_bench.plant.kernel import make_row
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.reduced_steps import (
+    EXTRA,
     Motion,
     advance_reduced_euler,
     advance_reduced_midpoint,
@@ -30,7 +31,14 @@ from hil_bench.plant.state import (
     PlantState,
     require_finite_state,
 )
-from hil_bench.plant.stepping import Solver, bound_input, check_solver, check_step, divergence
+from hil_bench.plant.stepping import (
+    DEFAULT_STEP,
+    Solver,
+    bound_input,
+    check_solver,
+    check_step,
+    divergence,
+)
 from hil_bench.plant.validation import require_finite, require_kind, require_not_negative
 
 LONGEST_DELAY = 1.0
@@ -82,7 +90,7 @@ class ReducedOrderPlant:
         *,
         options: PlantOptions | None = None,
         solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
-        dt: float = 1e-4,
+        dt: float = DEFAULT_STEP,
         state: PlantState | None = None,
         delay: float = 0.0,
     ) -> None:
@@ -101,7 +109,7 @@ class ReducedOrderPlant:
         _check_state(start, parameters, self.options)
         self._advance = _ADVANCE[solver]
         self._constants = make_row(pack_reduced(parameters, self.options, dt))
-        self._state = make_row((*_motion(start), 0.0, 0.0))
+        self._state = make_row((*_motion(start), 0.0, 0.0, 0.0))
         self._nu = start.nu
         self._delay_steps = round(delay / dt)
         self._made = 0
@@ -119,6 +127,11 @@ class ReducedOrderPlant:
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
         return self._output
+
+    @property
+    def extra_evaluations(self) -> int:
+        """Evaluations beyond one a step so far; 0 for the solvers with a fixed step."""
+        return int(self._state[EXTRA])
 
     @property
     def supply_pressure(self) -> float:

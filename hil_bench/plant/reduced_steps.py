@@ -8,14 +8,16 @@ solvers, the friction, the loads and the end stops are those of the full model.
 from collections.abc import Sequence
 
 from hil_bench.plant.constants import ORIFICE_P_S, Constants, unpack
-from hil_bench.plant.extended_constants import SERIES, pack_extended, unpack_extended
-from hil_bench.plant.friction import friction_force
-from hil_bench.plant.implicit_midpoint import (
-    follow_friction,
-    implicit_share,
-    linearise_drag,
+from hil_bench.plant.coupling import (
+    couple,
+    eliminate_pressures,
+    mean_velocity,
+    swing_lag,
     velocity_change,
 )
+from hil_bench.plant.extended_constants import SERIES, pack_extended, unpack_extended
+from hil_bench.plant.following import follow_friction, implicit_share, linearise_drag
+from hil_bench.plant.friction import friction_force
 from hil_bench.plant.kernel import Floats, kernel, make_row
 from hil_bench.plant.load import (
     LoadConstants,
@@ -28,8 +30,12 @@ from hil_bench.plant.load import (
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.orifice import OrificeConstants, linearise_flow
 from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.parts import PARTS, RATIO, TOLERANCE, flow_error, largest_part, shorten
 from hil_bench.plant.spool import orifice_state
 from hil_bench.plant.state_row import Seen
+
+EXTRA = 6
+"""Place in the row of states of the evaluations beyond one a step."""
 
 _LARGEST_P_L = 3  # places in the row of constants
 _ORIFICE_P_T = ORIFICE_P_S + 1
@@ -140,10 +146,10 @@ def shift_motion(motion: Motion, rates: Motion, dt: float) -> Motion:
 
 
 @kernel
-def move_reduced(
+def try_reduced(
     motion: Motion, z: float, F_L: float, loads: LoadConstants, constants: Constants
-) -> Motion:
-    """Return the motion one step of the linearly implicit midpoint rule later.
+) -> tuple[Motion, float]:
+    """Return the motion one step of the linearly implicit midpoint rule later, and its error.
 
     Args:
         motion: at the start of the step.
@@ -159,20 +165,29 @@ def move_reduced(
     C = V_t * per_E_dt
     loss = C + 0.5 * C_L + implicit_share(secant, tangent, C)
     net = Q_L - A * v - C_L * P_L + cavity / dt
-    response = (net / loss, 0.5 * A / loss, 0.0, 0.0)
     drag = linearise_drag(v, m / dt, friction)
     force = P_L * A - drag[0] * v - F_L - loads[1] * (x + 0.5 * dt * v - loads[2])
     inertia = m / dt + 0.25 * dt * loads[1] + drag[2]
-    dv, resistance = velocity_change(force, inertia, response, chambers)
+    # One chamber: the other has no area and no flow.
+    lag = swing_lag(v, m / dt, friction)
+    oil = couple((loss, 1.0, 0.0, net, 0.0, 0.5), lag, friction[2], chambers)
+    response, half = eliminate_pressures(oil, chambers), oil[5]
+    dv, resistance = velocity_change(force, inertia, half, response, constants)
     end = P_L + response[0] - response[1] * dv
     if end > limit or end < -limit:
         held = (hold_load_pressure(end, limit) - P_L, 0.0, 0.0, 0.0)
-        dv, resistance = velocity_change(force, inertia, held, chambers)
-    dv = follow_friction(dv, v, resistance, drag, m / dt, friction)
-    dv = stop_velocity_change(dv, resistance, x, v, dt, stop)
+        dv, resistance = velocity_change(force, inertia, half, held, constants)
+    dv, resistance, of_stop = stop_velocity_change(dv, resistance, x, v, dt, stop)
+    dv, error = follow_friction(dv, v, resistance, drag, m / dt, friction)
     free = P_L + response[0] - response[1] * dv
-    P_L = hold_load_pressure(free, limit)
-    return x + dt * (v + 0.5 * dv), v + dv, P_L, dt * loss * (free - P_L)
+    end = hold_load_pressure(free, limit)
+    void = dt * oil[0] * (free - end)
+    rises = (end - P_L, 0.0)
+    jump = A * abs(rises[0]) if (void != 0.0) != (cavity != 0.0) else 0.0
+    error += of_stop + 0.25 * jump / resistance
+    error += flow_error(rises, (secant, 0.0, Q_L, 0.0), constants)
+    x += dt * mean_velocity(v, dv, rises, half, lag, chambers)
+    return (x, v + dv, end, void), error
 
 
 @kernel
@@ -182,7 +197,8 @@ def keep(
     """Write a state back, and return what is seen of it, (15).
 
     Args:
-        state: takes x, v, P_L, cavity, steps since time 0, point of the load series.
+        state: takes x, v, P_L, cavity, steps since time 0, point of the load series, of which
+            the extra evaluations stay.
         motion: to be written.
         steps: made since they were read.
         point: index of the load series' point in the row of constants.
@@ -220,7 +236,7 @@ def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, s
     """Move the state on by some steps of the linearly implicit midpoint rule, in place.
 
     Args:
-        state: x, v, P_L, cavity, steps since time 0, point of the load series.
+        state: x, v, P_L, cavity, steps since time 0, point of the load series, extra evaluations.
         row: the constants as `pack_reduced` gives them.
         u: spool position, which is the set-point [m].
         F_L: external load besides those of the options [N].
@@ -235,11 +251,21 @@ def advance_reduced_midpoint(state: Floats, row: Floats, u: float, F_L: float, s
     F_L += loads[0]
     z, last = orifice_state(u, constants[2]), len(row) - 2
     motion, point = (state[0], state[1], state[2], state[3]), SERIES + int(state[5])
+    extra = -steps
     for step in range(steps):
-        t_middle = (state[4] + step + 0.5) * dt
-        point = find_point(row, point, last, t_middle)
-        load = F_L + series_force(row, point, last, t_middle)
-        motion = move_reduced(motion, z, load, loads, constants)
+        done, size = 0, PARTS
+        while done < PARTS:
+            extra += 1
+            t = (state[4] + step + (done + 0.5 * size) / PARTS) * dt
+            reached = find_point(row, point, last, t)
+            load = F_L + series_force(row, reached, last, t)
+            moved, error = try_reduced(motion, z, load, loads, shorten(constants, size))
+            if error > TOLERANCE and size > 1:
+                size //= RATIO
+            else:
+                motion, point, done = moved, reached, done + size
+                size = largest_part(done, size)
+    state[EXTRA] += extra
     return keep(state, motion, steps, point, u, constants)
 
 

@@ -10,7 +10,7 @@ Seen = tuple[float, float, float, float, float, float, float, float]
 """The fields of `hil_bench.plant.state.PlantOutput`."""
 
 PlainStates = tuple[float, float, float, float, float, float, float, float]
-"""The fields of `hil_bench.plant.state.PlantState`, the whole row of a plant without extensions."""
+"""The fields of `hil_bench.plant.state.PlantState`, which begin each row."""
 
 States = tuple[float, float, float, float, float, float, float, float, float, float]
 """(x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S).
@@ -19,8 +19,12 @@ In the row of a plant with extensions the steps since time 0 stand before the la
 point of the load series after them.
 """
 
-STEPS, SUPPLY, POINT = 8, 10, 11
-"""Places in the row of a plant with extensions: steps since time 0, P_S, point of the series."""
+PLAIN_EXTRA = 8
+"""Place of the extra evaluations in the row of a plant without extensions."""
+
+STEPS, SUPPLY, POINT, EXTRA = 8, 10, 11, 12
+"""Places in the row of a plant with extensions: steps since time 0, P_S, point of the series,
+evaluations beyond one a step."""
 
 
 @kernel

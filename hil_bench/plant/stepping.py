@@ -10,6 +10,9 @@ from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.state import PlantInput, PlantOutput, PlantState
 from hil_bench.plant.validation import require_count, require_number, require_positive
 
+DEFAULT_STEP = 5e-5
+"""Step of a plant for which none is given, and of a bench's [s]."""
+
 SPOOL_SETPOINT_LIMIT = 1.0
 """Largest spool set-point that the plant follows, a thousand times a real valve's [m]."""
 

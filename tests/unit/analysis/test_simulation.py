@@ -23,7 +23,9 @@ def test_a_row_holds_what_the_plant_shows_after_its_step(table_1: PlantParameter
     setpoints = np.array([5e-4, 1e-3, -2e-4, 7e-4, 7e-4])
     run = simulate(Setup(parameters=table_1), setpoints, every=2)
 
-    plant = FullOrderPlant(table_1, options=PlantOptions.paper(), solver=Solver.FORWARD_EULER)
+    plant = FullOrderPlant(
+        table_1, options=PlantOptions.paper(), solver=Solver.FORWARD_EULER, dt=1e-4
+    )
     seen = [plant.step(PlantInput(u)) for u in setpoints.tolist()]
     assert recording_channels(run) == CHANNELS
     assert run["time"] == pytest.approx([2e-4, 4e-4])

@@ -5,8 +5,8 @@ What entered a chamber is displaced, compressed or leaked away.
 Eqs. (8), (9), integrated: the volume through a port is A dx + integral of V / E dP + leakage, less
 the growth of the cavity where the chamber is at the cavitation floor. Each solver satisfies its own
 discrete form of that to rounding, whatever the manoeuvre. The port's volume in a step is dt Q for
-forward Euler; for the linearly implicit midpoint it is dt (Q - s dP), with Q at the start of the
-step and s its share.
+forward Euler; for each part of a step of the linearly implicit midpoint it is dt (Q - s dP), with Q
+at the start of the part and s its share.
 """
 
 import dataclasses
@@ -28,8 +28,13 @@ from hil_bench.plant import (
     Solver,
     paper_parameters,
 )
-from hil_bench.plant.implicit_midpoint import implicit_share
+from hil_bench.plant.constants import unpack
+from hil_bench.plant.extended_constants import pack_extended, unpack_extended
+from hil_bench.plant.extended_midpoint import try_extended
+from hil_bench.plant.following import implicit_share
+from hil_bench.plant.kernel import make_row
 from hil_bench.plant.orifice import linearise_flow
+from tests.support.plant_parts import made_parts
 
 DT = 1e-4
 FLOOR = -101_325.0
@@ -82,31 +87,62 @@ def euler_step(
     )
 
 
-def midpoint_step(
-    before: PlantState, after: PlantState, p: PlantParameters, C_LA: float, C_LB: float
+def midpoint_part(
+    before: PlantState, after: PlantState, dt: float, p: PlantParameters, C_LA: float, C_LB: float
 ) -> tuple[Volumes, Volumes]:
-    """Leakage and volume from the middle of the step."""
-    middle = before.x + 0.5 * DT * before.v
+    """Leakage and volume from the middle of the part."""
+    middle = before.x + 0.5 * dt * before.v
     V_A, V_B = p.V_A0 + p.A_A * middle, p.V_B0 - p.A_B * middle
     slopes_A, slopes_B = flows(opening(0.5 * (before.nu + after.nu), p), before, p)
     rise_A, rise_B = after.P_A - before.P_A, after.P_B - before.P_B
-    Q_A = slopes_A[0] - implicit_share(*slopes_A[1:], V_A / (p.E * DT)) * rise_A
-    Q_B = slopes_B[0] - implicit_share(*slopes_B[1:], V_B / (p.E * DT)) * rise_B
+    Q_A = slopes_A[0] - implicit_share(*slopes_A[1:], V_A / (p.E * dt)) * rise_A
+    Q_B = slopes_B[0] - implicit_share(*slopes_B[1:], V_B / (p.E * dt)) * rise_B
     P_A, P_B = before.P_A + 0.5 * rise_A, before.P_B + 0.5 * rise_B
     leak = p.C_L * (P_A - P_B)
     moved = after.x - before.x
     leaked_A, leaked_B = leak + C_LA * (P_A - p.P_T), -leak + C_LB * (P_B - p.P_T)
     return (
         Volumes(
-            DT * Q_A, p.A_A * moved, V_A / p.E * rise_A, DT * leaked_A, after.V_CA - before.V_CA
+            dt * Q_A, p.A_A * moved, V_A / p.E * rise_A, dt * leaked_A, after.V_CA - before.V_CA
         ),
         Volumes(
-            DT * Q_B, -p.A_B * moved, V_B / p.E * rise_B, DT * leaked_B, after.V_CB - before.V_CB
+            dt * Q_B, -p.A_B * moved, V_B / p.E * rise_B, dt * leaked_B, after.V_CB - before.V_CB
         ),
     )
 
 
-STEPS = {Solver.FORWARD_EULER: euler_step, Solver.LINEARLY_IMPLICIT_MIDPOINT: midpoint_step}
+def euler_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple[Volumes, Volumes]]:
+    """Make a step of forward Euler."""
+    p, options, before = plant.parameters, plant.options, plant.state
+    plant.step(plant_input)
+    return [euler_step(before, plant.state, p, options.C_LA, options.C_LB)]
+
+
+def midpoint_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple[Volumes, Volumes]]:
+    """Make a step of the linearly implicit midpoint rule, which may be made in parts."""
+    p, options, before = plant.parameters, plant.options, plant.state
+    row = make_row(pack_extended(p, options, DT))
+    constants, extension = unpack(row), unpack_extended(row)
+
+    def attempt(cylinder, spool, shortened):
+        moved, _, _, error = try_extended(
+            cylinder, spool, plant_input.F_L, 0.0, p.P_S, shortened, extension
+        )
+        return moved, error
+
+    plant.step(plant_input)
+    start = (*before[:4], *before[6:])
+    parts = list(made_parts(attempt, start, (before.nu, plant.state.nu), constants))
+    assert parts[-1][1] == (*plant.state[:4], *plant.state[6:])  # the plant made the same parts
+    volumes = []
+    for begin, end, (nu, nu_end), dt in parts:
+        old = PlantState(*begin[:4], nu, 0.0, *begin[4:])
+        new = PlantState(*end[:4], nu_end, 0.0, *end[4:])
+        volumes.append(midpoint_part(old, new, dt, p, options.C_LA, options.C_LB))
+    return volumes
+
+
+STEPS = {Solver.FORWARD_EULER: euler_steps, Solver.LINEARLY_IMPLICIT_MIDPOINT: midpoint_steps}
 
 
 @pytest.mark.parametrize("solver", STEPS)
@@ -136,9 +172,7 @@ def test_oil_is_neither_made_nor_lost(
     steps = []
     for u, F_L in zip(setpoints, loads, strict=False):
         for _ in range(40):
-            before = plant.state
-            plant.step(PlantInput(u, F_L))
-            steps.append(STEPS[solver](before, plant.state, oil, *external))
+            steps += STEPS[solver](plant, PlantInput(u, F_L))
     for chamber in zip(*steps, strict=True):
         entered, displaced, compressed, leaked, opened = map(sum, zip(*chamber, strict=True))
         moved = sum(abs(volumes.displaced) + abs(volumes.compressed) for volumes in chamber)

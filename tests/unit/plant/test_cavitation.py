@@ -23,19 +23,30 @@ from hil_bench.plant import (
     paper_parameters,
 )
 from hil_bench.plant.cavitation import compress, fill, hold, share_out
-from hil_bench.plant.implicit_midpoint import (
+from hil_bench.plant.constants import pack, unpack
+from hil_bench.plant.coupling import (
+    couple,
     eliminate_pressures,
-    implicit_share,
     pressure_rises,
     velocity_change,
 )
-from hil_bench.plant.reduced_steps import load_flow
+from hil_bench.plant.extended_constants import unpack_extended
+from hil_bench.plant.following import implicit_share
+from hil_bench.plant.kernel import make_row
+from hil_bench.plant.reduced_steps import Motion, load_flow, pack_reduced, try_reduced
+from tests.support.plant_parts import made_parts
 
 BENCH = PlantOptions.bench()
 FLOOR = -101_325.0
 MIDPOINT = Solver.LINEARLY_IMPLICIT_MIDPOINT
 DT = 5e-5
 CHAMBERS = (1e8, 0.0, 5e-3, 4.7e-3, 1.2e-3, 1.15e-3, 0.2)
+CONSTANTS = (
+    *unpack(make_row(pack(paper_parameters(), PlantOptions.bench(), DT)))[:5],
+    CHAMBERS,
+    (600.0, 300.0, 0.0, -3.9, 0.8, 400.0),  # no viscous friction
+    (math.inf, 0.0, 0.0),
+)
 EXTENSIONS = {
     "none": {},
     "air": {"air": EntrainedAir(air_fraction=0.01)},
@@ -95,6 +106,25 @@ def test_a_pulled_reduced_cylinder_comes_back(paper: PlantParameters, solver: So
         assert plant.state.x == pytest.approx(0.0, abs=1e-5)
 
 
+def motion_of(state: PlantState) -> Motion:
+    """What the reduced model's kernels move on."""
+    return state.x, state.v, state.P_A - state.P_B, state.V_CB - state.V_CA
+
+
+def reduced_parts(
+    p: PlantParameters, start: Motion, z: float, F_L: float
+) -> list[tuple[Motion, Motion, float]]:
+    """State before and after, and duration, of each part of a step."""
+    row = make_row(pack_reduced(p, PlantOptions.bench(), DT))
+    loads = unpack_extended(row)[3]
+
+    def attempt(motion, _spool, shortened):
+        return try_reduced(motion, z, F_L, loads, shortened)
+
+    parts = made_parts(attempt, start, (0.0, 0.0), unpack(row))
+    return [(old, new, dt) for old, new, _, dt in parts]
+
+
 @pytest.mark.parametrize("solver", [Solver.FORWARD_EULER, MIDPOINT])
 def test_the_reduced_model_makes_no_oil(paper: PlantParameters, solver: Solver) -> None:
     # (16) summed up: V_t / (4 E) dP_L + V_CB - V_CA = Q_L - A x - leakage, as each solver has it.
@@ -107,19 +137,24 @@ def test_the_reduced_model_makes_no_oil(paper: PlantParameters, solver: Solver) 
     for _ in range(200):
         u, F_L = source.uniform(-1.3e-3, 1.3e-3), source.uniform(-9e4, 9e4)
         for _ in range(20):
-            before, after = plant.state, (plant.step(PlantInput(u, F_L)), plant.state)[1]
-            P_L, rise = before.P_A - before.P_B, after.P_A - after.P_B - before.P_A + before.P_B
-            Q_L, secant, tangent = load_flow(plant.output.z, P_L, orifice)
-            share = 0.0
+            before = motion_of(plant.state)
+            plant.step(PlantInput(u, F_L))
+            parts = [(before, motion_of(plant.state), DT)]
             if solver is MIDPOINT:
-                share = implicit_share(secant, tangent, compliance / DT)
-                P_L += 0.5 * rise
-            opened = after.V_CB - after.V_CA - before.V_CB + before.V_CA
-            swept = 4.85e-3 * (after.x - before.x)
-            entered = DT * (Q_L - share * rise - 2e-12 * P_L)
-            missing += entered - swept - compliance * rise - opened
-            turned_over += abs(swept) + abs(compliance * rise)
-            largest = max(largest, after.V_CA, after.V_CB)
+                parts = reduced_parts(leaky, before, plant.output.z, F_L)
+                assert parts[-1][1] == pytest.approx(motion_of(plant.state), rel=1e-9, abs=1e-9)
+            for old, new, dt in parts:
+                P_L, rise = old[2], new[2] - old[2]
+                Q_L, secant, tangent = load_flow(plant.output.z, P_L, orifice)
+                share = 0.0
+                if solver is MIDPOINT:
+                    share = implicit_share(secant, tangent, compliance / dt)
+                    P_L += 0.5 * rise
+                swept = 4.85e-3 * (new[0] - old[0])
+                entered = dt * (Q_L - share * rise - 2e-12 * P_L)
+                missing += entered - swept - compliance * rise - (new[3] - old[3])
+                turned_over += abs(swept) + abs(compliance * rise)
+                largest = max(largest, abs(new[3]))
     assert largest > 1e-5
     assert abs(missing) < 1e-9 * turned_over
 
@@ -233,6 +268,7 @@ flows = st.floats(-1e-2, -1e-3) | st.floats(-1e-3, 1e-3)
     rows=st.tuples(compliances, compliances, st.floats(0.0, 1e-7)),
     force=st.floats(-1e3, 1e3),
     inertia=st.floats(1e2, 1e7),
+    swings=st.booleans(),
 )
 def test_a_chamber_is_at_the_floor_or_filled(
     to_floor: tuple[float, float],
@@ -240,27 +276,33 @@ def test_a_chamber_is_at_the_floor_or_filled(
     rows: tuple[float, float, float],
     force: float,
     inertia: float,
+    swings: bool,
 ) -> None:
     """The complementarity problem has one solution, which is checked, not compared."""
     own_a, own_b, c = rows
-    oil = (own_a + c, own_b + c, c, *nets)
+    lag = 0.0
+    if swings:  # with the end correction, at steps that follow the piston's swing on the oil
+        lag = 1.0 / (12.0 * inertia)
+        own_a, own_b = own_a + 5e-3**2 / inertia, own_b + 4.7e-3**2 / inertia
+    oil = couple((own_a + c, own_b + c, c, *nets, 0.5), lag, 0.0, CHAMBERS)
+    a, _, c, _, _, half = oil
 
     def free_rises(dv: float) -> tuple[float, float]:
         return pressure_rises(eliminate_pressures(oil, CHAMBERS), dv)
 
-    dv, _ = velocity_change(force, inertia, eliminate_pressures(oil, CHAMBERS), CHAMBERS)
+    free = eliminate_pressures(oil, CHAMBERS)
+    dv, _ = velocity_change(force, inertia, half, free, CONSTANTS)
     assume(any(rise < least for rise, least in zip(free_rises(dv), to_floor, strict=True)))
-    dP_A, fall_A, dP_B, fall_B = hold(*to_floor, force, inertia, oil, CHAMBERS)
-    resistance = inertia + 0.5 * (5e-3 * fall_A - 4.7e-3 * fall_B)
-    dv = (force + 0.5 * (5e-3 * dP_A - 4.7e-3 * dP_B)) / resistance
+    held = hold(*to_floor, force, inertia, oil, CONSTANTS)
+    dv, _ = velocity_change(force, inertia, half, held, CONSTANTS)
     assume(any(rise < least for rise, least in zip(free_rises(dv), to_floor, strict=True)))
     rise_A, rise_B, open_A, open_B = share_out(*to_floor, dv, oil, CHAMBERS)
     for rise, least, flow in ((rise_A, to_floor[0], open_A), (rise_B, to_floor[1], open_B)):
         assert flow >= 0.0
         assert flow == 0.0 or rise == least
-    parts = ((own_a + c) * rise_A, c * rise_B, nets[0], 2.5e-3 * dv)
+    parts = (a * rise_A, c * rise_B, nets[0], 2.5e-3 * dv)
     balance = parts[0] - parts[1] - parts[2] + parts[3]
-    size = sum(map(abs, parts)) + abs((own_a + c) * to_floor[0]) + abs(c * to_floor[1])
+    size = sum(map(abs, parts)) + abs(a * to_floor[0]) + abs(c * to_floor[1])
     assert balance == pytest.approx(open_A, abs=1e-14 * size)
 
 

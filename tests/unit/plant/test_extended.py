@@ -67,7 +67,7 @@ def test_with_everything_off_the_bits_are_those_of_the_plain_kernels(
 ) -> None:
     leaky = dataclasses.replace(paper, C_L=1e-12)
     start = balanced_state(leaky)
-    state, longer = make_row(start), make_row((*start, 0.0, 0.0, paper.P_S, 0.0))
+    state, longer = make_row((*start, 0.0)), make_row((*start, 0.0, 0.0, paper.P_S, 0.0, 0.0))
     row, longer_row = (
         make_row(pack(leaky, options, 1e-4)),
         make_row(pack_extended(leaky, options, 1e-4)),

@@ -37,7 +37,7 @@ def test_external_leakage_lets_a_chamber_down_to_the_tank(
     held = stuck(paper, P_T=1e5)
     options = dataclasses.replace(PAPER, C_LA=1e-11, C_LB=0.5e-11)
     start = PlantState(0.0, 0.0, 6e6, 4e6, 0.0, 0.0)
-    output = FullOrderPlant(held, options=options, solver=solver, state=start).step(
+    output = FullOrderPlant(held, options=options, solver=solver, state=start, dt=1e-4).step(
         PlantInput(0.0), 10_000
     )
     assert output.P_A - 1e5 == pytest.approx(5.9e6 * math.exp(-1.0 / 1.2), rel=1e-4)
@@ -136,7 +136,7 @@ def test_the_pump_limits_the_speed(paper: PlantParameters, solver: Solver) -> No
     options = dataclasses.replace(BENCH, supply=unit)
     for u, area, x in ((1e-3, paper.A_A, -0.1), (-1e-3, paper.A_B, 0.1)):
         start = balanced_state(paper, x=x)
-        plant = FullOrderPlant(paper, options=options, solver=solver, state=start)
+        plant = FullOrderPlant(paper, options=options, solver=solver, state=start, dt=1e-4)
         output = plant.step(PlantInput(u), 20_000)
         assert abs(output.v) == pytest.approx(unit.pump_flow / area, rel=1e-3)
         assert plant.extension.P_S < 0.3 * paper.P_S

@@ -67,7 +67,7 @@ def test_break_away_is_at_the_static_friction(paper: PlantParameters, solver: So
     dry = dataclasses.replace(paper, E=1e-3)
     ramp = LoadSeries((0.0, 20.0), (0.0, -2000.0))
     options = dataclasses.replace(PAPER, bristles=LuGreFriction(), loads=(ramp,))
-    plant = FullOrderPlant(dry, options=options, solver=solver)
+    plant = FullOrderPlant(dry, options=options, solver=solver, dt=1e-4)
     broke = next(step for step in range(2000) if plant.step(PlantInput(0.0), 100).v > 5e-3)
     assert 0.95 * 900.0 < broke * 1.0 < 1.01 * 900.0  # 1 N every 100 steps
 
@@ -94,7 +94,7 @@ def test_a_mass_on_a_spring_swings_at_its_frequency(paper: PlantParameters) -> N
     # and stretches the period by (w dt)² / 12 = 8e-7.
     options = dataclasses.replace(PAPER, loads=(SpringLoad(1.5e4, 0.04), SpringLoad(0.5e4, 0.0)))
     start = balanced_state(paper, x=0.05)
-    plant = FullOrderPlant(free_mass(paper), options=options, state=start)
+    plant = FullOrderPlant(free_mass(paper), options=options, state=start, dt=1e-4)
     for step in range(1, 101):
         x = plant.step(PlantInput(0.0), 100).x
         assert x == pytest.approx(0.03 + 0.02 * math.cos(math.sqrt(1e3) * step * 1e-2), abs=2e-6)
@@ -115,7 +115,7 @@ def test_a_mass_slides_down_its_slope(paper: PlantParameters, solver: Solver) ->
     # a = -g M sin(slope) / (m + M), with M = 60 kg beside m = 20 kg
     options = dataclasses.replace(PAPER, loads=(MassOnSlope(60.0, math.radians(30.0)),))
     start = balanced_state(paper)
-    plant = FullOrderPlant(free_mass(paper), options=options, solver=solver, state=start)
+    plant = FullOrderPlant(free_mass(paper), options=options, solver=solver, state=start, dt=1e-4)
     v = plant.step(PlantInput(0.0), 1000).v
     assert v == pytest.approx(-0.1 * 9.80665 * 0.5 * 60.0 / 80.0, rel=1e-9)
 
@@ -125,7 +125,7 @@ def test_a_series_gives_its_impulse(paper: PlantParameters, solver: Solver) -> N
     # 100 N rising over 10 ms, held for 20 ms, then falling at once: 2.5 N s on 20 kg.
     series = LoadSeries((0.01, 0.02, 0.04, 0.04), (0.0, 100.0, 100.0, 0.0))
     options = dataclasses.replace(PAPER, loads=(series,))
-    plant = FullOrderPlant(free_mass(paper), options=options, solver=solver)
+    plant = FullOrderPlant(free_mass(paper), options=options, solver=solver, dt=1e-4)
     assert plant.step(PlantInput(0.0), 100).v == pytest.approx(0.0, abs=1e-9)
     v = plant.step(PlantInput(0.0), 900).v
     # Runge-Kutta counts a sixth of the step before the fall, 100 N * 0.1 ms, as fallen already.

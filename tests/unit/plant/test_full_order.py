@@ -68,7 +68,7 @@ def test_sinusoid_against_two_independent_simulators(
 ) -> None:
     # u = 1e-3 sin(2 pi t) for 10 s, from the balanced rest: the range of x is 67.36 mm by Hopsan's
     # own solution of Table I and 67.45 mm by a high-order integration; peak velocity 0.20507 m/s.
-    plant = FullOrderPlant(paper, options=PAPER, solver=solver)
+    plant = FullOrderPlant(paper, options=PAPER, solver=solver, dt=1e-4)
     outputs = [
         plant.step(PlantInput(1e-3 * math.sin(2.0 * math.pi * step * 1e-3)), 10)
         for step in range(10_000)
@@ -83,7 +83,7 @@ def test_forward_euler_is_the_printed_rates_times_dt(
 ) -> None:
     state = PlantState(x=0.05, v=0.1, P_A=6e6, P_B=4e6, nu=-8e-4, nu_dot=0.3)
     leaky = dataclasses.replace(paper, C_L=1e-12)
-    plant = FullOrderPlant(leaky, options=PAPER, solver=EULER, state=state)
+    plant = FullOrderPlant(leaky, options=PAPER, solver=EULER, state=state, dt=1e-4)
     plant.step(PlantInput(5e-4, 1000.0))
     rates = paper_rates(state, 5e-4, 1000.0, leaky)
     expected = [value + 1e-4 * rate for value, rate in zip(state[:6], rates, strict=True)]
@@ -120,7 +120,7 @@ def test_forward_euler_takes_damping_away(
 ) -> None:
     # 4.9 % of peak velocity at Table I and 1e-4 s: twenty times the midpoint's error.
     exact = reference(paper, MANOEUVRE)[1:]
-    outputs = run(FullOrderPlant(paper, options=PAPER, solver=EULER), MANOEUVRE)
+    outputs = run(FullOrderPlant(paper, options=PAPER, solver=EULER, dt=1e-4), MANOEUVRE)
     peak = max(abs(state.v) for state in exact)
     error = max(abs(a.v - b.v) for a, b in zip(outputs, exact, strict=True)) / peak
     assert 0.03 < error < 0.07

@@ -212,7 +212,7 @@ def test_forward_euler_says_when_it_has_diverged(
     monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
     # A fluid a thousand times stiffer than Table I's: zeta - omega_c dt / 2 = 0.004 - 0.71 < 0.
     steel = dataclasses.replace(paper, E=1e11)
-    plant = FullOrderPlant(steel, options=PAPER, solver=EULER)
+    plant = FullOrderPlant(steel, options=PAPER, solver=EULER, dt=1e-4)
     with pytest.raises(ParameterError, match=r"^dt = 0\.0001 s: forward-euler has diverged"):
         plant.step(PlantInput(1e-3), 2000)
 

@@ -29,6 +29,7 @@ for solver in Solver:
         for _ in range(int(steps)):
             plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
         print(*(value.hex() for value in (*plant.state, *plant.output, *plant.extension)))
+        print(plant.extra_evaluations)
     loads = (SpringLoad(1e4), LoadSeries((0.1, 0.4, 0.9), (0.0, 9e3, -5e3)))
     options = dataclasses.replace(PlantOptions.bench(), loads=loads)
     reduced = ReducedOrderPlant(
@@ -38,6 +39,7 @@ for solver in Solver:
     for _ in range(int(steps)):
         reduced.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
     print(*(value.hex() for value in reduced.output))
+    print(reduced.extra_evaluations)
 """
 
 
@@ -57,7 +59,9 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
     """
     compiled = run_plants(400, "0")
-    assert compiled.count("\n") == 12
+    assert compiled.count("\n") == 24
+    in_parts = [int(line) for line in compiled.splitlines()[1::2]]
+    assert [count > 0 for count in in_parts] == [False] * 4 + [True] * 4 + [False] * 4  # by solver
     assert compiled == run_plants(400, "1")
 
 

@@ -37,7 +37,7 @@ def test_contact_pushes_and_never_pulls(x: float, v: float, force: float) -> Non
 
 def test_no_stop_no_force() -> None:
     assert stop_force(1e9, 1.0, NO_STOP) == 0.0
-    assert stop_velocity_change(0.1, 2e5, 1e9, 1.0, 1e-4, NO_STOP) == 0.1
+    assert stop_velocity_change(0.1, 2e5, 1e9, 1.0, 1e-4, NO_STOP) == (0.1, 2e5, 0.0)
 
 
 @given(
@@ -52,7 +52,7 @@ def test_a_free_mass_never_gains_energy_from_the_stop(
 ) -> None:
     position, stiffness, _ = STOP
     x = side * (position + sunk_in)
-    dv = stop_velocity_change(0.0, m / dt, x, v, dt, STOP)
+    dv, _, _ = stop_velocity_change(0.0, m / dt, x, v, dt, STOP)
     x_after, v_after = x + dt * (v + 0.5 * dv), v + dv
 
     def energy(x: float, v: float) -> float:

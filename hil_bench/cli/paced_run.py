@@ -114,7 +114,9 @@ class PacedRun:
         session.watch(ticks=self._publish if line.is_shown else self._make_progress().look)
         with line, contextlib.closing(self.helpers):
             return run_paced(
-                *(session, self._setup.bus.transport, pacer),
+                session,
+                self._setup.bus.transport,
+                pacer,
                 stopped=self._make_stopped(),
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
@@ -162,7 +164,9 @@ def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str
     config, bench, bus = setup.config, setup.session.bench, setup.bus
     ticks, *timing = loop_lines(report.ticks, config.tick_ns)
     return [
-        *("summary", ticks, *(timing if run.is_timed else ())),
+        "summary",
+        ticks,
+        *(timing if run.is_timed else ()),
         *frame_lines(report.frames, bench.unrouted),
         *bus_lines(bus.parts),
         load_line(report, config.tick_ns, bus.bitrate),

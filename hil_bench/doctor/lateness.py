@@ -49,7 +49,9 @@ def measure_lateness(
 
 def _run(bench: Bench, pacer: Pacer, policy: RealtimePolicy, ticks: int) -> TickSummary:
     return run_paced(
-        *(Session(bench), SilentTransport(), pacer),
+        Session(bench),
+        SilentTransport(),
+        pacer,
         stopped=lambda: pacer.statistics.ticks + pacer.statistics.skipped >= ticks,
         realtime=RealtimeConfig(policy=policy),
     ).ticks

@@ -60,19 +60,6 @@ class BlockDownload(Transfer):
     what came is confirmed, so that the client sends the rest again.
     """
 
-    __slots__ = (
-        "_absorbable",
-        "_acknowledged",
-        "_announced",
-        "_data",
-        "_has_crc",
-        "_is_complete",
-        "_is_within",
-        "_limit",
-        "_segments",
-        "_write",
-    )
-
     def __init__(
         self,
         target: Multiplexer,
@@ -187,18 +174,6 @@ class BlockDownload(Transfer):
 
 class BlockUpload(Transfer):
     """An upload in sub-blocks, whose size the client may change with each confirmation."""
-
-    __slots__ = (
-        "_block_size",
-        "_count",
-        "_data",
-        "_first",
-        "_has_ended",
-        "_has_started",
-        "_padded",
-        "_segments",
-        "_sent",
-    )
 
     def __init__(self, target: Multiplexer, data: bytes, block_size: int, now: int) -> None:
         """Wait for the client's start; `SdoAbort` 0504 0002 for an impossible block size.

@@ -43,8 +43,6 @@ class Transfer(ABC):
         is_over: whether it has come to its end.
     """
 
-    __slots__ = ("due", "is_over", "target")
-
     def __init__(self, target: Multiplexer, now: int) -> None:
         self.target = target
         self.due = now + TIME_OUT
@@ -84,8 +82,6 @@ class Transfer(ABC):
 class SegmentedUpload(Transfer):
     """An upload in segments of 7 bytes, each on request."""
 
-    __slots__ = ("_expected", "_full_segments", "_last_segment")
-
     def __init__(self, target: Multiplexer, data: bytes, now: int) -> None:
         super().__init__(target, now)
         followed = max(len(data) - 1, 0) // SEGMENT_BYTES * SEGMENT_BYTES
@@ -124,8 +120,6 @@ class SegmentedUpload(Transfer):
 
 class SegmentedDownload(Transfer):
     """A download in segments of up to 7 bytes, each confirmed."""
-
-    __slots__ = ("_announced", "_data", "_limit", "_toggle", "_write")
 
     def __init__(
         self, target: Multiplexer, write: Write, announced: int | None, limit: int, now: int

@@ -1,0 +1,112 @@
+"""Our evaluator against the definitions, against RTAMT, and against itself in blocks."""
+
+import random
+import re
+import sys
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.expectations import (
+    TICK,
+    VOCABULARY,
+    margin,
+    random_case,
+    random_trace,
+    rtamt_margins,
+)
+
+from hil_bench.scenario.build import AT_START, StreamBuilder
+from hil_bench.scenario.monitor import Monitor
+from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.values import Block
+
+SPANS_THE_RUN = re.compile(r"(always|eventually|until) +\(")
+NO_MARGIN = 1e-323  # where RTAMT says 0, ours is the smallest number either side of it
+SEEDS = st.integers(0, 2**32)
+
+
+def margins(node, columns, blocks=None):
+    """Return lower and upper bound of each tick, the run given in blocks of some lengths."""
+    stream = StreamBuilder(TICK).build(node, AT_START)
+    found, start, ticks = [], 0, len(columns["a"])
+    for size in blocks or [ticks]:
+        end = min(start + size, ticks)
+        part = {name: column[start:end] for name, column in columns.items()}
+        found.append(stream.push(Block(part, end - start)))
+        start = end
+    found.append(stream.finish())
+    return [pair for part in found for pair in zip(part.low, part.high, strict=True)]
+
+
+@given(SEEDS)
+@settings(max_examples=300, deadline=None)
+def test_it_follows_the_definitions(seed):
+    rng = random.Random(seed)
+    case = random_case(rng, rng.randint(0, 4))
+    columns = random_trace(rng, rng.randint(1, 20), holes=rng.choice([0.0, 0.1]))
+    node = parse_expectation(case.ours, VOCABULARY)
+    ticks, memo = len(columns["a"]), {}
+    expected = [margin(node, tick, columns, ticks, memo) for tick in range(ticks)]
+    assert margins(node, columns) == expected, case.ours
+
+
+@given(SEEDS)
+@settings(max_examples=200, deadline=None)
+def test_blocks_of_any_length_give_the_same(seed):
+    rng = random.Random(seed)
+    case = random_case(rng, rng.randint(0, 4))
+    ticks = rng.randint(1, 40)
+    columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
+    node = parse_expectation(case.ours, VOCABULARY)
+    blocks = _blocks(rng, ticks)
+    assert margins(node, columns, blocks) == margins(node, columns), case.ours
+
+
+@given(SEEDS)
+@settings(max_examples=300, deadline=None)
+def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
+    rng = random.Random(seed)
+    case = random_case(rng, rng.randint(0, 4))
+    ticks = rng.randint(1, 30)
+    columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
+    node = parse_expectation(case.ours, VOCABULARY)
+    whole, parts = Monitor(node, TICK), Monitor(node, TICK)
+    whole.push(columns, ticks)
+    start = 0
+    for size in _blocks(rng, ticks):
+        parts.push({name: c[start : start + size] for name, c in columns.items()}, size)
+        start += size
+        low, high = parts.margin
+        expected = margin(node, 0, columns, ticks, {})
+        assert low <= expected[0], "a bound that was too narrow"
+        assert high >= expected[1]
+    whole.finish()
+    parts.finish()
+    assert whole.margin == parts.margin == expected
+    assert whole.violation == parts.violation
+    assert whole.exercises == parts.exercises
+
+
+@pytest.mark.skipif(sys.version_info >= (3, 13), reason="RTAMT 0.4 ends with Python 3.12")
+@given(SEEDS)
+@settings(max_examples=60, deadline=None)
+def test_rtamt_says_the_same(seed):
+    rng = random.Random(seed)
+    case = random_case(rng, rng.randint(1, 4), for_rtamt=True)
+    columns = random_trace(rng, case.reach + rng.randint(2, 20))  # of one tick, RTAMT fails
+    node = parse_expectation(case.ours, VOCABULARY)
+    theirs = rtamt_margins(case.theirs)(columns)
+    ours = margins(node, columns)
+    for (low, high), expected in zip(ours, theirs, strict=True):
+        assert low - NO_MARGIN <= expected <= high + NO_MARGIN, (case.ours, case.theirs)
+    if not SPANS_THE_RUN.search(case.ours):
+        decided = len(theirs) - case.reach
+        assert all(low == high for low, high in ours[:decided])
+
+
+def _blocks(rng, ticks):
+    blocks = []
+    while sum(blocks) < ticks:
+        blocks.append(min(rng.randint(1, 9), ticks - sum(blocks)))
+    return blocks

@@ -6,7 +6,7 @@ the trace, where ours leave the margin open: its margin then lies between our bo
 """
 
 import math
-import random
+import operator
 import warnings
 from typing import NamedTuple
 
@@ -35,62 +35,70 @@ class Case(NamedTuple):
     reach: int
 
 
-def random_case(rng: random.Random, depth: int, *, for_rtamt: bool = False) -> Case:
+def random_case(rng: np.random.Generator, depth: int, *, for_rtamt: bool = False) -> Case:
     """Return an expectation of at most some depth."""
     if depth == 0 or rng.random() < 0.15:
         return _atom(rng, for_rtamt=for_rtamt)
-    pick = rng.choice(
-        ["not", "and", "or", "implies", "span", "span", "past", "past", "until", "since"]
-        + ["whole", "from start"]
-        + ([] if for_rtamt else ["previous", "edge"])
-    )
-    one = random_case(rng, depth - 1, for_rtamt=for_rtamt)
-    start = rng.randint(0, 3)
-    end = start + rng.randint(0, 4)
-    match pick:
-        case "not":
-            return Case(f"not ({one.ours})", f"not ({one.theirs})", one.reach)
-        case "previous" | "edge":
-            word = "previous" if pick == "previous" else rng.choice(["rises", "falls", "changes"])
-            return Case(f"{word}({one.ours})", "", one.reach)
-        case "span":
-            word = rng.choice(["always", "eventually"])
-            ours = f"{word} from {_jitter(rng, start, end)} ({one.ours})"
-            return Case(ours, f"{word}[{start}:{end}] ({one.theirs})", one.reach + end)
-        case "past":
-            word = rng.choice(["historically", "once"])
-            ours = f"{word} from {_jitter(rng, start, end)} ({one.ours})"
-            return Case(ours, f"{word}[{start}:{end}] ({one.theirs})", one.reach)
-        case "whole":
-            word = rng.choice(["always", "eventually"])
-            return Case(f"{word} ({one.ours})", f"{word} ({one.theirs})", one.reach)
-        case "from start":
-            word = rng.choice(["historically", "once"])
-            return Case(f"{word} ({one.ours})", f"{word} ({one.theirs})", one.reach)
-    other = random_case(rng, depth - 1, for_rtamt=for_rtamt)
+    forms = [_contrary, _pair, _span, _span, _past, _past, _until, _until, _whole, _whole]
+    form = forms[rng.integers(len(forms))] if for_rtamt or rng.random() < 0.85 else _edge
+    parts = [random_case(rng, depth - 1, for_rtamt=for_rtamt) for _ in range(_PARTS.get(form, 1))]
+    return form(rng, *parts)
+
+
+def _contrary(_rng, one: Case) -> Case:
+    return Case(f"not ({one.ours})", f"not ({one.theirs})", one.reach)
+
+
+def _edge(rng, one: Case) -> Case:
+    word = rng.choice(["previous", "rises", "falls", "changes"])
+    return Case(f"{word}({one.ours})", "", one.reach)
+
+
+def _pair(rng, one: Case, other: Case) -> Case:
+    word = rng.choice(["and", "or", "implies"])
     reach = max(one.reach, other.reach)
-    if pick in {"until", "since"}:
-        window, theirs = f"from {_jitter(rng, start, end)}", f"[{start}:{end}]"
-        if rng.random() < 0.3:
-            window, theirs, end = "", "", 0
-        ahead = end if pick == "until" else 0
-        return Case(
-            f"({one.ours}) {pick} {window} ({other.ours})",
-            f"({one.theirs}) {pick}{theirs} ({other.theirs})",
-            reach + ahead,
-        )
     return Case(
-        f"({one.ours}) {pick} ({other.ours})", f"({one.theirs}) {pick} ({other.theirs})", reach
+        f"({one.ours}) {word} ({other.ours})", f"({one.theirs}) {word} ({other.theirs})", reach
     )
 
 
-def random_trace(rng: random.Random, ticks: int, *, holes: float = 0.0) -> dict[str, np.ndarray]:
+def _span(rng, one: Case) -> Case:
+    word = rng.choice(["always", "eventually"])
+    ours, theirs, end = _window(rng)
+    return Case(f"{word} {ours} ({one.ours})", f"{word}{theirs} ({one.theirs})", one.reach + end)
+
+
+def _past(rng, one: Case) -> Case:
+    word = rng.choice(["historically", "once"])
+    ours, theirs, _ = _window(rng)
+    return Case(f"{word} {ours} ({one.ours})", f"{word}{theirs} ({one.theirs})", one.reach)
+
+
+def _whole(rng, one: Case) -> Case:
+    word = rng.choice(["always", "eventually", "historically", "once"])
+    return Case(f"{word} ({one.ours})", f"{word} ({one.theirs})", one.reach)
+
+
+def _until(rng, one: Case, other: Case) -> Case:
+    word = rng.choice(["until", "since"])
+    ours, theirs, end = _window(rng) if rng.random() < 0.7 else ("", "", 0)
+    return Case(
+        f"({one.ours}) {word} {ours} ({other.ours})",
+        f"({one.theirs}) {word}{theirs} ({other.theirs})",
+        max(one.reach, other.reach) + (end if word == "until" else 0),
+    )
+
+
+_PARTS = {_pair: 2, _until: 2}
+
+
+def random_trace(
+    rng: np.random.Generator, ticks: int, *, holes: float = 0.0
+) -> dict[str, np.ndarray]:
     """Return the columns of a short run, in quarters, with holes of NaN."""
-    columns = {
-        name: np.array([rng.randint(-12, 12) / 4 for _ in range(ticks)]) for name in NAMES
-    }
+    columns = {name: np.array([rng.integers(-12, 13) / 4 for _ in range(ticks)]) for name in NAMES}
     for name in ("s", "emcy(n)", "frame(0x181)"):
-        columns[name] = np.array([float(rng.randint(0, 1)) for _ in range(ticks)])
+        columns[name] = np.array([float(rng.integers(2)) for _ in range(ticks)])
     for column in columns.values():
         for tick in range(ticks):
             if rng.random() < holes:
@@ -102,7 +110,7 @@ def rtamt_margins(theirs: str):
     """Return a function of columns that gives RTAMT's margin of each tick."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # its parser imports typing.io
-        import rtamt
+        import rtamt  # noqa: PLC0415 - a Python that has it not yet runs the other tests
 
     specification = rtamt.StlDiscreteTimeSpecification()
     for name in NAMES:
@@ -119,8 +127,8 @@ def rtamt_margins(theirs: str):
     return evaluate
 
 
-def _atom(rng: random.Random, *, for_rtamt: bool) -> Case:
-    name, relation, level = rng.choice(NAMES), rng.choice(["<=", ">="]), rng.randint(-1, 1)
+def _atom(rng: np.random.Generator, *, for_rtamt: bool) -> Case:
+    name, relation, level = rng.choice(NAMES), rng.choice(["<=", ">="]), rng.integers(-1, 2)
     theirs = f"({name} {relation} {level})"
     if for_rtamt or rng.random() < 0.6:
         return Case(f"{name} {relation} {level}", theirs, 0)
@@ -146,10 +154,14 @@ def _atom(rng: random.Random, *, for_rtamt: bool) -> Case:
     return Case(ours, "", 0)
 
 
-def _jitter(rng: random.Random, start: int, end: int) -> str:
-    """Return a window in words, with bounds between ticks that hold the same ticks."""
+def _window(rng) -> tuple[str, str, int]:
+    """Return a window in words, with bounds that may fall between ticks, and RTAMT's; its end."""
+    start = rng.integers(4)
+    end = start + rng.integers(5)
     early = rng.choice([0, 0, 250, 999]) if start else 0
-    return f"{start * 1000 - early} us to {end * 1000 + rng.choice([0, 0, 400, 999])} us"
+    late = rng.choice([0, 0, 400, 999])
+    ours = f"from {start * 1000 - early} us to {end * 1000 + late} us"
+    return ours, f"[{start}:{end}]", int(end)
 
 
 # The oracle, by the definitions.
@@ -177,51 +189,54 @@ def _margin(node, tick, columns, ticks, memo):
         first = 0 if window.end is None else tick - window.end // TICK
         return [k for k in range(max(0, first), tick + 1) if (tick - k) * TICK >= window.start]
 
-    match node:
-        case nodes.Not():
-            low, high = at(node.operand, tick)
-            return -high, -low
-        case nodes.All():
-            return _least([at(each, tick) for each in node.operands])
-        case nodes.Any():
-            return _most([at(each, tick) for each in node.operands])
-        case nodes.Implies():
-            low, high = at(node.trigger, tick)
-            return _most([(-high, -low), at(node.response, tick)])
-        case nodes.PreviousCondition():
-            return at(node.operand, max(0, tick - 1))
-        case nodes.ConditionEdge():
-            return _turn(node.turn, at(node.operand, tick), at(node.operand, max(0, tick - 1)))
-        case nodes.Always():
-            return _least([at(node.operand, k) for k in ahead(node.window)] or [_END])
-        case nodes.Eventually():
-            return _most([at(node.operand, k) for k in ahead(node.window)] or [_END])
-        case nodes.Historically():
-            return _least([at(node.operand, k) for k in back(node.window)])
-        case nodes.Once():
-            return _most([at(node.operand, k) for k in back(node.window)])
-        case nodes.Until():
-            found = [
-                _least([at(node.goal, k), *(at(node.operand, j) for j in range(tick, k))])
-                for k in ahead(node.window)
-            ]
-            return _most(found)
-        case nodes.Since():
-            found = [
-                _least([at(node.goal, k), *(at(node.operand, j) for j in range(k + 1, tick + 1))])
-                for k in back(node.window)
-            ]
-            return _most(found)
-        case _:
-            return _atom_margin(node, tick, columns)
+    def until():
+        return _most(
+            _least([at(node.goal, k), *(at(node.operand, j) for j in range(tick, k))])
+            for k in ahead(node.window)
+        )
+
+    def since():
+        return _most(
+            _least([at(node.goal, k), *(at(node.operand, j) for j in range(k + 1, tick + 1))])
+            for k in back(node.window)
+        )
+
+    def turn():
+        return _turn(node.turn, at(node.operand, tick), at(node.operand, max(0, tick - 1)))
+
+    forms = {
+        nodes.Not: lambda: _contrary_of(at(node.operand, tick)),
+        nodes.All: lambda: _least(at(each, tick) for each in node.operands),
+        nodes.Any: lambda: _most(at(each, tick) for each in node.operands),
+        nodes.Implies: lambda: _most(
+            [_contrary_of(at(node.trigger, tick)), at(node.response, tick)]
+        ),
+        nodes.PreviousCondition: lambda: at(node.operand, max(0, tick - 1)),
+        nodes.ConditionEdge: turn,
+        nodes.Always: lambda: _least([at(node.operand, k) for k in ahead(node.window)] or [_END]),
+        nodes.Eventually: lambda: _most(
+            [at(node.operand, k) for k in ahead(node.window)] or [_END]
+        ),
+        nodes.Historically: lambda: _least(at(node.operand, k) for k in back(node.window)),
+        nodes.Once: lambda: _most(at(node.operand, k) for k in back(node.window)),
+        nodes.Until: until,
+        nodes.Since: since,
+    }
+    return forms.get(type(node), lambda: _atom_margin(node, tick, columns))()
+
+
+def _contrary_of(pair):
+    return -pair[1], -pair[0]
 
 
 def _least(pairs):
-    return min([math.inf, *(a for a, _ in pairs)]), min([math.inf, *(b for _, b in pairs)])
+    lows, highs = zip((math.inf, math.inf), *pairs, strict=True)
+    return min(lows), min(highs)
 
 
 def _most(pairs):
-    return max([-math.inf, *(a for a, _ in pairs)]), max([-math.inf, *(b for _, b in pairs)])
+    lows, highs = zip((-math.inf, -math.inf), *pairs, strict=True)
+    return max(lows), max(highs)
 
 
 def _turn(turn, now, before):
@@ -263,27 +278,25 @@ def _atom_margin(node, tick, columns):
 
 
 def _value(node, tick, columns):
-    match node:
-        case nodes.Number():
-            return node.value
-        case nodes.Reading():
-            return float(columns[node.name][tick])
-        case nodes.Magnitude():
-            return abs(_value(node.operand, tick, columns))
-        case nodes.PreviousValue():
-            return _value(node.operand, max(0, tick - 1), columns)
-        case nodes.Rate():
-            now, before = (_value(node.operand, k, columns) for k in (tick, max(0, tick - 1)))
-            return (now - before) * 1000.0
-        case nodes.Arithmetic():
-            left, right = (_value(side, tick, columns) for side in (node.left, node.right))
-            match node.operation:
-                case "+":
-                    return left + right
-                case "-":
-                    return left - right
-                case "*":
-                    return left * right
-                case _:
-                    return left / right if right else math.nan
-    raise TypeError(node)
+    def at(operand, when):
+        return _value(operand, max(0, when), columns)
+
+    forms = {
+        nodes.Number: lambda: node.value,
+        nodes.Reading: lambda: float(columns[node.name][tick]),
+        nodes.Magnitude: lambda: abs(at(node.operand, tick)),
+        nodes.PreviousValue: lambda: at(node.operand, tick - 1),
+        nodes.Rate: lambda: (at(node.operand, tick) - at(node.operand, tick - 1)) * 1000.0,
+        nodes.Arithmetic: lambda: _OPERATIONS[node.operation](
+            at(node.left, tick), at(node.right, tick)
+        ),
+    }
+    return forms[type(node)]()
+
+
+_OPERATIONS = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": lambda left, right: left / right if right else math.nan,
+}

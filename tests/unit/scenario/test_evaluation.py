@@ -1,9 +1,9 @@
 """Our evaluator against the definitions, against RTAMT, and against itself in blocks."""
 
-import random
 import re
 import sys
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -42,9 +42,9 @@ def margins(node, columns, blocks=None):
 @given(SEEDS)
 @settings(max_examples=300, deadline=None)
 def test_it_follows_the_definitions(seed):
-    rng = random.Random(seed)
-    case = random_case(rng, rng.randint(0, 4))
-    columns = random_trace(rng, rng.randint(1, 20), holes=rng.choice([0.0, 0.1]))
+    rng = np.random.default_rng(seed)
+    case = random_case(rng, int(rng.integers(0, 5)))
+    columns = random_trace(rng, int(rng.integers(1, 21)), holes=rng.choice([0.0, 0.1]))
     node = parse_expectation(case.ours, VOCABULARY)
     ticks, memo = len(columns["a"]), {}
     expected = [margin(node, tick, columns, ticks, memo) for tick in range(ticks)]
@@ -54,9 +54,9 @@ def test_it_follows_the_definitions(seed):
 @given(SEEDS)
 @settings(max_examples=200, deadline=None)
 def test_blocks_of_any_length_give_the_same(seed):
-    rng = random.Random(seed)
-    case = random_case(rng, rng.randint(0, 4))
-    ticks = rng.randint(1, 40)
+    rng = np.random.default_rng(seed)
+    case = random_case(rng, int(rng.integers(0, 5)))
+    ticks = int(rng.integers(1, 41))
     columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
     node = parse_expectation(case.ours, VOCABULARY)
     blocks = _blocks(rng, ticks)
@@ -66,9 +66,9 @@ def test_blocks_of_any_length_give_the_same(seed):
 @given(SEEDS)
 @settings(max_examples=300, deadline=None)
 def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
-    rng = random.Random(seed)
-    case = random_case(rng, rng.randint(0, 4))
-    ticks = rng.randint(1, 30)
+    rng = np.random.default_rng(seed)
+    case = random_case(rng, int(rng.integers(0, 5)))
+    ticks = int(rng.integers(1, 31))
     columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
     node = parse_expectation(case.ours, VOCABULARY)
     whole, parts = Monitor(node, TICK), Monitor(node, TICK)
@@ -92,9 +92,9 @@ def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
 def test_rtamt_says_the_same(seed):
-    rng = random.Random(seed)
-    case = random_case(rng, rng.randint(1, 4), for_rtamt=True)
-    columns = random_trace(rng, case.reach + rng.randint(2, 20))  # of one tick, RTAMT fails
+    rng = np.random.default_rng(seed)
+    case = random_case(rng, int(rng.integers(1, 5)), for_rtamt=True)
+    columns = random_trace(rng, case.reach + int(rng.integers(2, 21)))  # of one tick, RTAMT fails
     node = parse_expectation(case.ours, VOCABULARY)
     theirs = rtamt_margins(case.theirs)(columns)
     ours = margins(node, columns)
@@ -108,5 +108,5 @@ def test_rtamt_says_the_same(seed):
 def _blocks(rng, ticks):
     blocks = []
     while sum(blocks) < ticks:
-        blocks.append(min(rng.randint(1, 9), ticks - sum(blocks)))
+        blocks.append(min(int(rng.integers(1, 10)), ticks - sum(blocks)))
     return blocks

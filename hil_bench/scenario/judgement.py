@@ -15,6 +15,9 @@ from hil_bench.scenario.values import Block, build_values
 from hil_bench.scenario.wording import show_atom, show_margin, show_number, unit_of
 
 
+_BLOCK = 16_384  # ticks whose arrays fit the processor's cache
+
+
 class Fulfilment(StrEnum):
     """What became of a requirement."""
 
@@ -51,7 +54,7 @@ class Judgement:
             the requirement holds; None where it is unknown or has no size.
         deciding: the comparison that decides; None for an inconclusive outcome.
         first: when it is violated first [s]; None where it is not.
-        duration: for how long it is violated in all [s].
+        duration: for how long it is violated in all [s]; 0 where it does not speak of each tick.
         triggered: how often the triggers of its implications became true; None without any.
         reason: why it is not decided; empty where it is.
     """
@@ -78,7 +81,10 @@ def judge(
     """
     log = Log()
     monitor = Monitor(requirement, tick_ns, log.wrap)
-    monitor.push(columns, ticks)
+    for start in range(0, ticks, _BLOCK):
+        end = min(start + _BLOCK, ticks)
+        part = {name: column[start:end] for name, column in columns.items()}
+        monitor.push(part, end - start)
     monitor.finish()
     times = [exercise.times for exercise in monitor.exercises]
     triggered = sum(times) if times else None
@@ -95,15 +101,15 @@ def judge(
         reason = "its trigger never became true" if 0 in times else ""
         return Judgement(outcome, size, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
-    first, count = (found.first, found.ticks) if found else (cause.tick, 1)
-    tick = tick_ns * 1e-9
-    return Judgement(Fulfilment.FAILED, size, deciding, first * tick, count * tick, triggered)
+    first, count = (found.first, found.ticks) if found else (cause.tick, 0)
+    start, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
+    return Judgement(Fulfilment.FAILED, size, deciding, start, duration, triggered)
 
 
 def _describe(
     cause: Cause, margin: float, columns: Mapping[str, Floats], ticks: int, tick_ns: int
 ) -> Deciding:
-    time = cause.tick * tick_ns * 1e-9
+    time = cause.tick * tick_ns / 1e9
     if not isinstance(cause.node, Comparison):
         return Deciding(time, show_atom(cause.node), "", "")
     node = cause.node

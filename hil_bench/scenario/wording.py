@@ -48,7 +48,7 @@ def show_value(node: Value, unit: Unit = ONE) -> str:
         case Reading():
             return node.name
         case Magnitude():
-            return f"abs({show_value(node.operand, unit)})"
+            return f"abs({_bare(show_value(node.operand, unit))})"
         case Rate():
             return f"rate({show_value(node.operand)})"
         case PreviousValue():
@@ -64,11 +64,7 @@ def show_atom(node: Atom) -> str:
     match node:
         case Comparison():
             unit = unit_of(node.dimension, node.symbol)
-            sides = show_value(node.left, unit), show_value(node.right, unit)
-            left, right = (
-                side.removeprefix("(").removesuffix(")") if side.startswith("(") else side
-                for side in sides
-            )
+            left, right = (_bare(show_value(side, unit)) for side in (node.left, node.right))
             return f"{left} {node.relation} {right}"
         case StateIs():
             return f'{node.name} == "{node.text}"'
@@ -78,6 +74,11 @@ def show_atom(node: Atom) -> str:
             return f"{node.turn}({show_value(node.operand)})"
         case ConditionEdge():
             return f"{node.turn}(...)"
+
+
+def _bare(text: str) -> str:
+    """Return a sum or a product without the brackets around it."""
+    return text[1:-1] if text.startswith("(") else text
 
 
 def show_margin(margin: float, node: Atom) -> str:

@@ -14,7 +14,6 @@ from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block, build_values
 from hil_bench.scenario.wording import show_atom, show_margin, show_number, unit_of
 
-
 _BLOCK = 16_384  # ticks whose arrays fit the processor's cache
 
 
@@ -102,8 +101,8 @@ def judge(
         return Judgement(outcome, size, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first, count = (found.first, found.ticks) if found else (cause.tick, 0)
-    start, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
-    return Judgement(Fulfilment.FAILED, size, deciding, start, duration, triggered)
+    begin, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
+    return Judgement(Fulfilment.FAILED, size, deciding, begin, duration, triggered)
 
 
 def _describe(

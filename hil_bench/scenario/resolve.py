@@ -1,0 +1,187 @@
+"""A scenario with its numbers in: steps as actions at ticks, expectations as typed trees."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from hil_bench.config.document import give
+from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.config.faults import build_fault
+from hil_bench.config.records import FaultConfig
+from hil_bench.config.settings import Origin, Problems, read_table
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.errors import ConfigError
+from hil_bench.faults.kinds import FaultKind
+from hil_bench.scenario.dimensions import unit_of_name
+from hil_bench.scenario.nodes import Condition
+from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.reach import reach
+from hil_bench.scenario.records import (
+    Amount,
+    FaultStep,
+    FirmwareStep,
+    NmtStep,
+    Reference,
+    Scenario,
+    SetStep,
+    SyncStep,
+)
+from hil_bench.scenario.syntax import ExpectationError
+from hil_bench.scenario.vocabulary import Vocabulary
+
+
+class SetAction(NamedTuple):
+    """A target gets a value.
+
+    Attributes:
+        target: its name.
+        value: the value, of a course the last one.
+        over_ticks: length of the straight ramp from the present value; 0 for at once.
+        course: ticks after the action's own and values, straight lines between; empty for none.
+    """
+
+    target: str
+    value: float
+    over_ticks: int = 0
+    course: tuple[tuple[int, float], ...] = ()
+
+
+Action = SetAction | FaultConfig | NmtStep | SyncStep | FirmwareStep
+
+
+class TimedAction(NamedTuple):
+    """What a runner does at the start of a tick.
+
+    Attributes:
+        tick: its number, from 0.
+        action: what.
+    """
+
+    tick: int
+    action: Action
+
+
+class Requirement(NamedTuple):
+    """An expectation that is ready to be judged.
+
+    Attributes:
+        id: of the requirement.
+        that: its text.
+        condition: its tree.
+    """
+
+    id: str
+    that: str
+    condition: Condition
+
+
+def parameter_values(
+    scenario: Scenario, given: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """Return the SI value of each parameter.
+
+    Args:
+        scenario: which has them.
+        given: values in the parameters' own units that win over the file's.
+
+    Raises:
+        ConfigError: a value is given to what is no parameter.
+    """
+    names = [each.name for each in scenario.parameters]
+    for name in given or {}:
+        if name not in names:
+            right = f"the nearest is {find_nearest(name, names)}" if names else "there are none"
+            raise ConfigError(f"{scenario.path}: {quote(name)} is no parameter; {right}")
+    own = {each.name: each.value for each in scenario.parameters} | dict(given or {})
+    return {each.name: each.unit.to_si(own[each.name]) for each in scenario.parameters}
+
+
+def resolve_steps(
+    scenario: Scenario, tick_ns: int, values: Mapping[str, float]
+) -> tuple[TimedAction, ...]:
+    """Return the steps as actions, in the order of time, and of the file within a tick.
+
+    A step between two ticks acts at the later one.
+
+    Args:
+        scenario: whose steps.
+        tick_ns: time between two ticks [ns].
+        values: the SI value of each parameter.
+    """
+    resolver = _Resolver(scenario, tick_ns, values)
+    actions = [
+        TimedAction(resolver.ticks(step.at), resolver.action(step)) for step in scenario.steps
+    ]
+    return tuple(sorted(actions, key=lambda each: each.tick))
+
+
+def compile_expectations(scenario: Scenario, vocabulary: Vocabulary) -> tuple[Requirement, ...]:
+    """Return the expectations, parsed.
+
+    Args:
+        scenario: whose expectations.
+        vocabulary: the names they may use, the parameters among them.
+
+    Raises:
+        ConfigError: a line a problem, each with file, line and column.
+    """
+    found, wrong = [], []
+    for each in scenario.expectations:
+        try:
+            condition = parse_expectation(each.that, vocabulary)
+        except ExpectationError as error:
+            wrong.append(f"{each.place.at(*error.position)}: {each.id}: {error.what}")
+            continue
+        needed = reach(condition) / 1e9
+        if needed > scenario.duration:
+            right = "give shorter windows or a longer duration_s"
+            wrong.append(
+                f"{each.place.at(1, 1)}: {each.id}: needs {needed:g} s to be decided, and the "
+                f"scenario lasts {scenario.duration:g} s; {right}"
+            )
+        found.append(Requirement(each.id, each.that, condition))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    return tuple(found)
+
+
+class _Resolver:
+    """Puts numbers in."""
+
+    def __init__(self, scenario: Scenario, tick_ns: int, values: Mapping[str, float]) -> None:
+        self._source = str(scenario.path)
+        self._tick_ns, self._values = tick_ns, values
+
+    def ticks(self, time: Amount) -> int:
+        """Return the first tick at a time [s] or after it."""
+        return -(-round(self._number(time) * 1e9) // self._tick_ns)
+
+    def action(self, step: SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep) -> Action:
+        """Return what a step does."""
+        match step:
+            case SetStep():
+                course = tuple((self.ticks(time), value) for time, value in step.points)
+                value = self._number(step.value)
+                return SetAction(step.target, value, self.ticks(step.over), course)
+            case FaultStep():
+                return self._fault(step)
+            case _:
+                return step
+
+    def _number(self, amount: Amount) -> float:
+        return self._values[amount.name] if isinstance(amount, Reference) else amount
+
+    def _fault(self, step: FaultStep) -> FaultConfig:
+        own = {name: self._in_unit_of(name, value) for name, value in step.values}
+        given = {"kind": step.kind, "target": step.target, "at_s": self._number(step.at), **own}
+        problems = Problems(self._source)
+        keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(step.kind)])
+        table = f"step {step.kind} {step.target}"
+        found = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+        problems.raise_any()
+        return build_fault(found)
+
+    def _in_unit_of(self, key: str, value: object) -> object:
+        """Return the value of a key, in the key's unit."""
+        if isinstance(value, Reference):
+            return unit_of_name(key).unit.from_si(self._values[value.name])
+        return value

@@ -1,0 +1,252 @@
+"""What an expectation may say, and what is said of one that is wrong."""
+
+import numpy as np
+import pytest
+
+from hil_bench.scenario.judgement import Fulfilment, judge
+from hil_bench.scenario.nodes import All, Always, Comparison, Eventually, Implies, Not, Window
+from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.reach import reach
+from hil_bench.scenario.syntax import ExpectationError
+from hil_bench.scenario.vocabulary import Vocabulary
+
+TICK = 1_000_000
+KNOWN = Vocabulary(
+    {"axis1.P_A": "Pa", "axis1.position": "m", "target": "m", "io.count": "rpm", "flag": "-"},
+    {"valve.state": {"HOLD": 1, "ENABLED": 2}},
+    ("valve", "pressure_a"),
+    has_frames=True,
+    parameters={"target_mm": 0.1, "settle_ms": 0.2},
+)
+
+
+def parse(text):
+    return parse_expectation(text, KNOWN)
+
+
+def run(text, **columns):
+    ticks = len(next(iter(columns.values())))
+    names = {"P_A": "axis1.P_A", "position": "axis1.position", "state": "valve.state"}
+    given = {names.get(name, name): np.array(column, float) for name, column in columns.items()}
+    return judge(parse(text), given, ticks=ticks, tick_ns=TICK)
+
+
+def test_units_become_si():
+    found = parse("axis1.P_A < 250 bar")
+    assert isinstance(found, Comparison)
+    assert found.right.value == 250e5  # 1 bar = 1e5 Pa
+    assert found.scale == 250e5
+    assert parse("axis1.P_A < 25 MPa").right.value == 25e6
+    assert parse("axis1.position < target_mm").right.value == 0.1
+    assert parse("rate(axis1.position) < 20 mm/s").right.value == pytest.approx(0.02)
+
+
+def test_arithmetic_keeps_the_units():
+    assert parse("axis1.P_A / 2 < 2 * 100 bar").right.value == 200e5
+    assert parse("rate(axis1.P_A) < 3 bar / 100 ms").right.value == pytest.approx(30e5)
+
+
+def test_zero_needs_no_unit():
+    assert parse("axis1.P_A > 0").right.value == 0.0
+
+
+def test_a_number_is_in_the_unit_of_a_signal_that_nobody_knows():
+    assert parse("io.count < 3").right.value == 3.0
+
+
+def test_a_word_takes_in_all_that_follows():
+    found = parse("always axis1.P_A > 0 and flag > 0 implies target > 0")
+    assert isinstance(found, Always)
+    assert isinstance(found.operand, Implies)
+    assert isinstance(found.operand.trigger, All)
+
+
+def test_not_binds_a_condition_alone():
+    found = parse("not flag > 0 and target > 0")
+    assert isinstance(found, All)
+    assert isinstance(found.operands[0], Not)
+
+
+def test_for_binds_the_condition_before_it():
+    found = parse("flag > 0 and target > 0 for 200 ms")
+    assert isinstance(found, All)
+    assert found.operands[1].window == Window(0, 200_000_000)
+
+
+def test_within_has_a_parameter_as_time():
+    found = parse("within settle_ms flag > 0")
+    assert isinstance(found, Eventually)
+    assert found.window == Window(0, 200_000_000)
+
+
+def test_a_name_of_the_language_is_quoted():
+    known = Vocabulary({"for": "-", "a-b": "-"})
+    assert parse_expectation("'for' > 1 and 'a-b' > 1", known)
+
+
+def test_reach_adds_up():
+    text = "whenever rises(target) then within 1.5 s (flag > 0 for 200 ms)"
+    assert reach(parse(text)) == 1_700_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "what"),
+    [
+        ("always axis1.P_A < 250 mm", 1, 20, "in bar and one in mm makes no sense"),
+        ("axis1.P_A < 250", 1, 13, "give the number its unit"),
+        ("axis1.P_A + axis1.position > 0", 1, 13, "in bar and one in mm makes no sense"),
+        (
+            "always\n  axis1.P_a < 1 bar",
+            2,
+            3,
+            '"axis1.P_a" is no signal here; the nearest is axis1.P_A',
+        ),
+        ("axis1.P_A < 3 bars", 1, 13, '"bars" is no unit of the language; the nearest is bar'),
+        ("axis1.P_A < 1,5 bar", 1, 14, "write decimals with a point"),
+        ("flag = 1", 1, 6, "write == to compare"),
+        ("always axis1.P_A", 1, 8, "needs a condition"),
+        ("abs(flag > 1) > 2", 1, 5, "needs a value, and this is a condition"),
+        ("within 5 bar flag > 0", 1, 8, "is a value in bar, not a time"),
+        ("within target flag > 0", 1, 8, "is a signal, not a time"),
+        ("always from 2 s to 1 s flag > 0", 1, 8, "ends before it begins"),
+        ("eventually within 2 s flag > 0", 1, 1, "write within T A alone"),
+        ("valve.state == 2", 1, 1, 'valve.state == "HOLD"'),
+        ('valve.state == "HOLDD"', 1, 16, 'valve.state is never "HOLDD"; the nearest is "HOLD"'),
+        ('valve.state < "HOLD"', 1, 1, "give == or !="),
+        ("rises(valve.state)", 1, 1, 'rises(valve.state == "...")'),
+        ("emcy(valv)", 1, 6, '"valv" is no node; the nearest is valve'),
+        ("frame(1.5)", 1, 7, "is no number from 0 to"),
+        ("settled(flag)", 1, 1, "settled(deviation, band"),
+        ("settle(flag, 1)", 1, 1, "the nearest is settled"),
+        ("target_mm < 3 mm", 1, 1, "compares no signal"),
+        ("whenever rises(target_mm) then flag > 0", 1, 10, "holds no signal"),
+        ("flag / 0 > 1", 1, 8, "divides by 0"),
+        ("(flag > 0", 1, 10, 'ends too early; ")" is right'),
+        ("flag > 0 ) 1", 1, 10, "does not fit here"),
+        ("flag > 1e999", 1, 8, "too large"),
+        ("", 1, 1, "is empty"),
+        ("x" * 10_000, 1, 1, "has 10000 characters; give at most 4000"),
+        ("(" * 1500 + "flag > 0" + ")" * 1500, 1, 61, "nested more than 60 levels deep"),
+        ("not " * 900 + "flag > 0", 1, 241, "nested more than 60 levels deep"),
+        ("flag > 0 \x1b[2J", 1, 10, "does not fit here"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_place(text, line, column, what):
+    with pytest.raises(ExpectationError) as error:
+        parse(text)
+    assert error.value.position == (line, column)
+    assert what in error.value.what
+    assert "\n" not in str(error.value)
+    assert "\x1b" not in str(error.value)
+
+
+def test_a_long_sum_of_conditions_is_no_nesting():
+    parse(" and ".join(["flag > 0"] * 300))
+
+
+def test_a_failure_says_when_how_long_and_how_bad():
+    found = run("always axis1.P_A < 250 bar", P_A=[1e5, 260e5, 275e5, 1e5, 251e5])
+    assert found.outcome is Fulfilment.FAILED
+    assert (found.first, found.duration) == (0.001, 0.003)
+    assert found.deciding.time == 0.002
+    assert found.deciding.reading == "275 bar"
+    assert found.deciding.margin == "-25 bar"
+    assert found.margin == pytest.approx(-0.1)  # 25 of 250 bar
+
+
+def test_a_pass_says_where_it_was_closest():
+    found = run("always axis1.P_A < 250 bar", P_A=[1e5, 200e5, 245e5, 1e5])
+    assert found.outcome is Fulfilment.PASSED
+    assert found.margin == pytest.approx(0.02)  # 5 of 250 bar
+    assert (found.deciding.time, found.deciding.margin) == (0.002, "5 bar")
+
+
+def test_what_was_never_triggered_is_no_pass():
+    text = "whenever flag > 0 then axis1.P_A < 250 bar"
+    found = run(text, flag=[0, 0, 0], P_A=[1, 1, 1])
+    assert (found.outcome, found.triggered) == (Fulfilment.NOT_EXERCISED, 0)
+    found = run(text, flag=[1, 0, 1], P_A=[1, 1, 1])
+    assert (found.outcome, found.triggered) == (Fulfilment.PASSED, 2)
+
+
+def test_a_trigger_outside_the_window_does_not_count():
+    text = "always from 1 ms to 2 ms (flag > 0 implies axis1.P_A > 0)"
+    found = run(text, flag=[1, 0, 0, 1], P_A=[1, 1, 1, 1])
+    assert found.outcome is Fulfilment.NOT_EXERCISED
+
+
+def test_a_run_that_ends_too_early_is_inconclusive():
+    text = "whenever rises(flag) then within 3 ms axis1.P_A > 1 bar"
+    late = run(text, flag=[0, 0, 1, 1], P_A=[0, 0, 0, 0])
+    assert late.outcome is Fulfilment.INCONCLUSIVE
+    assert "the run ends" in late.reason
+    met = run(text, flag=[0, 0, 1, 1], P_A=[0, 0, 0, 2e5])
+    assert met.outcome is Fulfilment.PASSED
+
+
+def test_a_missing_value_is_never_true():
+    nan = float("nan")
+    assert run("always flag > 0", flag=[1, nan, 1]).outcome is Fulfilment.INCONCLUSIVE
+    assert run("always not flag > 0", flag=[0, nan, 0]).outcome is Fulfilment.INCONCLUSIVE
+    assert run("always flag > 0", flag=[1, nan, 0]).outcome is Fulfilment.FAILED
+    assert run("eventually flag > 0", flag=[nan, 1]).outcome is Fulfilment.PASSED
+    missing = run("always flag > 0 or target > 0", flag=[nan], target=[1])
+    assert missing.outcome is Fulfilment.PASSED
+
+
+def test_a_margin_of_nothing_is_decided_by_the_relation():
+    assert run("always flag <= 1", flag=[1]).outcome is Fulfilment.PASSED
+    assert run("always flag < 1", flag=[1]).outcome is Fulfilment.FAILED
+    assert run("always flag == 1", flag=[1]).outcome is Fulfilment.PASSED
+    assert run("always flag < 1", flag=[float("inf")]).outcome is Fulfilment.FAILED
+
+
+def test_before_the_run_all_was_as_at_its_first_tick():
+    assert run("not rises(flag) and not changes(valve.state)", flag=[5], state=[2]).margin is None
+    assert run("rate(flag) == 0 Hz", flag=[5, 7]).outcome is Fulfilment.PASSED
+
+
+def test_a_state_is_compared_with_its_text():
+    text = 'whenever changes(valve.state) then valve.state == "HOLD"'
+    assert run(text, state=[2, 2, 1, 1]).outcome is Fulfilment.PASSED
+    failed = run(text, state=[1, 1, 2, 2])
+    assert failed.outcome is Fulfilment.FAILED
+    assert failed.deciding.condition == 'valve.state == "HOLD"'
+    assert failed.margin is None  # a state has no size
+
+
+def test_bounds_between_ticks_take_the_ticks_inside():
+    # Ticks at 0, 1, 2, 3 ms: 0.5 to 2.5 ms holds those at 1 and 2 ms.
+    assert run("always from 500 us to 2500 us flag > 0", flag=[0, 1, 1, 0]).outcome == "passed"
+    assert run("always from 500 us to 3000 us flag > 0", flag=[0, 1, 1, 0]).outcome == "failed"
+    with pytest.raises(ExpectationError, match="holds no tick of 1 ms"):
+        run("always from 200 us to 800 us flag > 0", flag=[1, 1])
+
+
+def test_settled_is_for_the_rest_of_the_run_or_a_time():
+    position = [0.0, 0.1001, 0.0999, 0.1, 0.2]
+    target = [0.1] * 5
+    text = "eventually settled(axis1.position - target, 0.5 mm{})"
+    assert run(text.format(""), position=position, target=target).outcome == "failed"
+    assert run(text.format(", 2 ms"), position=position, target=target).outcome == "passed"
+
+
+@pytest.mark.parametrize(
+    ("text", "node_at"),
+    [
+        ("flag > 0 until within 3 ms target > 0", ("target > 0 mm", 0.002)),
+        ("eventually flag > 9", ("flag > 9", 0.001)),
+        ("not eventually (flag > 4 and target > -1 mm)", ("flag > 4", 0.001)),
+        ("always (flag < 9 for the last 1 ms)", ("flag < 9", 0.001)),
+        ("always flag < 9 and target < 5 m", ("flag < 9", 0.001)),
+        ("previous(flag) < 9", ("previous(flag) < 9", 0.0)),
+    ],
+)
+def test_the_comparison_that_decides_is_named(text, node_at):
+    found = run(text, flag=[1, 5, 2, 1], target=[0, 0, 1e-3, 0])
+    assert (found.deciding.condition, found.deciding.time) == node_at
+
+
+def test_nothing_to_judge_is_inconclusive():
+    found = judge(parse("always flag > 0"), {"flag": np.empty(0)}, ticks=0, tick_ns=TICK)
+    assert (found.outcome, found.reason) == ("inconclusive", "there is no tick to judge")

@@ -6,6 +6,7 @@ import pkgutil
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 from support import documents
@@ -15,6 +16,11 @@ import drivers.modbus
 from drivers.modbus.framing import TcpFraming
 from hil_bench.config import load_config
 from hil_bench.config.register_maps import load_register_map
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.resolve import compile_expectations, parameter_values
+from hil_bench.scenario.vocabulary import Vocabulary
+from hil_bench.telemetry import AXIS_QUANTITIES
 from hil_bench.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
@@ -32,6 +38,8 @@ BEGINNINGS = {
     "[nodes.io.objects]": '[nodes.io]\nnode_id = 10\neds = "vendor.eds"\n',
 }
 """What a file has before the first table of a snippet that shows no whole one."""
+
+SIGNALS = Vocabulary({f"axis1.{name}": unit for name, unit in AXIS_QUANTITIES})
 
 
 def code_with(pattern: str) -> list[tuple[str, str]]:
@@ -98,6 +106,10 @@ def test_a_toml_snippet_loads(block, tmp_path):
         return  # tests/unit/config/test_documentation.py compares what is said of it
     shutil.copy(ROOT / "device_profiles/imitations/analogue_io_401.eds", tmp_path / "vendor.eds")
     path = tmp_path / "bench.toml"
+    if "[[expect]]" in block.text:
+        path.write_text(block.text, encoding="utf-8")
+        check_scenario(path)
+        return
     if "_registers." in block.text:
         path.write_text(block.text, encoding="utf-8")
         load_register_map(path)
@@ -107,6 +119,19 @@ def test_a_toml_snippet_loads(block, tmp_path):
     beginning = BEGINNINGS.get(block.text.partition("\n")[0], "")
     path.write_text(beginning + block.text, encoding="utf-8")
     load_config(path)
+
+
+def check_scenario(path):
+    """Load a scenario, and parse what it expects of the default bench."""
+    scenario = load_scenario(path)
+    values = parameter_values(scenario)
+    assert compile_expectations(scenario, replace(SIGNALS, parameters=values))
+
+
+@pytest.mark.parametrize("block", documents.blocks("expectation"), ids=str)
+def test_an_expectation_is_right(block):
+    for line in block.text.splitlines():
+        parse_expectation(line, SIGNALS)
 
 
 @pytest.mark.parametrize("block", PYTHON, ids=str)

@@ -132,20 +132,22 @@ def test_a_value_for_what_is_no_parameter_is_refused(tmp_path):
 
 
 def test_a_course_comes_from_a_table(tmp_path):
-    (tmp_path / "profile.csv").write_bytes("\ufefftime_s;value\r\n\r\n0;0\r\n0,5;0,25\r\n".encode())
+    text = "\ufefftime_s;value\r\n\r\n0;0\r\n0,5;0,25\r\n"
+    (tmp_path / "profile.csv").write_bytes(text.encode())
     step = '[[step]]\nat_s = 1\nset = "valve.spool_setpoint"\ntable = "profile.csv"\n'
     scenario = load(tmp_path, HEAD + step + EXPECT)
     action = resolve_steps(scenario, MS, {})[0].action
     assert action == SetAction("valve.spool_setpoint", 0.25, 0, ((0, 0.0), (500, 0.25)))
 
 
-SPREADSHEET = """\ufefftitle;Extends;;;
+INSIDE = "axis1.position +- 1 mm within 200 ms"
+SPREADSHEET = f"""\ufefftitle;Extends;;;
 duration_s;6,0
 
 parameter;sag_bar;60;30;90
 expect;R1;always axis1.P_A < 250 bar
 ;;;
-time_s;valve.spool_setpoint;fault:drop_supply axis1 pressure_bar;sync;expect:axis1.position +- 1 mm within 200 ms
+time_s;valve.spool_setpoint;fault:drop_supply axis1 pressure_bar;sync;expect:{INSIDE}
 
 0;0
 0,5;-> 0,4;sag_bar
@@ -186,7 +188,7 @@ def test_a_file_reads_back_as_it_was(tmp_path, suffix):
 
 WORDS = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=8)
 NUMBERS = st.floats(-1e6, 1e6)
-TIMES = st.floats(0, 5)
+TIMES = st.integers(0, 4999).map(lambda ms: (ms + 0.5) / 1000)  # never that of late_s
 PARAMETERS = (Parameter("late_s", 1.0, (0.5, 2.0)), Parameter("p_bar", 20.0))
 STEPS = st.one_of(
     st.builds(
@@ -234,10 +236,7 @@ SCENARIOS = st.builds(
 def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
     folder = tmp_path_factory.getbasetemp()
     for text, name in ((to_toml(scenario), "x.scenario.toml"), (to_csv(scenario), "x.csv")):
-        try:
-            assert load(folder, text, name) == scenario, text
-        except ConfigError as error:
-            assert "too; give one" in str(error), text  # two times that are one nanosecond
+        assert load(folder, text, name) == scenario, text
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from hil_bench.scenario.wording import show_atom, show_margin, show_number, unit
 _BLOCK = 16_384  # ticks whose arrays fit the processor's cache
 
 
-class Fulfilment(StrEnum):
+class RequirementOutcome(StrEnum):
     """What became of a requirement."""
 
     PASSED = "passed"
@@ -58,7 +58,7 @@ class Judgement:
         reason: why it is not decided; empty where it is.
     """
 
-    outcome: Fulfilment
+    outcome: RequirementOutcome
     margin: float | None
     deciding: Deciding | None = None
     first: float | None = None
@@ -89,20 +89,20 @@ def judge(
     triggered = sum(times) if times else None
     if not (monitor.is_failed or monitor.is_met):
         reason = _why_open(columns, ticks)
-        return Judgement(Fulfilment.INCONCLUSIVE, None, triggered=triggered, reason=reason)
+        return Judgement(RequirementOutcome.INCONCLUSIVE, None, triggered=triggered, reason=reason)
     low, high = monitor.margin
     margin = high if monitor.is_failed else low
     cause = Explainer(log, tick_ns, ticks, is_failed=monitor.is_failed).find(requirement)
     deciding = _describe(cause, margin, columns, ticks, tick_ns)
     size = margin if math.isfinite(margin) else None
     if monitor.is_met:
-        outcome = Fulfilment.NOT_EXERCISED if 0 in times else Fulfilment.PASSED
+        outcome = RequirementOutcome.NOT_EXERCISED if 0 in times else RequirementOutcome.PASSED
         reason = "its trigger never became true" if 0 in times else ""
         return Judgement(outcome, size, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first, count = (found.first, found.ticks) if found else (cause.tick, 0)
     begin, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
-    return Judgement(Fulfilment.FAILED, size, deciding, begin, duration, triggered)
+    return Judgement(RequirementOutcome.FAILED, size, deciding, begin, duration, triggered)
 
 
 def _describe(

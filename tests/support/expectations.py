@@ -106,22 +106,22 @@ def random_trace(
     return columns
 
 
-def rtamt_margins(theirs: str):
-    """Return a function of columns that gives RTAMT's margin of each tick."""
+def rtamt_margins(theirs: str, names=NAMES):
+    """Return a function of columns, as lists or arrays, that gives RTAMT's margin of each tick."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # its parser imports typing.io
         import rtamt  # noqa: PLC0415 - a Python that has it not yet runs the other tests
 
     specification = rtamt.StlDiscreteTimeSpecification()
-    for name in NAMES:
+    for name in names:
         specification.declare_var(name, "float")
     specification.declare_var("out", "float")
     specification.spec = f"out = {theirs}"
     specification.parse()
 
     def evaluate(columns):
-        ticks = len(columns["a"])
-        data = {"time": list(range(ticks))} | {name: columns[name].tolist() for name in NAMES}
+        data = {name: list(columns[name]) for name in names}
+        data["time"] = list(range(len(data[names[0]])))
         return [value for _, value in specification.evaluate(data)]
 
     return evaluate

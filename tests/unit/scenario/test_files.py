@@ -316,7 +316,7 @@ def test_bad_files_get_one_line(tmp_path, text, wrong):
 @pytest.mark.parametrize(
     ("text", "wrong"),
     [
-        ("titel,x\n", 'a.csv:1:1: "titel" is unknown; the nearest known is title'),
+        ("tilte,x\n", 'a.csv:1:1: "tilte" is unknown; the nearest known is title'),
         ("title\n", "a.csv:1:1: title has no value; give it in the next cell"),
         ("time_s,a\n,1\n", "a.csv:2:1: has no time; give it in the column time_s"),
         ("time_s,a\n0,1,2\n", "a.csv:2:5: has no column name above it; give it one"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil_bench.scenario.judgement import Fulfilment, judge
+from hil_bench.scenario.judgement import RequirementOutcome, judge
 from hil_bench.scenario.nodes import All, Always, Comparison, Eventually, Implies, Not, Window
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.reach import reach
@@ -146,7 +146,7 @@ def test_a_long_sum_of_conditions_is_no_nesting():
 
 def test_a_failure_says_when_how_long_and_how_bad():
     found = run("always axis1.P_A < 250 bar", P_A=[1e5, 260e5, 275e5, 1e5, 251e5])
-    assert found.outcome is Fulfilment.FAILED
+    assert found.outcome is RequirementOutcome.FAILED
     assert (found.first, found.duration) == (0.001, 0.003)
     assert found.deciding.time == 0.002
     assert found.deciding.reading == "275 bar"
@@ -156,7 +156,7 @@ def test_a_failure_says_when_how_long_and_how_bad():
 
 def test_a_pass_says_where_it_was_closest():
     found = run("always axis1.P_A < 250 bar", P_A=[1e5, 200e5, 245e5, 1e5])
-    assert found.outcome is Fulfilment.PASSED
+    assert found.outcome is RequirementOutcome.PASSED
     assert found.margin == pytest.approx(0.02)  # 5 of 250 bar
     assert (found.deciding.time, found.deciding.margin) == (0.002, "5 bar")
 
@@ -164,53 +164,53 @@ def test_a_pass_says_where_it_was_closest():
 def test_what_was_never_triggered_is_no_pass():
     text = "whenever flag > 0 then axis1.P_A < 250 bar"
     found = run(text, flag=[0, 0, 0], P_A=[1, 1, 1])
-    assert (found.outcome, found.triggered) == (Fulfilment.NOT_EXERCISED, 0)
+    assert (found.outcome, found.triggered) == (RequirementOutcome.NOT_EXERCISED, 0)
     found = run(text, flag=[1, 0, 1], P_A=[1, 1, 1])
-    assert (found.outcome, found.triggered) == (Fulfilment.PASSED, 2)
+    assert (found.outcome, found.triggered) == (RequirementOutcome.PASSED, 2)
 
 
 def test_a_trigger_outside_the_window_does_not_count():
     text = "always from 1 ms to 2 ms (flag > 0 implies axis1.P_A > 0)"
     found = run(text, flag=[1, 0, 0, 1], P_A=[1, 1, 1, 1])
-    assert found.outcome is Fulfilment.NOT_EXERCISED
+    assert found.outcome is RequirementOutcome.NOT_EXERCISED
 
 
 def test_a_run_that_ends_too_early_is_inconclusive():
     text = "whenever rises(flag) then within 3 ms axis1.P_A > 1 bar"
     late = run(text, flag=[0, 0, 1, 1], P_A=[0, 0, 0, 0])
-    assert late.outcome is Fulfilment.INCONCLUSIVE
+    assert late.outcome is RequirementOutcome.INCONCLUSIVE
     assert "the run ends" in late.reason
     met = run(text, flag=[0, 0, 1, 1], P_A=[0, 0, 0, 2e5])
-    assert met.outcome is Fulfilment.PASSED
+    assert met.outcome is RequirementOutcome.PASSED
 
 
 def test_a_missing_value_is_never_true():
     nan = float("nan")
-    assert run("always flag > 0", flag=[1, nan, 1]).outcome is Fulfilment.INCONCLUSIVE
-    assert run("always not flag > 0", flag=[0, nan, 0]).outcome is Fulfilment.INCONCLUSIVE
-    assert run("always flag > 0", flag=[1, nan, 0]).outcome is Fulfilment.FAILED
-    assert run("eventually flag > 0", flag=[nan, 1]).outcome is Fulfilment.PASSED
+    assert run("always flag > 0", flag=[1, nan, 1]).outcome is RequirementOutcome.INCONCLUSIVE
+    assert run("always not flag > 0", flag=[0, nan, 0]).outcome is RequirementOutcome.INCONCLUSIVE
+    assert run("always flag > 0", flag=[1, nan, 0]).outcome is RequirementOutcome.FAILED
+    assert run("eventually flag > 0", flag=[nan, 1]).outcome is RequirementOutcome.PASSED
     missing = run("always flag > 0 or target > 0", flag=[nan], target=[1])
-    assert missing.outcome is Fulfilment.PASSED
+    assert missing.outcome is RequirementOutcome.PASSED
 
 
 def test_a_margin_of_nothing_is_decided_by_the_relation():
-    assert run("always flag <= 1", flag=[1]).outcome is Fulfilment.PASSED
-    assert run("always flag < 1", flag=[1]).outcome is Fulfilment.FAILED
-    assert run("always flag == 1", flag=[1]).outcome is Fulfilment.PASSED
-    assert run("always flag < 1", flag=[float("inf")]).outcome is Fulfilment.FAILED
+    assert run("always flag <= 1", flag=[1]).outcome is RequirementOutcome.PASSED
+    assert run("always flag < 1", flag=[1]).outcome is RequirementOutcome.FAILED
+    assert run("always flag == 1", flag=[1]).outcome is RequirementOutcome.PASSED
+    assert run("always flag < 1", flag=[float("inf")]).outcome is RequirementOutcome.FAILED
 
 
 def test_before_the_run_all_was_as_at_its_first_tick():
     assert run("not rises(flag) and not changes(valve.state)", flag=[5], state=[2]).margin is None
-    assert run("rate(flag) == 0 Hz", flag=[5, 7]).outcome is Fulfilment.PASSED
+    assert run("rate(flag) == 0 Hz", flag=[5, 7]).outcome is RequirementOutcome.PASSED
 
 
 def test_a_state_is_compared_with_its_text():
     text = 'whenever changes(valve.state) then valve.state == "HOLD"'
-    assert run(text, state=[2, 2, 1, 1]).outcome is Fulfilment.PASSED
+    assert run(text, state=[2, 2, 1, 1]).outcome is RequirementOutcome.PASSED
     failed = run(text, state=[1, 1, 2, 2])
-    assert failed.outcome is Fulfilment.FAILED
+    assert failed.outcome is RequirementOutcome.FAILED
     assert failed.deciding.condition == 'valve.state == "HOLD"'
     assert failed.margin is None  # a state has no size
 

@@ -5,7 +5,8 @@
 1. Agreement: random formulas with random traces, every tick of each. A case is a formula with a
    trace. RTAMT cuts windows at the end of a trace, where ours leave the margin open: its margin
    must lie between our bounds; where these are one number, the difference is counted.
-2. Evaluation of 50 requirements over a run of 60 s at 1 kHz, and RTAMT beside it on a shorter run.
+2. Evaluation of 50 requirements over a run of 60 s at 1 kHz, and RTAMT beside it on a shorter run;
+   and the run itself, of the built-in bench in virtual time.
 3. The monitor while a run goes on, by the length of the blocks that it gets.
 
 Times are processor times, medians of repeats in turn. RTAMT needs Python 3.11 or 3.12.
@@ -21,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hil_bench.config import load_config
 from hil_bench.scenario.build import AT_START, StreamBuilder
 from hil_bench.scenario.judgement import judge
 from hil_bench.scenario.monitor import Monitor
@@ -29,6 +31,7 @@ from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block
 from hil_bench.scenario.vocabulary import Vocabulary
+from hil_bench.virtual_bench import VirtualBench
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import expectations as oracle
@@ -47,10 +50,8 @@ FORMS: Mapping[str, tuple[str, str]] = {
         "whenever p > 60 bar then within {0} ms q < 60 bar",
         "always ((p >= 60e5) implies (eventually[0:{0}] (q <= 60e5)))",
     ),
-    "until": (
-        "p < 200 bar until within {0} ms q > 40 bar",
-        "(p <= 200e5) until[0:{0}] (q >= 40e5)",
-    ),
+    # RTAMT's bounded until had not judged a run of 10 s after five minutes: ours alone.
+    "until": ("p < 200 bar until within {0} ms q > 40 bar", ""),
 }
 
 
@@ -129,11 +130,21 @@ def show_evaluation(repeats: int, seconds: float) -> None:
                 lambda node=node: judge(node, columns, ticks=ticks, tick_ns=TICK_NS)
             )
     each = {name: statistics.median(times) for name, times in rounds.items()}
+    bench_time = processor_time(run_bench)
+    print(f"the run of 60 s itself: {bench_time:.2f} s; judging is", end=" ")
+    print(f"{sum(each.values()) / bench_time:.1%} of it")
     print(f"50 requirements, 60 s at 1 kHz: {sum(each.values()) * 1e3:.0f} ms", end=" (")
     print(", ".join(f"{name} {t * 1e2:.2f} ms" for name, t in each.items()), end=" each)\n")
     part = {name: column[: int(seconds * 1e3)] for name, column in columns.items()}
     for name, ours, theirs in requirements()[: len(FORMS)]:
-        show_peer(name, ours, theirs, part, repeats)
+        if theirs:
+            show_peer(name, ours, theirs, part, repeats)
+
+
+def run_bench() -> None:
+    """Run the built-in bench for 60 s."""
+    with VirtualBench(load_config()) as bench:
+        bench.run(60.0)
 
 
 def show_peer(

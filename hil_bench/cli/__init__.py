@@ -31,6 +31,8 @@ VERBS = {
     "analyse": "the paper's analyses, of Table I or of your bench: numbers, tables, figures",
     "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
     "plot": "draw a recording",
+    "judge": "hold requirements against recordings: verdict, margin, what decides",
+    "scenario": "check scenario files, list what they hold, convert TOML to CSV and back",
     "commission": "take an axis into operation step by step: report and recording",
     "identify": "find the plant's parameters, and what is known of them, from a recording",
     "scan": "find the nodes of a bus, and what each says of itself",

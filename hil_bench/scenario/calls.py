@@ -117,7 +117,7 @@ def _emcy(given: Sequence[Operand], position: Position, known: Vocabulary) -> Op
 def _frame(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
     (operand,) = _take(given, "frame(0x181)", position)
     if not known.has_frames:
-        raise ExpectationError(position, "there are no frames here; record a .mf4 file")
+        raise ExpectationError(position, "there are no frames here; give a signal")
     return Event(f"{FRAME}(0x{_whole(operand, _HIGHEST_ID, 'frame(0x181)'):X})", position=position)
 
 

@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
-from hil_bench.config.document import read_document
+from hil_bench.config.document import Document, read_document
 from hil_bench.scenario.csv_form import read_csv_document
 from hil_bench.scenario.places import LocatedProblems, find_spots
-from hil_bench.scenario.reading import read_scenario
-from hil_bench.scenario.records import Scenario
+from hil_bench.scenario.reading import read_requirements, read_scenario
+from hil_bench.scenario.records import Expectation, Scenario
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
@@ -18,9 +18,25 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     knows the signals.
     """
     file = Path(path)
+    document, problems = _read(file)
+    return read_scenario(file, document, problems)
+
+
+def load_requirements(
+    path: str | os.PathLike[str],
+) -> tuple[tuple[Expectation, ...], dict[str, float]]:
+    """Return the expectations of a file and the SI values of its parameters.
+
+    The file is a scenario, or holds nothing but ``[[expect]]`` and ``[parameters]``.
+    """
+    document, problems = _read(Path(path))
+    return read_requirements(document, problems)
+
+
+def _read(file: Path) -> tuple[Document, LocatedProblems]:
     if file.suffix.lower() == ".csv":
         document, spots = read_csv_document(file)
     else:
         document = read_document(file)
         spots = find_spots(file.read_text(encoding="utf-8"))
-    return read_scenario(file, document, LocatedProblems(str(file), spots))
+    return document, LocatedProblems(str(file), spots)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hil_bench.config.document import Document, give
+from hil_bench.config.document import Document, check_tables, give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import Value, describe, find_nearest, quote
 from hil_bench.errors import ConfigError
@@ -80,6 +80,22 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
         tuple(steps),
         expectations,
     )
+
+
+def read_requirements(
+    document: Document, problems: LocatedProblems
+) -> tuple[tuple[Expectation, ...], dict[str, float]]:
+    """Return the expectations of a document, and the SI value of each parameter.
+
+    Args:
+        document: the tables; of a scenario, all else is left out.
+        problems: to be noted.
+    """
+    check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
+    parameters = _read_parameters(document, problems)
+    expectations = _read_expectations(document, problems)
+    problems.raise_any()
+    return expectations, {name: each.unit.to_si(each.value) for name, each in parameters.items()}
 
 
 class StepReader:

@@ -1,6 +1,7 @@
 """A scenario with its numbers in: steps as actions at ticks, expectations as typed trees."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from hil_bench.config.document import give
@@ -17,6 +18,7 @@ from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.reach import reach
 from hil_bench.scenario.records import (
     Amount,
+    Expectation,
     FaultStep,
     FirmwareStep,
     NmtStep,
@@ -121,22 +123,37 @@ def compile_expectations(scenario: Scenario, vocabulary: Vocabulary) -> tuple[Re
         scenario: whose expectations.
         vocabulary: the names they may use, the parameters among them.
 
+    What is wrong comes as one `ConfigError`, a line a problem, with file, line and column.
+    """
+    return compile_texts(scenario.expectations, vocabulary, scenario.duration)
+
+
+def compile_texts(
+    expectations: Iterable[Expectation], vocabulary: Vocabulary, duration: float = math.inf
+) -> tuple[Requirement, ...]:
+    """Return expectations, parsed.
+
+    Args:
+        expectations: which.
+        vocabulary: the names they may use, the parameters among them.
+        duration: of the run [s].
+
     Raises:
         ConfigError: a line a problem, each with file, line and column.
     """
     found, wrong = [], []
-    for each in scenario.expectations:
+    for each in expectations:
         try:
             condition = parse_expectation(each.that, vocabulary)
         except ExpectationError as error:
             wrong.append(f"{each.place.at(*error.position)}: {each.id}: {error.what}")
             continue
         needed = reach(condition) / 1e9
-        if needed > scenario.duration:
+        if needed > duration:
             right = "give shorter windows or a longer duration_s"
             wrong.append(
                 f"{each.place.at(1, 1)}: {each.id}: needs {needed:g} s to be decided, and the "
-                f"scenario lasts {scenario.duration:g} s; {right}"
+                f"scenario lasts {duration:g} s; {right}"
             )
         found.append(Requirement(each.id, each.that, condition))
     if wrong:

@@ -2,10 +2,13 @@
 
 import csv
 import io
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.errors import ConfigError, printable
+
+_FIRST_WORD = re.compile(r'\s*"?[A-Za-z_]+"?\s*([;,])')
 
 
 class Cell(NamedTuple):
@@ -54,7 +57,7 @@ def read_cells(path: Path) -> Sheet:
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as CSV UTF-8") from None
     lines = text.splitlines()
-    has_commas = ";" in next((line for line in lines if line.strip()), "")
+    has_commas = _is_separated_by_semicolons(next((line for line in lines if line.strip()), ""))
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=";" if has_commas else ",")
     rows = []
     try:
@@ -68,6 +71,12 @@ def read_cells(path: Path) -> Sheet:
         where = f"{path}:{reader.line_num}"
         raise ConfigError(f"{where}: is no CSV: {printable(str(error))}; save it anew") from None
     return Sheet(rows, has_commas)
+
+
+def _is_separated_by_semicolons(line: str) -> bool:
+    """Return what the first line says: behind its first word, or of numbers, anywhere."""
+    word = _FIRST_WORD.match(line)
+    return word[1] == ";" if word else ";" in line
 
 
 def _place(row: list[str], line: str, number: int) -> list[Cell]:

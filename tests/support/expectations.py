@@ -40,7 +40,9 @@ def random_case(rng: np.random.Generator, depth: int, *, for_rtamt: bool = False
     if depth == 0 or rng.random() < 0.15:
         return _atom(rng, for_rtamt=for_rtamt)
     forms = [_contrary, _pair, _span, _span, _past, _past, _until, _until, _whole, _whole]
-    form = forms[rng.integers(len(forms))] if for_rtamt or rng.random() < 0.85 else _edge
+    if not for_rtamt and rng.random() < 0.2:
+        forms = [_edge, _late]
+    form = forms[rng.integers(len(forms))]
     parts = [random_case(rng, depth - 1, for_rtamt=for_rtamt) for _ in range(_PARTS.get(form, 1))]
     return form(rng, *parts)
 
@@ -77,6 +79,11 @@ def _past(rng, one: Case) -> Case:
 def _whole(rng, one: Case) -> Case:
     word = rng.choice(["always", "eventually", "historically", "once"])
     return Case(f"{word} ({one.ours})", f"{word} ({one.theirs})", one.reach)
+
+
+def _late(rng, one: Case) -> Case:
+    word = rng.choice(["always", "eventually", "historically", "once"])
+    return Case(f"{word} after {rng.integers(4)} ms ({one.ours})", "", one.reach)
 
 
 def _until(rng, one: Case, other: Case) -> Case:

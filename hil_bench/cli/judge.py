@@ -1,0 +1,86 @@
+"""`hil-bench judge`: requirements held against recordings."""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.recording.files import read_recording
+from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.recorded import Finding, judge_recording
+
+_EXAMPLES = """\
+A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
+the language.
+
+exit code 1 where a requirement failed; 6 where none did, but one could not be decided, or its
+trigger never became true
+
+examples:
+  hil-bench judge requirements.toml run.mf4
+  hil-bench judge sag.scenario.toml run1.csv run2.csv --json
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "judge",
+        description="Hold requirements against recordings, of the bench or of a machine: verdict,\n"
+        "margin, and the comparison that decides.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("requirements", type=Path, metavar="REQUIREMENTS", help=".toml or .csv")
+    parser.add_argument(
+        "recordings", type=Path, nargs="+", metavar="RECORDING", help=".mf4 or .csv"
+    )
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Judge each recording and print what was found."""
+    found = {
+        path: judge_recording(args.requirements, read_recording(path), str(path))
+        for path in args.recordings
+    }
+    content = {
+        str(path): [
+            {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
+            for each in findings
+        ]
+        for path, findings in found.items()
+    }
+    print_results(args, _lines(found), content)
+    outcomes = {each.judgement.outcome for findings in found.values() for each in findings}
+    if RequirementOutcome.FAILED in outcomes:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+
+
+def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:
+    for path, findings in found.items():
+        width = max(len(each.requirement.id) for each in findings)
+        yield f"{path}:"
+        for each in findings:
+            judgement = each.judgement
+            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {_why(judgement)}"
+
+
+def _why(judgement: Judgement) -> str:
+    parts = [judgement.reason] if judgement.reason else []
+    if judgement.first is not None:
+        lasting = f", for {judgement.duration:g} s in all" if judgement.duration else ""
+        parts.append(f"first violated at {judgement.first:g} s{lasting}")
+    deciding = judgement.deciding
+    if deciding is not None and deciding.reading:
+        share = f" ({judgement.margin:+.2g} of the tolerance)" if judgement.margin else ""
+        parts.append(
+            f"{deciding.condition} at {deciding.time:g} s is {deciding.reading}, "
+            f"margin {deciding.margin}{share}"
+        )
+    elif deciding is not None:
+        parts.append(f"{deciding.condition} at {deciding.time:g} s")
+    return "; ".join(parts)

@@ -1,0 +1,100 @@
+"""Requirements held against recordings, and the verbs that do it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import ConfigError
+from hil_bench.recording.channels import Channel, recording_dtype
+from hil_bench.scenario.recorded import lay_on_ticks
+
+HEAD = "time,axis1.P_A\ns,Pa\n"
+PASSES = '[[expect]]\nid = "R1"\nthat = "always axis1.P_A < 250 bar"\n'
+OPEN = '[[expect]]\nid = "R2"\nthat = "always from 0 s to 9 s axis1.P_A > 0"\n'
+
+
+def recording(*rows):
+    dtype = recording_dtype([Channel("time", "s"), Channel("p", "Pa")])
+    return np.array(list(rows), dtype=dtype)
+
+
+def judge(tmp_path, requirements, rows, *options):
+    (tmp_path / "r.toml").write_text(requirements)
+    lines = [f"{k / 1000},{value}\n" for k, value in enumerate(rows)]
+    (tmp_path / "run.csv").write_text(HEAD + "".join(lines))
+    return main(["judge", str(tmp_path / "r.toml"), str(tmp_path / "run.csv"), *options])
+
+
+def test_a_missing_row_is_unknown():
+    found = lay_on_ticks(recording((5.0, 1.0), (5.001, 2.0), (5.002, 4.0), (5.004, 3.0)), "r")
+    assert (found.ticks, found.tick_ns) == (5, 1_000_000)
+    np.testing.assert_array_equal(found.columns["p"], [1.0, 2.0, 4.0, np.nan, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("times", "wrong"),
+    [
+        ([0.0], "times do not go on"),
+        ([0.0, 0.0], "times do not go on"),
+        ([0.0, float("nan")], "times do not go on"),
+        ([0.0, 1.0, 2.0, 3.4], "not evenly spaced"),
+        ([0.0, 1e-12, 2e-12], "not evenly spaced"),
+        ([0.0, 1e-9, 2e-9, 1e3], "spans 1000000000001 ticks"),
+    ],
+)
+def test_a_recording_without_a_grid_is_refused(times, wrong):
+    with pytest.raises(ConfigError, match=wrong):
+        lay_on_ticks(recording(*((time, 0.0) for time in times)), "r")
+
+
+def test_the_verb_says_what_decides(tmp_path, capsys):
+    assert judge(tmp_path, PASSES, [1e5, 245e5]) == ExitCode.DONE
+    line = capsys.readouterr().out.splitlines()[1]
+    assert line == (
+        "  R1  passed         axis1.P_A < 250 bar at 0.001 s is 245 bar, "
+        "margin 5 bar (+0.02 of the tolerance)"
+    )
+
+
+def test_a_failure_counts_before_what_is_open(tmp_path, capsys):
+    assert judge(tmp_path, PASSES + OPEN, [1e5, 245e5]) == ExitCode.INCONCLUSIVE
+    assert judge(tmp_path, PASSES + OPEN, [1e5, 260e5]) == ExitCode.CHECK_FAILED
+    assert "first violated at 0.001 s, for 0.001 s in all" in capsys.readouterr().out
+
+
+def test_json_has_the_judgement(tmp_path, capsys):
+    judge(tmp_path, PASSES, [1e5, 260e5], "--json")
+    ((found,),) = json.loads(capsys.readouterr().out).values()
+    assert found["id"] == "R1"
+    assert found["judgement"]["outcome"] == "failed"
+    assert found["judgement"]["margin"] == pytest.approx(-0.04)  # 10 of 250 bar
+
+
+def test_a_requirement_on_frames_is_refused(tmp_path, capsys):
+    text = PASSES.replace("axis1.P_A < 250 bar", "not frame(0x181)")
+    assert judge(tmp_path, text, [1, 2]) == ExitCode.USAGE
+    assert "r.toml:3:20: R1: there are no frames here" in capsys.readouterr().err
+
+
+def test_a_scenario_is_checked_listed_and_converted(tmp_path, capsys):
+    path, table = tmp_path / "a.scenario.toml", tmp_path / "a.csv"
+    path.write_text('title = "T"\nduration_s = 1.0\n' + PASSES)
+    assert main(["scenario", "convert", str(path), str(table)]) == ExitCode.DONE
+    assert main(["scenario", "check", str(path), str(table)]) == ExitCode.DONE
+    assert main(["scenario", "list", str(table)]) == ExitCode.DONE
+    out = capsys.readouterr().out
+    assert out.count("ok; 1 s, 0 steps, 1 requirement") == 2
+    assert "  R1  always axis1.P_A < 250 bar" in out
+    assert main(["scenario", "convert", str(path), str(table)]) == ExitCode.USAGE
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_all_bad_scenarios_are_told_at_once(tmp_path, capsys):
+    paths = [tmp_path / "a.toml", tmp_path / "b.toml"]
+    for path in paths:
+        path.write_text('title = "T"\nduration_s = 1.0\n' + PASSES.replace("P_A", "P_a"))
+    assert main(["scenario", "check", *map(str, paths)]) == ExitCode.USAGE
+    assert capsys.readouterr().err.count("the nearest is axis1.P_A") == 2

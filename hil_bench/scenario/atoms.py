@@ -26,7 +26,7 @@ Truths = npt.NDArray[np.bool_]
 
 def signed(is_true: Truths, sizes: Floats | float, is_unknown: Truths) -> Bounds:
     """Return margins of some size: positive where true, and unknown where that is so."""
-    margins = np.where(is_true, sizes, np.negative(sizes))
+    margins = np.copysign(sizes, is_true - 0.5)
     if not is_unknown.any():
         return exact(margins)
     return Bounds(np.where(is_unknown, -math.inf, margins), np.where(is_unknown, math.inf, margins))

@@ -111,15 +111,17 @@ class Trigger:
 
     def __init__(self, first: int, last: int | None) -> None:
         self.times = 0
-        self._first, self._last = first, math.inf if last is None else last
+        self._first, self._last = first, last
         self._tick = 0
         self._was_true = False
 
     def __call__(self, trigger: Bounds, response: Bounds) -> Bounds:
         """Return the margins of the next ticks."""
-        ticks = np.arange(self._tick, self._tick + trigger.size)
+        is_true = trigger.low > 0.0
+        is_true[: max(0, self._first - self._tick)] = False
+        if self._last is not None:
+            is_true[max(0, self._last + 1 - self._tick) :] = False
         self._tick += trigger.size
-        is_true = (trigger.low > 0.0) & (ticks >= self._first) & (ticks <= self._last)
         self.times += int(np.count_nonzero(is_true[1:] & ~is_true[:-1]))
         self.times += int(is_true[0] and not self._was_true)
         self._was_true = bool(is_true[-1])

@@ -40,7 +40,7 @@ def margins(node, columns, blocks=None):
 
 
 @given(SEEDS)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_it_follows_the_definitions(seed):
     rng = np.random.default_rng(seed)
     case = random_case(rng, int(rng.integers(0, 5)))
@@ -52,7 +52,7 @@ def test_it_follows_the_definitions(seed):
 
 
 @given(SEEDS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_blocks_of_any_length_give_the_same(seed):
     rng = np.random.default_rng(seed)
     case = random_case(rng, int(rng.integers(0, 5)))
@@ -64,7 +64,7 @@ def test_blocks_of_any_length_give_the_same(seed):
 
 
 @given(SEEDS)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
     rng = np.random.default_rng(seed)
     case = random_case(rng, int(rng.integers(0, 5)))
@@ -90,7 +90,7 @@ def test_a_monitor_ends_with_the_margin_of_the_first_tick(seed):
 
 @pytest.mark.skipif(sys.version_info >= (3, 13), reason="RTAMT 0.4 ends with Python 3.12")
 @given(SEEDS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_rtamt_says_the_same(seed):
     rng = np.random.default_rng(seed)
     case = random_case(rng, int(rng.integers(1, 5)), for_rtamt=True)

@@ -232,7 +232,7 @@ SCENARIOS = st.builds(
 
 
 @given(SCENARIOS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
     folder = tmp_path_factory.getbasetemp()
     for text, name in ((to_toml(scenario), "x.scenario.toml"), (to_csv(scenario), "x.csv")):

@@ -35,8 +35,6 @@ from hil_bench.config import (
     load_config,
 )
 from hil_bench.config.bindings import find_bound
-from hil_bench.config.objects import name_object, named_serial_number, override_defaults
-from hil_bench.config.values import quote
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
 from hil_bench.devices.encoder_406 import EncoderDevice
 from hil_bench.devices.pressure_404 import PressureDevice
@@ -49,6 +47,8 @@ from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plant.models import plant_at_rest
 from hil_bench.switchboard import Switchboard
+from hil_bench.tables.objects import name_object, named_serial_number, override_defaults
+from hil_bench.tables.values import quote
 from hil_bench.transports.embedded import EmbeddedBus
 
 logger = logging.getLogger(__name__)

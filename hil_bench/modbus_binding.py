@@ -10,7 +10,6 @@ from typing import NamedTuple
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.node import Node
 from hil_bench.config import BenchConfig, ModbusUnitConfig, Profile
-from hil_bench.config.objects import parse_object
 from hil_bench.config.register_maps import UNITS
 from hil_bench.devices.quantities import (
     Quantity,
@@ -27,6 +26,7 @@ from hil_bench.modbus.register_map import Access, Register
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.processes.snapshot import Snapshot
+from hil_bench.tables.objects import parse_object
 
 _SAMPLE = "sample"
 _SAMPLES = 1 << 32

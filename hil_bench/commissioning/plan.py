@@ -12,10 +12,10 @@ from pathlib import Path
 
 from hil_bench.commissioning.plan_keys import LIMIT_KEYS, PLAN_KEYS, STEP_KEYS, STEP_LIMIT_KEYS
 from hil_bench.config import AxisConfig, BenchConfig
-from hil_bench.config.document import Document, check_tables, read_document, read_section
-from hil_bench.config.settings import Problems, convert, read_table
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
+from hil_bench.tables.document import Document, check_tables, read_document, read_section
+from hil_bench.tables.settings import Problems, convert, read_table
 
 SETTLING = 0.3
 """Time of steady motion before a sweep [s]."""

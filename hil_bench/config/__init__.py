@@ -24,7 +24,7 @@ from hil_bench.config.records import (
     SourceConfig,
     ValveConfig,
 )
-from hil_bench.config.settings import Origin, Setting
+from hil_bench.tables.settings import Origin, Setting
 
 __all__ = [
     "CONFIG_VARIABLE",

@@ -5,7 +5,6 @@ import re
 from collections.abc import Mapping
 
 from hil_bench.config.choices import Friction, Supply
-from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.keys import (
     AIR_KEYS,
     AXIS_KEYS,
@@ -23,7 +22,6 @@ from hil_bench.config.keys import (
     SUPPLY_KEYS,
 )
 from hil_bench.config.records import AxisConfig
-from hil_bench.config.settings import Problems, Settings, convert, read_table
 from hil_bench.errors import ParameterError
 from hil_bench.plant.checks import check_full_model
 from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
@@ -33,6 +31,8 @@ from hil_bench.plant.options import EndStop, PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.reduced_order import check_delay, check_reduced_model
 from hil_bench.plant.stepping import Solver, shortcoming
+from hil_bench.tables.document import Document, read_named_sections
+from hil_bench.tables.settings import Problems, Settings, convert, read_table
 
 _DEFAULT_AXIS = "axis1"
 

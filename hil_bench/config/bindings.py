@@ -14,14 +14,14 @@ from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary,
 from hil_bench.config.axes import full_opening_mm
 from hil_bench.config.chains import build_chain, check_chain, read_chain
 from hil_bench.config.choices import Profile, Quantity
-from hil_bench.config.document import give
 from hil_bench.config.keys import CHAIN_TABLE, SINK_KEYS, SOURCE_KEYS
-from hil_bench.config.objects import find_object, parse_object
 from hil_bench.config.records import SinkConfig, SourceConfig
-from hil_bench.config.settings import Given, Origin, Problems, Settings, read_table
-from hil_bench.config.values import describe, find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.tables.document import give
+from hil_bench.tables.objects import find_object, parse_object
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, read_table
+from hil_bench.tables.values import describe, find_nearest, quote
 from hil_bench.units import (
     BAR,
     CUBIC_METRE_PER_SECOND,

@@ -9,8 +9,9 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.choices import Profile
-from hil_bench.config.settings import Key
-from hil_bench.config.values import (
+from hil_bench.measurement.parameters import OverRange
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import (
     Reader,
     Value,
     choice,
@@ -20,7 +21,6 @@ from hil_bench.config.values import (
     points,
     zero_or,
 )
-from hil_bench.measurement.parameters import OverRange
 from hil_bench.units import (
     BAR,
     BAR_PER_KELVIN,

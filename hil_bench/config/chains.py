@@ -6,11 +6,11 @@ from enum import StrEnum
 
 from hil_bench.config.chain_keys import CHAIN_KEYS, PRESETS
 from hil_bench.config.choices import Profile
-from hil_bench.config.document import give
 from hil_bench.config.keys import CHAIN_TABLE
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe
 from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.tables.document import give
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe
 
 _NS_PER_US = 1000
 _MOST_WARMTH = 1000  # [K]

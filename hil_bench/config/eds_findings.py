@@ -8,8 +8,8 @@ from typing import Final
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.eds_document import Finding, Severity
-from hil_bench.config.settings import Settings
 from hil_bench.errors import EdsError
+from hil_bench.tables.settings import Settings
 
 logger = logging.getLogger(__name__)
 

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil_bench.config.choices import Profile, Quantity
-from hil_bench.config.document import Document, give
 from hil_bench.config.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
 from hil_bench.config.records import FaultConfig, SinkConfig, SourceConfig
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe, quote
 from hil_bench.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
+from hil_bench.tables.document import Document, give
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe, quote
 from hil_bench.units import BAR, MILLIMETRE, Unit
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]

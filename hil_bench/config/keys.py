@@ -15,9 +15,11 @@ from hil_bench.config.choices import (
     RealtimePolicy,
     Supply,
 )
-from hil_bench.config.objects import objects
-from hil_bench.config.settings import Key
-from hil_bench.config.values import (
+from hil_bench.plant.models import Model
+from hil_bench.plant.stepping import DEFAULT_STEP, Solver
+from hil_bench.tables.objects import objects
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import (
     boolean,
     channel,
     choice,
@@ -31,8 +33,6 @@ from hil_bench.config.values import (
     points,
     text,
 )
-from hil_bench.plant.models import Model
-from hil_bench.plant.stepping import DEFAULT_STEP, Solver
 from hil_bench.units import (
     BAR,
     CUBIC_CENTIMETRE,

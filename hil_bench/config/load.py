@@ -9,7 +9,6 @@ from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.buses import build_bus, check_buses, read_bus, read_further_buses
 from hil_bench.config.chains import check_chains
 from hil_bench.config.choices import RealtimePolicy
-from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
 from hil_bench.config.eds_findings import warn_of_nodes
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
@@ -23,7 +22,8 @@ from hil_bench.config.nodes import (
 )
 from hil_bench.config.plausibility import check_possible
 from hil_bench.config.records import BenchConfig, RealtimeConfig
-from hil_bench.config.settings import (
+from hil_bench.tables.document import Document, check_tables, merge, read_document, read_section
+from hil_bench.tables.settings import (
     Given,
     Origin,
     Problems,

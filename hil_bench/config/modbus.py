@@ -7,11 +7,15 @@ from typing import NamedTuple
 from device_profiles import REGISTERS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.choices import Profile
-from hil_bench.config.document import Document, give, read_named_sections, read_section
 from hil_bench.config.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.config.register_maps import HIGHEST_ADDRESS, copy_inputs, load_register_map
-from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import (
+from hil_bench.errors import ConfigError
+from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.register_map import Holes
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
+from hil_bench.tables.document import Document, give, read_named_sections, read_section
+from hil_bench.tables.settings import Key, Origin, Problems, Settings, read_table
+from hil_bench.tables.values import (
     boolean,
     choice,
     describe,
@@ -20,10 +24,6 @@ from hil_bench.config.values import (
     number,
     text,
 )
-from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.register_map import Holes
-from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 from hil_bench.units import MILLISECOND, Unit
 
 HIGHEST_UNIT_ID = 247

@@ -9,9 +9,7 @@ from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.axes import full_opening_mm
 from hil_bench.config.chains import build_chain, read_chain
 from hil_bench.config.choices import Profile
-from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.keys import CHAIN_TABLE, NODE_KEYS, PROFILE_KEY
-from hil_bench.config.objects import named_serial_number, parse_object
 from hil_bench.config.records import (
     EncoderConfig,
     GenericConfig,
@@ -21,8 +19,10 @@ from hil_bench.config.records import (
     SourceConfig,
     ValveConfig,
 )
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe
+from hil_bench.tables.document import Document, give, read_named_sections
+from hil_bench.tables.objects import named_serial_number, parse_object
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe
 
 _DEFAULT_NODES: Mapping[str, Mapping[str, object]] = {
     "valve": {"profile": "valve_408", "node_id": 1},

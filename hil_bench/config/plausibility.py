@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from hil_bench.config.plausible_ranges import MISTAKEN, POSSIBLE, USUAL, Range
 from hil_bench.config.records import AxisConfig, BenchConfig
-from hil_bench.config.settings import Problems, Setting, Settings, quote_name
+from hil_bench.tables.settings import Problems, Setting, Settings, quote_name
 
 _PREFIXES = {1e-9: "n", 1e-6: "u", 1e-3: "m", 1.0: "", 1e3: "k", 1e6: "M", 1e9: "G", 1e12: "T"}
 _BASES = {"bar": "Pa", "MPa": "Pa", "Pa": "Pa", "mm": "m", "N": "N", "kg": "g"}

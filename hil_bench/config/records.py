@@ -12,8 +12,6 @@ from hil_bench.config.choices import (
     Quantity,
     RealtimePolicy,
 )
-from hil_bench.config.objects import ObjectValue, name_object
-from hil_bench.config.settings import Setting
 from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.measurement.parameters import ChainParameters
@@ -24,6 +22,8 @@ from hil_bench.plant.models import Model
 from hil_bench.plant.options import PlantOptions
 from hil_bench.plant.parameters import PlantParameters
 from hil_bench.plant.stepping import Solver
+from hil_bench.tables.objects import ObjectValue, name_object
+from hil_bench.tables.settings import Setting
 
 
 @dataclass(frozen=True, slots=True)

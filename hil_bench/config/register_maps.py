@@ -8,18 +8,18 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from hil_bench.config.choices import Profile
-from hil_bench.config.document import (
+from hil_bench.errors import ConfigError
+from hil_bench.modbus.data_types import DATA_TYPES, WordOrder
+from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
+from hil_bench.tables.document import (
     Document,
     check_tables,
     read_document,
     read_named_sections,
     read_section,
 )
-from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
-from hil_bench.config.values import choice, describe, integer, number, text
-from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import DATA_TYPES, WordOrder
-from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
+from hil_bench.tables.settings import Given, Key, Problems, Settings, read_table
+from hil_bench.tables.values import choice, describe, integer, number, text
 from hil_bench.units import (
     BAR,
     KILOPASCAL,

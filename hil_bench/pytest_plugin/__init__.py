@@ -177,8 +177,8 @@ def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> 
     if option(request.config, "interface"):
         pytest.skip("@pytest.mark.hil needs the virtual bench, which --hil-interface turns off")
     from hil_bench.config import load_config
-    from hil_bench.config.document import merge
     from hil_bench.errors import ConfigError
+    from hil_bench.tables.document import merge
 
     tables: Mapping[str, object] = {}
     for marker in reversed(markers):  # the closest one last, so that it wins

@@ -21,8 +21,8 @@ from hil_bench.config.keys import (
     SOURCE_KEYS,
 )
 from hil_bench.config.modbus import MODBUS_KEYS, UNIT_KEYS
-from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
+from hil_bench.tables.settings import Key
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")

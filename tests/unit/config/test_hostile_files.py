@@ -14,9 +14,9 @@ from hil_bench.config import BenchConfig, load, load_config
 from hil_bench.config.chain_keys import CHAIN_KEYS
 from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.keys import AXIS_KEYS, BENCH_KEYS, BUS_KEYS, NODE_KEYS, SINK_KEYS, SOURCE_KEYS
-from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
+from hil_bench.tables.settings import Key
 
 TEXT = st.text(alphabet='aZ_-.\n\x00\u2028é\\"', max_size=4)
 SCALARS = (

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
+from hil_bench.tables.values import Reader, Value, find_nearest, quote
 from hil_bench.units import ONE, Unit
 
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")

@@ -18,8 +18,9 @@ from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdi
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Step, expected_speed
 from hil_bench.commissioning.rig import Rig
-from hil_bench.config import AxisConfig, BenchConfig
+from hil_bench.config import BenchConfig
 from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.recording.channels import Recording
 
 APPROACH_TIME = 15.0
@@ -52,7 +53,7 @@ class Procedure:
 
     network: Network
     config: BenchConfig
-    axis: AxisConfig
+    axis: CylinderConfig
     members: Members
     rig: Rig
     dead_zone: float = math.nan

@@ -4,7 +4,8 @@ Another distribution declares an object as an entry point of a group. It is look
 name is asked for that the bench itself does not have, and imported only when it is that name.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 from hil_bench.errors import ConfigError
@@ -36,12 +37,20 @@ class Registry(Generic[T]):
         group: of the entry points.
         kind: of which each object must be.
         built_in: those of the bench itself.
+        find_fault: returns what is wrong with an object from elsewhere; empty where nothing is.
     """
 
-    def __init__(self, group: str, kind: type[T], built_in: Mapping[str, T]) -> None:
+    def __init__(
+        self,
+        group: str,
+        kind: type[T],
+        built_in: Mapping[str, T],
+        find_fault: Callable[[T], str],
+    ) -> None:
         self.group = group
         self.built_in = built_in
         self._kind = kind
+        self._find_fault = find_fault
         self._loaded: dict[str, T] = {}
 
     def names(self) -> list[str]:
@@ -112,7 +121,15 @@ class Registry(Generic[T]):
             raise ConfigError(f"{place} {wrong}; an instance of {self._kind.__name__} is right")
         if (own := getattr(found, "name", None)) != point.name:
             raise ConfigError(f"{place} calls itself {own!r}; both names must be the same")
+        if fault := self._find_fault(found):
+            raise ConfigError(f"{place} {fault}")
         return found
+
+
+def find_twice(names: Iterable[str]) -> str | None:
+    """Return the first name that is there twice, None where each is there once."""
+    counts = Counter(names)
+    return next((name for name, count in counts.items() if count > 1), None)
 
 
 def _distribution(point: "EntryPoint") -> str:

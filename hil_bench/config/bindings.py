@@ -135,6 +135,8 @@ def _read_binding(
         problems.add(problems.place(table), f"{wrong}; bind an object from 0x2000 up")
     (word,) = words
     keys = SINK_KEYS if word == "sink" else SOURCE_KEYS
+    if not axes:
+        return None  # what is wrong with them is noted already
     values = give(table, given, Origin.FILE, problems)
     given_chain = values.pop(CHAIN_TABLE, None)
     settings = read_table(table, values, keys, problems)

@@ -40,15 +40,15 @@ class EncoderKind(DeviceKind[EncoderConfig]):
     chain_unit = "m"
     driver = "drivers:PositionSensor"
 
-    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:  # noqa: ARG002 - nothing is filled in
+    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant without a position."""
         require_quantities(problems.place(table, "axis"), (_POSITION, _SPEED), axis, problems)
 
-    def measured(self, config: EncoderConfig) -> str:  # noqa: ARG002 - the same of each
+    def measured(self, config: EncoderConfig) -> str:
         """Return the position."""
         return _POSITION
 
-    def watched(self, config: EncoderConfig) -> Mapping[str, str]:  # noqa: ARG002 - as above
+    def watched(self, config: EncoderConfig) -> Mapping[str, str]:
         """Return the position."""
         return {_POSITION: "position"}
 

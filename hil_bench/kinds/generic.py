@@ -38,7 +38,7 @@ class GenericKind(DeviceKind[GenericConfig]):
         """Return the full scale of each axis that an object commands."""
         return {sink.axis: sink.full_opening for sink in config.sinks}
 
-    def fit(self, config: GenericConfig, node: Node, surroundings: Surroundings) -> Fitting:  # noqa: ARG002 - it needs nothing
+    def fit(self, config: GenericConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Return the objects that command axes."""
         return Fitting(drives=tuple(build_sinks(config.name, config.sinks, node)))
 

@@ -99,19 +99,19 @@ class DeviceKind(ABC, Generic[ConfigT]):
     def resolve(self, node: Settings, axis: AxisSettings) -> None:
         """Fill in what a node takes from its axis."""
 
-    def measured(self, config: ConfigT) -> str | None:  # noqa: ARG002 - of those that measure
+    def measured(self, config: ConfigT) -> str | None:
         """Return the name of the plant's quantity that it measures."""
         return None
 
-    def watched(self, config: ConfigT) -> Mapping[str, str]:  # noqa: ARG002 - as above
+    def watched(self, config: ConfigT) -> Mapping[str, str]:
         """Return the quantities that its TPDOs tell, each with the attribute of its driver."""
         return MappingProxyType({})
 
-    def full_scales(self, config: ConfigT) -> Mapping[str, float]:  # noqa: ARG002 - of drives
+    def full_scales(self, config: ConfigT) -> Mapping[str, float]:
         """Return the command of 100 % [SI] of each axis that it commands."""
         return MappingProxyType({})
 
-    def signals(self, name: str, node: Settings) -> Mapping[str, str]:  # noqa: ARG002 - as above
+    def signals(self, name: str, node: Settings) -> Mapping[str, str]:
         """Return what of a node of that name may have a sensor's faults, with its SI unit."""
         return {} if self.chain_unit is None else {name: self.chain_unit}
 

@@ -42,7 +42,7 @@ class ValveKind(DeviceKind[ValveConfig]):
     is_drive = has_enable_input = True
     driver = "drivers:ProportionalValve"
 
-    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:  # noqa: ARG002 - the same of each
+    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant without a spool."""
         require_quantities(problems.place(table, "axis"), (_COMMANDS, _SHOWS), axis, problems)
 
@@ -53,7 +53,7 @@ class ValveKind(DeviceKind[ValveConfig]):
             full = axis.kind.full_scale(axis.settings)
             node["full_opening_mm"] = opening._replace(value=full)
 
-    def watched(self, config: ValveConfig) -> Mapping[str, str]:  # noqa: ARG002 - the same of each
+    def watched(self, config: ValveConfig) -> Mapping[str, str]:
         """Return the spool position."""
         return {_SHOWS: "spool_position"}
 
@@ -61,7 +61,7 @@ class ValveKind(DeviceKind[ValveConfig]):
         """Return the full opening [m]."""
         return {str(config.axis): config.full_opening}
 
-    def fit(self, config: ValveConfig, node: Node, surroundings: Surroundings) -> Fitting:  # noqa: ARG002 - it needs nothing
+    def fit(self, config: ValveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the valve."""
         device = ValveDevice(node, config.full_opening)
         return Fitting(

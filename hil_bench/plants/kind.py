@@ -52,7 +52,7 @@ class AxisConfig:
         """What may act on its plant from outside."""
         return ()
 
-    def limits(self, quantity: str) -> tuple[float, float]:  # noqa: ARG002 - of those that have some
+    def limits(self, quantity: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity [SI]."""
         return -math.inf, math.inf
 
@@ -105,15 +105,15 @@ class PlantKind(ABC, Generic[AxisT]):
                 without it all, is as configured.
         """
 
-    def full_scale(self, settings: Settings) -> float:  # noqa: ARG002 - of those that have one
+    def full_scale(self, settings: Settings) -> float:
         """Return the command of 100 % of an axis with these settings, in `command_unit`."""
         return 1.0
 
-    def lowest_supply_bar(self, settings: Settings) -> float | None:  # noqa: ARG002 - see above
+    def lowest_supply_bar(self, settings: Settings) -> float | None:
         """Return the least pressure at which the supply can be held [bar]; None without one."""
         return None
 
-    def find_doubts(self, axis: AxisT, tick_us: int, step_us: int) -> Iterator[str]:  # noqa: ARG002
+    def find_doubts(self, axis: AxisT, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield motions of an axis that the bench's tick or step does not resolve."""
         yield from ()
 

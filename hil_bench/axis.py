@@ -7,6 +7,7 @@ them by `Measurement`s, acts in each tick, and offers numbers to other buses.
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import NamedTuple, Protocol
 
 from hil_bench.devices.quantities import RegisterValue
@@ -47,7 +48,8 @@ class Measurement:
         rate_path: the way of the rate, None without one.
         measured: what was published last [SI]; of a share, before the division by `full`.
         measured_rate: the rate that was published last.
-        channels: what is recorded: name and unit of each of `values`.
+        full: as passed in.
+        channels: what is recorded: name and unit of `measured` / `full` and `measured_rate`.
     """
 
     def __init__(
@@ -68,7 +70,7 @@ class Measurement:
         self._publish = publish
         self._place = quantity.output or 0
         self._rate_place = 0
-        self._full = full
+        self.full = full
         if rate is not None:
             self._rate_place = rate.quantity.output or 0
             self.channels.append((f"{name}.measured_{rate.name}", rate.quantity.unit))
@@ -87,11 +89,6 @@ class Measurement:
             rate = stage(rate)
         self.measured_rate = rate
         self._publish(value, rate, now)
-
-    def values(self) -> tuple[float, ...]:
-        """Return what was published last, as `channels` names it."""
-        measured = self.measured / self._full
-        return (measured,) if self.rate_path is None else (measured, self.measured_rate)
 
 
 class Command(Protocol):
@@ -175,7 +172,7 @@ class Axis:
     follower: int
     command_path: SignalPath = field(default_factory=SignalPath)
     recorded: tuple[Quantity, ...] = field(init=False, repr=False)
-    _places: tuple[int, ...] = field(init=False, repr=False)
+    _pick: Callable[[Sequence[float]], tuple[float, ...]] = field(init=False, repr=False)
     _shares: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -183,7 +180,7 @@ class Axis:
         object.__setattr__(self, "recorded", recorded)
         # The command stands behind the outputs.
         places = tuple(-1 if quantity.output is None else quantity.output for quantity in recorded)
-        object.__setattr__(self, "_places", places)
+        object.__setattr__(self, "_pick", _picker(places))
         shares = tuple(place for place, quantity in enumerate(recorded) if quantity.is_share)
         object.__setattr__(self, "_shares", shares)
 
@@ -193,10 +190,10 @@ class Axis:
         Args:
             commanded: what `advance` returned last.
         """
-        values = (*self.plant.output, commanded)
-        row = [values[place] for place in self._places]
+        row = list(self._pick((*self.plant.output, commanded)))
+        full = self.valve.full_opening
         for place in self._shares:
-            row[place] /= self.valve.full_opening
+            row[place] /= full
         return row
 
     def advance(self, now: int, steps: int) -> float:
@@ -209,3 +206,10 @@ class Axis:
         for publish in self.sensors:
             publish(output, now)
         return commanded
+
+
+def _picker(places: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Return what picks the values at these places."""
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda values: tuple(values[place] for place in places)

@@ -30,7 +30,9 @@ def sample(bench: Bench) -> list[float]:
     for axis, commanded in zip(bench.axes, bench.commands, strict=True):
         row += axis.row(commanded)
     for sensor in bench.sensors:
-        row += sensor.values()
+        row.append(sensor.measured / sensor.full)
+        if sensor.rate_path is not None:
+            row.append(sensor.measured_rate)
     return row
 
 

@@ -84,8 +84,8 @@ class MassOnSpring:
         self._x = values.get("position", self._x)
         self._v = values.get("speed", self._v)
 
-    def hold_supply(self, pressure: float | None) -> None:
-        """There is no supply, so nobody asks."""
+    def influence(self, name: str, value: float | None) -> None:
+        """Nothing acts on it from outside, so nobody asks."""
 
 
 class MassOnSpringKind(PlantKind[SpringConfig]):

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig, ValveConfig, load_config
+from hil_bench.config import BenchConfig, load_config
 from hil_bench.plant import PlantInput
 from hil_bench.session.lockstep import LockStep, run_lockstep
 from hil_bench.session.session import open_session
@@ -34,7 +34,7 @@ SYNC = Frame(0x080)
 
 def valves_of(config: BenchConfig) -> list[int]:
     """Return the node-IDs of the valves."""
-    return [node.node_id for node in config.nodes if isinstance(node, ValveConfig)]
+    return [node.node_id for node in config.nodes if node.kind.is_drive]
 
 
 def set_up_frames(config: BenchConfig) -> Iterator[Frame]:

@@ -19,10 +19,9 @@ import numpy as np
 import scipy
 from scipy import signal
 
-from hil_bench.config.chain_keys import PositionPreset, PressurePreset
-from hil_bench.config.chains import preset_chain
-from hil_bench.config.choices import Profile
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from hil_bench.kinds.chain_keys import PositionPreset, PressurePreset
+from hil_bench.kinds.chains import preset_chain
 from hil_bench.measurement.chain import MeasuringChain
 from hil_bench.measurement.noise import random_stream
 from hil_bench.measurement.parameters import ChainParameters
@@ -144,8 +143,8 @@ def plot(path: Path) -> None:
     import matplotlib as mpl  # noqa: PLC0415 - for the picture only
     from matplotlib.figure import Figure  # noqa: PLC0415
 
-    pressure = preset_chain(Profile.PRESSURE_404, PressurePreset.CLASS_025_250_BAR)
-    position = preset_chain(Profile.ENCODER_406, PositionPreset.MAGNETOSTRICTIVE_1_UM)
+    pressure = preset_chain("Pa", PressurePreset.CLASS_025_250_BAR)
+    position = preset_chain("m", PositionPreset.MAGNETOSTRICTIVE_1_UM)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10, 7), layout="constrained")
         (step, loop), (noise, spectrum) = figure.subplots(2, 2)

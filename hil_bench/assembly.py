@@ -5,15 +5,10 @@
 """
 
 import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from hil_bench.axis import (
-    Axis,
-    Measurement,
-    PositionMeasurement,
-    PressureMeasurement,
-    QuantityMeasurement,
-    SpoolCommand,
-)
+from hil_bench.axis import Axis, Fitting, Measurement
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.eds import load_eds
@@ -21,48 +16,19 @@ from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.periods import find_short_periods, limit_periods
-from hil_bench.config import (
-    AxisConfig,
-    BenchConfig,
-    EncoderConfig,
-    GenericConfig,
-    NodeConfig,
-    PressureConfig,
-    Quantity,
-    SinkConfig,
-    SourceConfig,
-    ValveConfig,
-    load_config,
-)
-from hil_bench.config.bindings import find_bound
-from hil_bench.config.objects import name_object, named_serial_number, override_defaults
-from hil_bench.config.values import quote
-from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
-from hil_bench.devices.encoder_406 import EncoderDevice
-from hil_bench.devices.pressure_404 import PressureDevice
-from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.config import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.errors import ConfigError, EdsError
 from hil_bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.faults.faults import Faults
-from hil_bench.measurement.chain import MeasuringChain
-from hil_bench.measurement.noise import random_stream
-from hil_bench.measurement.parameters import ChainParameters
-from hil_bench.plant.models import plant_at_rest
+from hil_bench.kinds.bindings import build_source, find_bound
+from hil_bench.kinds.registry import KINDS
+from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.switchboard import Switchboard
+from hil_bench.tables.objects import name_object, named_serial_number, override_defaults
+from hil_bench.tables.values import quote
 from hil_bench.transports.embedded import EmbeddedBus
 
 logger = logging.getLogger(__name__)
-
-_OUTPUTS = {
-    Quantity.POSITION: "x",
-    Quantity.SPEED: "v",
-    Quantity.P_A: "P_A",
-    Quantity.P_B: "P_B",
-    Quantity.Q_A: "Q_A",
-    Quantity.Q_B: "Q_B",
-    Quantity.SPOOL_POSITION: "nu",
-}
-"""What each quantity is among the plant's outputs."""
 
 
 def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
@@ -85,14 +51,29 @@ def build_bench(config: BenchConfig) -> Bench:
     nodes = {node.name: build_node(node, agenda) for node in config.nodes}
     for member in config.nodes:
         limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
-    commands = build_commands(config, nodes)
-    axes = [build_axis(axis, config, nodes, commands[axis.name]) for axis in config.axes]
+    surroundings = Surroundings(
+        config.tick_ns,
+        config.seed,
+        {axis.name: axis for axis in config.axes},
+        {axis.name: config.full_scale(axis) for axis in config.axes},
+    )
+    fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
+    axes = [build_axis(axis, config.dt, list(fittings.values())) for axis in config.axes]
     buses = number_buses(config)
-    points = find_fault_points(axes, nodes, config.nodes, buses)
-    faults = Faults(points, tick_ns=config.tick_ns, seed=config.seed)
+    faults = Faults(
+        find_fault_points(axes, nodes, fittings, buses),
+        tick_ns=config.tick_ns,
+        seed=config.seed,
+    )
     schedule_faults(faults, config.faults)
-    switchboard = Switchboard({nodes[name]: number for name, number in buses.items()}, agenda)
-    return Bench(axes, switchboard, steps=config.steps_per_tick, faults=faults)
+    return Bench(
+        axes,
+        Switchboard({nodes[name]: number for name, number in buses.items()}, agenda),
+        steps=config.steps_per_tick,
+        faults=faults,
+        fittings=list(fittings.values()),
+        sensors=order_sensors(axes, fittings, config),
+    )
 
 
 def number_buses(config: BenchConfig) -> dict[str, int]:
@@ -163,108 +144,42 @@ def set_serial_number(object_dictionary: ObjectDictionary, config: NodeConfig) -
     variable.default = variable.value = serial_number
 
 
-def build_axis(
-    axis: AxisConfig, config: BenchConfig, nodes: dict[str, Node], valve: SpoolCommand
-) -> Axis:
-    """Return one cylinder with its valve, its sensors and the objects bound to it."""
-    plant = plant_at_rest(
-        axis.model,
-        axis.parameters,
-        options=axis.options,
-        solver=axis.solver,
-        dt=config.dt,
-        x=axis.position,
-        delay=axis.spool_delay,
+def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitting:
+    """Return what the device of a node does, its objects that show quantities behind the rest."""
+    fitting = config.kind.fit(config, node, surroundings)
+    sources = tuple(
+        (source.axis, build_source(source, f"{config.name}.{source.name}", node, surroundings))
+        for source in config.sources
     )
-    sensors = [
-        build_sensor(node, nodes[node.name], config)
+    return replace(fitting, sources=sources)
+
+
+def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis:
+    """Return one plant with its drive, its sensors and the objects bound to it."""
+    drives = [drive for fitting in fittings for drive in fitting.drives]
+    sensors = [sensor for fitting in fittings for sensor in fitting.sensors]
+    sources = [source for fitting in fittings for source in fitting.sources]
+    return Axis(
+        name=axis.name,
+        plant=axis.kind.build(axis, dt),
+        valve=next(drive.device for drive in drives if drive.axis == axis.name),
+        sensors=tuple(sensor for name, sensor in (*sensors, *sources) if name == axis.name),
+        quantities=axis.kind.quantities,
+        influences=axis.influences,
+        follower=axis.kind.follower.output or 0,
+    )
+
+
+def order_sensors(
+    axes: Sequence[Axis], fittings: Mapping[str, Fitting], config: BenchConfig
+) -> list[Measurement]:
+    """Return all sensors as a recording has them: kind by kind, each axis by axis."""
+    kinds = list(KINDS.built_in.values())
+    ranks = {
+        sensor.name: kinds.index(node.kind) if node.kind in kinds else len(kinds)
         for node in config.nodes
-        if node.axis == axis.name and not isinstance(node, ValveConfig)
-    ]
-    sources = [
-        build_source(source, f"{node.name}.{source.name}", config, nodes[node.name], valve)
-        for node in config.nodes
-        for source in node.sources
-        if source.axis == axis.name
-    ]
-    return Axis(name=axis.name, plant=plant, valve=valve, sensors=(*sensors, *sources))
-
-
-def build_commands(config: BenchConfig, nodes: dict[str, Node]) -> dict[str, SpoolCommand]:
-    """Return what commands the spool of each axis: its valve, or the sink in its place."""
-    commands: dict[str, SpoolCommand] = {}
-    for member in config.nodes:
-        node = nodes[member.name]
-        match member:
-            case ValveConfig(axis=str(axis)):
-                commands[axis] = ValveDevice(node, member.full_opening)
-            case GenericConfig():
-                watch = CommandWatch(node)
-                commands |= {sink.axis: build_sink(sink, node, watch) for sink in member.sinks}
-    return commands
-
-
-def build_sink(config: SinkConfig, node: Node, watch: CommandWatch) -> SpoolSink:
-    """Return the object of a node that commands a spool."""
-    return SpoolSink(
-        watch,
-        find_bound(node.object_dictionary, config),
-        scale=config.scale,
-        offset=config.offset,
-        safe=config.safe,
-        full_opening=config.full_opening,
-    )
-
-
-def build_source(
-    source: SourceConfig, name: str, config: BenchConfig, node: Node, valve: SpoolCommand
-) -> Measurement:
-    """Return what hands a quantity of the plant to an object of a node, by its chain if any."""
-    is_spool = source.quantity is Quantity.SPOOL_POSITION
-    shown = QuantitySource(
-        node,
-        find_bound(node.object_dictionary, source),
-        scale=source.scale / valve.full_opening if is_spool else source.scale,
-        offset=source.offset,
-        delta=source.delta,
-    )
-    chain = build_chain(source.chain, name, config)
-    stages = () if chain is None else (chain.measure,)
-    return QuantityMeasurement(shown, _OUTPUTS[source.quantity], stages, name=name)
-
-
-def build_chain(
-    parameters: ChainParameters, name: str, config: BenchConfig
-) -> MeasuringChain | None:
-    """Return the measuring chain of the sensor of a name, None where it is ideal."""
-    if parameters.is_ideal:
-        return None
-    return MeasuringChain(parameters, config.tick_ns, random_stream(config.seed, name))
-
-
-def stroke_of(sensor: EncoderConfig, config: BenchConfig) -> tuple[float, float]:
-    """Return the ends of the stroke [m] that an encoder measures."""
-    half = next(axis.parameters.h for axis in config.axes if axis.name == sensor.axis)
-    return -half, half
-
-
-def build_sensor(sensor: NodeConfig, node: Node, config: BenchConfig) -> Measurement:
-    """Return what hands the plant's quantities to one sensor, by its chain if any.
-
-    Raises:
-        ConfigError: the node is no sensor.
-    """
-    match sensor:
-        case PressureConfig():
-            chain = build_chain(sensor.chain, sensor.name, config)
-            stages = () if chain is None else (chain.measure,)
-            device = PressureDevice(node, sensor.span)
-            return PressureMeasurement(device, sensor.source, stages, name=sensor.name)
-        case EncoderConfig():
-            chain = build_chain(sensor.chain, sensor.name, config)
-            stages = () if chain is None else (chain.measure,)
-            speed_stages = () if chain is None else (chain.speed,)
-            encoder = EncoderDevice(node, stroke_of(sensor, config))
-            return PositionMeasurement(encoder, stages, speed_stages, name=sensor.name)
-        case _:
-            raise ConfigError(f"nodes.{sensor.name}: profile {sensor.profile} is not a sensor")
+        for _, sensor in fittings[node.name].sensors
+    }
+    own = (sensor for each in fittings.values() for axis, sensor in each.sensors if axis is None)
+    found = [*(sensor for axis in axes for sensor in axis.sensors), *own]
+    return sorted(found, key=lambda sensor: ranks.get(sensor.name, len(kinds)))

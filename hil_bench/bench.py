@@ -16,7 +16,7 @@ as on a wire.
 
 from collections.abc import Mapping, Sequence
 
-from hil_bench.axis import Axis, PositionMeasurement, PressureMeasurement
+from hil_bench.axis import Axis, Fitting, Measurement
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.faults.faults import Faults
 from hil_bench.switchboard import Switchboard
@@ -30,12 +30,12 @@ class Bench:
         switchboard: every CANopen node, and its bus.
         steps: plant steps in one tick, one or more.
         faults: what may go wrong; without it nothing can.
+        fittings: what the device of each node does, in the order of the nodes.
+        sensors: what is recorded of them, in that order.
 
     Attributes:
         nodes: every CANopen node.
-        commands: each axis's spool set-point [m], of the last tick.
-        pressures: the pressure transducers of all axes.
-        positions: the position sensors of all axes.
+        commands: what each axis was commanded in the last tick [SI].
         is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
     """
 
@@ -46,15 +46,17 @@ class Bench:
         *,
         steps: int,
         faults: Faults | None = None,
+        fittings: Sequence[Fitting] = (),
+        sensors: Sequence[Measurement] = (),
     ) -> None:
         self.axes = tuple(axes)
         self.nodes = switchboard.nodes
         self.faults = faults or Faults()
         self.is_timeless = switchboard.is_timeless
         self.commands = [0.0] * len(self.axes)
-        sensors = [sensor for axis in self.axes for sensor in axis.sensors]
-        self.pressures = tuple(s for s in sensors if isinstance(s, PressureMeasurement))
-        self.positions = tuple(s for s in sensors if isinstance(s, PositionMeasurement))
+        self.fittings = tuple(fittings)
+        self.sensors = tuple(sensors)
+        self._acts = [each.advance for each in self.fittings if each.advance is not None]
         self._switchboard = switchboard
         self._steps = steps
         switchboard.lay(self.faults.lines)
@@ -93,6 +95,8 @@ class Bench:
             hold()
         for number, axis in enumerate(self.axes):
             self.commands[number] = axis.advance(now, self._steps)
+        for act in self._acts:
+            act(now)
         for babble in self.faults.babbles:
             babble(switchboard.emit)
         return switchboard.send(now, switchboard.ports)

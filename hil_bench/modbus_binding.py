@@ -9,17 +9,9 @@ from typing import NamedTuple
 
 from hil_bench.bench import Bench
 from hil_bench.canopen_device.node import Node
-from hil_bench.config import BenchConfig, ModbusUnitConfig, Profile
-from hil_bench.config.objects import parse_object
+from hil_bench.config import BenchConfig, ModbusUnitConfig
 from hil_bench.config.register_maps import UNITS
-from hil_bench.devices.quantities import (
-    Quantity,
-    encoder_quantities,
-    object_quantity,
-    pressure_quantities,
-    valve_quantities,
-)
-from hil_bench.devices.valve_408 import ValveDevice
+from hil_bench.devices.quantities import RegisterValue, object_quantity
 from hil_bench.errors import ConfigError
 from hil_bench.modbus.exchange import Entry, Exchange
 from hil_bench.modbus.mailbox import Mailbox
@@ -27,8 +19,10 @@ from hil_bench.modbus.register_map import Access, Register
 from hil_bench.modbus.server_config import ServerConfig
 from hil_bench.modbus.unit_image import UnitImage
 from hil_bench.processes.snapshot import Snapshot
+from hil_bench.tables.objects import parse_object
 
 _SAMPLE = "sample"
+_WATCHDOG = "watchdog"
 _SAMPLES = 1 << 32
 _OBJECT_PREFIX = "0x"
 _CONTROL = (0x604F, 0)
@@ -69,23 +63,19 @@ class ModbusBinding:
         if config.modbus is None:
             raise ConfigError("modbus: there is no such table; give [modbus]")
         self._sample = 0
-        nodes = dict(zip((node.name for node in config.nodes), bench.nodes, strict=True))
-        profiles = {node.name: node.profile for node in config.nodes}
-        valves = {
-            id(axis.valve.node): axis.valve
-            for axis in bench.axes
-            if isinstance(axis.valve, ValveDevice)
-        }
+        names = [node.name for node in config.nodes]
+        nodes = dict(zip(names, bench.nodes, strict=True))
+        fittings = dict(zip(names, bench.fittings, strict=True))
         entries: list[Entry] = []
         units: dict[int, UnitImage] = {}
         for unit in config.modbus.units:
             registers, first = unit.register_map, len(entries)
             node = nodes[unit.node]
-            valve = valves.get(id(node))
-            if valve is not None:
-                valve.local.watchdog = round(unit.watchdog * 1e9)
-            known = unit_quantities(profiles[unit.node], node, valve)
-            known[_SAMPLE] = Quantity("-", lambda: float(self._sample % _SAMPLES))
+            known = dict(fittings[unit.node].registers())
+            watchdog = known.get(_WATCHDOG)
+            if watchdog is not None and watchdog.write is not None:
+                watchdog.write(unit.watchdog, 0)
+            known[_SAMPLE] = RegisterValue("-", lambda: float(self._sample % _SAMPLES))
             entries += _entries(unit, bind_registers(unit, known, node))
             units[unit.unit_id] = UnitImage(
                 registers, first, commands=unit.commands, holes=unit.holes
@@ -103,25 +93,9 @@ class ModbusBinding:
         self._exchange.exchange(now)
 
 
-def unit_quantities(profile: Profile, node: Node, valve: ValveDevice | None) -> dict[str, Quantity]:
-    """Return what a device offers, by name.
-
-    Args:
-        profile: its device profile.
-        node: it.
-        valve: the valve behind that node, where it is one.
-    """
-    od = node.object_dictionary
-    if profile is Profile.PRESSURE_404:
-        return dict(pressure_quantities(od))
-    if profile is Profile.ENCODER_406:
-        return dict(encoder_quantities(od))
-    return dict(valve_quantities(valve)) if valve else {}  # a generic device has objects only
-
-
 def bind_registers(
-    unit: ModbusUnitConfig, known: Mapping[str, Quantity], node: Node
-) -> list[Quantity]:
+    unit: ModbusUnitConfig, known: Mapping[str, RegisterValue], node: Node
+) -> list[RegisterValue]:
     """Return the quantity behind each register of a unit, in the map's order.
 
     Raises:
@@ -139,7 +113,7 @@ def bind_registers(
     return quantities
 
 
-def _entries(unit: ModbusUnitConfig, quantities: Sequence[Quantity]) -> Iterator[Entry]:
+def _entries(unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]) -> Iterator[Entry]:
     """Yield what stands behind each register of a unit."""
     for register, quantity in zip(unit.register_map.registers, quantities, strict=True):
         source = register.source
@@ -153,7 +127,7 @@ def _entries(unit: ModbusUnitConfig, quantities: Sequence[Quantity]) -> Iterator
         )
 
 
-def _bind(register: Register, known: Mapping[str, Quantity], node: Node) -> Quantity:
+def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) -> RegisterValue:
     """Return what a register shows.
 
     Raises:
@@ -179,5 +153,5 @@ def _bind(register: Register, known: Mapping[str, Quantity], node: Node) -> Quan
     return quantity
 
 
-def _list(names: Mapping[str, Quantity]) -> str:
+def _list(names: Mapping[str, RegisterValue]) -> str:
     return ", ".join(f'"{name}"' for name in names)

@@ -21,10 +21,10 @@ from hil_bench.canopen_device.datatypes import (
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config import NodeConfig, SourceConfig
-from hil_bench.config.objects import find_object, name_object, parse_object
-from hil_bench.config.values import quote
 from hil_bench.devices.profile_objects import TpdoTrigger
 from hil_bench.errors import ConfigError, SdoAbort
+from hil_bench.tables.objects import find_object, name_object, parse_object
+from hil_bench.tables.values import quote
 
 
 class NodeObjects:

@@ -12,11 +12,10 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.config import AxisConfig, BenchConfig, SinkConfig, ValveConfig
+from hil_bench.config import AxisConfig, BenchConfig
 from hil_bench.errors import ConfigError
-from hil_bench.plant import FullOrderPlant, PlantInput, PlantState
-from hil_bench.plant.models import Model, plant_at_rest
-from hil_bench.plant.stepping import Plant
+from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import Quantity
 from hil_bench.realtime.clock import Clock
 from hil_bench.recording.channels import (
     TIME,
@@ -27,12 +26,14 @@ from hil_bench.recording.channels import (
 )
 from hil_bench.recording.logged_frame import LoggedFrame
 
-COMPARED = {"position": "m", "speed": "m/s", "P_A": "Pa", "P_B": "Pa", "spool_position": "-"}
-"""Quantities of an axis that are compared where a recording has them, with their units."""
 
-TOLERANCES: Mapping[str, float] = {"position": 1e-3, "P_A": 2e5, "P_B": 2e5, "spool_position": 0.02}
-"""Largest deviations that count as the same unless told otherwise, in the SI unit; others are shown
-without judgement."""
+def compared(axis: AxisConfig) -> list[Quantity]:
+    """Return the quantities of an axis that are compared where a recording has them.
+
+    The largest deviation that counts as the same unless told otherwise is the quantity's tolerance;
+    without one it is shown without judgement.
+    """
+    return [quantity for quantity in axis.kind.outputs if quantity.is_recorded]
 
 
 class Direction(StrEnum):
@@ -126,10 +127,11 @@ def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
 
     Args:
         config: the bench.
-        recording: has ``AXIS.spool_setpoint``, and each quantity of the state at its first row.
+        recording: has ``AXIS.spool_setpoint``, and each quantity of the state at its first row;
+            of another kind of plant the command that it has.
 
     Returns:
-        The `COMPARED` quantities of each axis at the times of the recording.
+        The `compared` quantities of each axis at the times of the recording.
 
     Raises:
         ConfigError: the recording lacks what is needed.
@@ -140,25 +142,29 @@ def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
         )
     names = [channel.name for channel in recording_channels(recording)]
     axes = (config.first_axis, *config.axes[1:])
-    driven = [axis for axis in axes if f"{axis.name}.spool_setpoint" in names]
+    driven = [axis for axis in axes if _command_of(axis) in names]
     if not driven:
-        right = ", ".join(f"{axis.name}.spool_setpoint" for axis in axes)
+        right = ", ".join(map(_command_of, axes))
         raise ConfigError(f"the recording has no spool set-point; it must have {right}")
     columns = [recording[TIME.name]]
     channels = [TIME]
     for axis in driven:
         columns += list(_drive(config, axis, recording).T)
-        channels += [Channel(f"{axis.name}.{name}", unit) for name, unit in COMPARED.items()]
+        channels += [Channel(f"{axis.name}.{each.name}", each.unit) for each in compared(axis)]
     rows = np.column_stack(columns)
     return np.ascontiguousarray(rows).view(recording_dtype(channels)).reshape(-1)
 
 
 def compare_recordings(
-    recorded: Recording, simulated: Recording, tolerances: Mapping[str, float]
+    config: BenchConfig,
+    recorded: Recording,
+    simulated: Recording,
+    tolerances: Mapping[str, float],
 ) -> list[Deviation]:
     """Return the deviation of each simulated signal that was recorded too.
 
     Args:
+        config: the bench whose plants were driven.
         recorded: the measurement.
         simulated: at the same times.
         tolerances: largest deviation by the name of a channel, or by its last part for all axes,
@@ -170,9 +176,9 @@ def compare_recordings(
     names = recorded.dtype.names or ()
     channels = [channel for channel in recording_channels(simulated)[1:] if channel.name in names]
     known = {name for channel in channels for name in (channel.name, _quantity(channel))}
-    for name in tolerances.keys() - TOLERANCES.keys() - known:
+    usual = default_tolerances(config)
+    for name in tolerances.keys() - {usual_name.rpartition(".")[2] for usual_name in usual} - known:
         raise ConfigError(f"tolerance for {name}: not compared; {', '.join(sorted(known))} are")
-    limits = {**TOLERANCES, **tolerances}
     deviations = []
     for channel in channels:
         error = np.abs(simulated[channel.name] - recorded[channel.name])
@@ -184,10 +190,26 @@ def compare_recordings(
                 rms=float(np.sqrt(np.mean(error**2))),
                 maximum=float(error[worst]),
                 time=float(recorded[TIME.name][worst]),
-                tolerance=limits.get(channel.name, limits.get(_quantity(channel))),
+                tolerance=tolerances.get(
+                    channel.name, tolerances.get(_quantity(channel), usual.get(channel.name))
+                ),
             )
         )
     return deviations
+
+
+def default_tolerances(config: BenchConfig) -> dict[str, float]:
+    """Return the largest deviations that count as the same [SI], by the names of channels."""
+    return {
+        f"{axis.name}.{quantity.name}": quantity.tolerance
+        for axis in config.axes
+        for quantity in compared(axis)
+        if quantity.tolerance is not None
+    }
+
+
+def _command_of(axis: AxisConfig) -> str:
+    return f"{axis.name}.{axis.kind.command.name}"
 
 
 def _quantity(channel: Channel) -> str:
@@ -195,64 +217,46 @@ def _quantity(channel: Channel) -> str:
 
 
 def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.NDArray[np.float64]:
-    """Return the `COMPARED` quantities of an axis, a row a row of the recording.
+    """Return the `compared` quantities of an axis, a row a row of the recording.
 
     Raises:
         ConfigError: the recording's time goes back.
     """
-    full = full_opening(config, axis)
-    plant = _plant_at_start(config, axis, recording, full)
+    full = config.full_scale(axis)
+    quantities = compared(axis)
+    plant = _plant_at_start(axis, config.dt, recording, full)
     times = recording[TIME.name]
     steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
     if np.any(steps < 0):
         raise ConfigError(
             "the recording's time goes back; a recording in the order of time is right"
         )
-    setpoints = recording[f"{axis.name}.spool_setpoint"] * full
-    rows = np.empty((len(recording), len(COMPARED)))
+    setpoints = recording[_command_of(axis)]
+    if axis.kind.command.is_share:
+        setpoints = setpoints * full
+    rows = np.empty((len(recording), len(quantities)))
     for number, (u, count) in enumerate(zip(setpoints.tolist(), steps.tolist(), strict=True)):
-        output = plant.step(PlantInput(u), count)
-        rows[number] = output.x, output.v, output.P_A, output.P_B, output.nu / full
+        output = plant.drive(u, count)
+        rows[number] = [output[quantity.output or 0] for quantity in quantities]
+    for column, quantity in enumerate(quantities):
+        if quantity.is_share:
+            rows[:, column] /= full
     return rows
 
 
-def full_opening(config: BenchConfig, axis: AxisConfig) -> float:
-    """Return the spool position that stands for 1 in a recording [m]."""
-    for node in config.nodes:
-        if isinstance(node, ValveConfig) and node.axis == axis.name:
-            return node.full_opening
-        for binding in node.bindings:
-            if isinstance(binding, SinkConfig) and binding.axis == axis.name:
-                return binding.full_opening
-    return axis.parameters.full_opening
-
-
-def _plant_at_start(
-    config: BenchConfig, axis: AxisConfig, recording: Recording, full: float
-) -> Plant:
+def _plant_at_start(axis: AxisConfig, dt: float, recording: Recording, full: float) -> Plant:
     """Return the plant of an axis in the state of the recording's first row.
 
     Raises:
         ConfigError: the recording does not have it.
     """
     names = recording.dtype.names or ()
-    needed = [f"{axis.name}.{quantity}" for quantity in COMPARED]
-    missing = [name for name in needed if name not in names]
-    if axis.model is Model.FULL_ORDER and not missing:
-        x, v, p_a, p_b, spool = (float(recording[name][0]) for name in needed)
-        state = PlantState(x, v, p_a, p_b, spool * full, 0.0)
-        return FullOrderPlant(
-            axis.parameters, options=axis.options, solver=axis.solver, dt=config.dt, state=state
-        )
-    position = f"{axis.name}.position"
-    if position not in names:
-        raise ConfigError(f"the recording has no {position}; it must have one to begin with")
-    return plant_at_rest(
-        axis.model,
-        axis.parameters,
-        options=axis.options,
-        solver=axis.solver,
-        dt=config.dt,
-        x=float(recording[position][0]),
-        delay=axis.spool_delay,
-    )
+    start = {
+        quantity.name: float(recording[name][0]) * (full if quantity.is_share else 1.0)
+        for quantity in compared(axis)
+        if (name := f"{axis.name}.{quantity.name}") in names
+    }
+    if axis.kind.start_with not in start:
+        needed = f"{axis.name}.{axis.kind.start_with}"
+        raise ConfigError(f"the recording has no {needed}; it must have one to begin with")
+    return axis.kind.build(axis, dt, start)

@@ -12,39 +12,27 @@ from hil_bench.config import BenchConfig
 from hil_bench.recording.channels import Channel
 from hil_bench.recording.formats import Heading
 
-AXIS_QUANTITIES = (
-    ("position", "m"),
-    ("speed", "m/s"),
-    ("P_A", "Pa"),
-    ("P_B", "Pa"),
-    ("spool_setpoint", "-"),
-    ("spool_position", "-"),
-)
-
 
 def bench_channels(bench: Bench) -> tuple[Channel, ...]:
     """Return the channels of a row of `sample`: `AXIS.QUANTITY`, then `SENSOR.measured`."""
     channels = [
-        Channel(f"{axis.name}.{quantity}", unit)
+        Channel(f"{axis.name}.{quantity.name}", quantity.unit)
         for axis in bench.axes
-        for quantity, unit in AXIS_QUANTITIES
+        for quantity in axis.recorded
     ]
-    channels += [Channel(f"{sensor.name}.measured", "Pa") for sensor in bench.pressures]
-    for position in bench.positions:
-        channels.append(Channel(f"{position.name}.measured", "m"))
-        channels.append(Channel(f"{position.name}.measured_speed", "m/s"))
+    channels += [Channel(*channel) for sensor in bench.sensors for channel in sensor.channels]
     return tuple(channels)
 
 
 def sample(bench: Bench) -> list[float]:
     """Return the present values of all `bench_channels`, in their order."""
     row: list[float] = []
-    for axis, u in zip(bench.axes, bench.commands, strict=True):
-        output, full = axis.plant.output, axis.valve.full_opening
-        row += (output.x, output.v, output.P_A, output.P_B, u / full, output.nu / full)
-    row += [sensor.measured for sensor in bench.pressures]
-    for position in bench.positions:
-        row += (position.measured, position.measured_speed)
+    for axis, commanded in zip(bench.axes, bench.commands, strict=True):
+        row += axis.row(commanded)
+    for sensor in bench.sensors:
+        row.append(sensor.measured / sensor.full)
+        if sensor.rate_path is not None:
+            row.append(sensor.measured_rate)
     return row
 
 

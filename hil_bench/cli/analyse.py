@@ -10,7 +10,7 @@ from hil_bench.analysis.paper import check_paper, write_paper
 from hil_bench.analysis.paper_runs import run_paper
 from hil_bench.analysis.study import Study, write_study
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
-from hil_bench.cli.arguments import add_output_argument, find_axis, make_directory
+from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.config import load_config
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     if args.study is None:
         return _run_paper(args)
     config = load_config(args.config)
-    study: Study = args.study(args, config, find_axis(config, args.axis))
+    study: Study = args.study(args, config, find_cylinder(config, args.axis, "an analysis"))
     files = [] if args.output is None else write_study(study, args.output)
     print(_json(study, files) if args.json else _text(study, files))
     return ExitCode.DONE

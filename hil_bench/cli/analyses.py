@@ -22,8 +22,9 @@ from hil_bench.analysis.simulation import Setup
 from hil_bench.analysis.study import Study
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.verbosity import add_verbosity_arguments
-from hil_bench.config import AxisConfig, BenchConfig
+from hil_bench.config import BenchConfig
 from hil_bench.plant import balanced_state
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 
 Names = argparse._SubParsersAction  # noqa: SLF001 - argparse has no public name for it
 """Where the parsers of the analyses are added."""
@@ -45,7 +46,7 @@ def add_analysis(
     names: "Names[argparse.ArgumentParser]",
     name: str,
     summary: str,
-    study: Callable[[argparse.Namespace, BenchConfig, AxisConfig], Study] | None,
+    study: Callable[[argparse.Namespace, BenchConfig, CylinderConfig], Study] | None,
     examples: str,
 ) -> argparse.ArgumentParser:
     """Add the parser of one analysis and return it, for its own arguments.
@@ -99,7 +100,7 @@ def _add_linearisation(names: "Names[argparse.ArgumentParser]") -> None:
     parser.add_argument("--load-n", type=float, default=0.0, metavar="F", help="load (0 N)")
 
 
-def _linearisation(args: argparse.Namespace, _config: BenchConfig, axis: AxisConfig) -> Study:
+def _linearisation(args: argparse.Namespace, _config: BenchConfig, axis: CylinderConfig) -> Study:
     spool, velocity = args.spool_position_mm, args.velocity_mm_s
     if spool is None and velocity is None:
         velocity = 100.0
@@ -169,7 +170,9 @@ def _add_frequency_response(names: "Names[argparse.ArgumentParser]") -> None:
     )
 
 
-def _frequency_response(args: argparse.Namespace, config: BenchConfig, axis: AxisConfig) -> Study:
+def _frequency_response(
+    args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig
+) -> Study:
     alpha = axis.parameters.alpha
     amplitudes = (
         [alpha, 0.3 * alpha]
@@ -221,7 +224,7 @@ def _add_trajectories(names: "Names[argparse.ArgumentParser]") -> None:
     parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="(10 s)")
 
 
-def _trajectories(args: argparse.Namespace, config: BenchConfig, axis: AxisConfig) -> Study:
+def _trajectories(args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig) -> Study:
     parameters = axis.parameters
     amplitudes = (
         [parameters.beta + 0.1 * parameters.alpha, parameters.alpha]
@@ -234,7 +237,7 @@ def _trajectories(args: argparse.Namespace, config: BenchConfig, axis: AxisConfi
     return trajectories_study(pairs)
 
 
-def _setup(config: BenchConfig, axis: AxisConfig) -> Setup:
+def _setup(config: BenchConfig, axis: CylinderConfig) -> Setup:
     return Setup(
         parameters=axis.parameters,
         options=axis.options,

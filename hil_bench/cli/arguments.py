@@ -9,9 +9,10 @@ from pathlib import Path
 from can.cli import add_bus_arguments
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import AxisConfig, BenchConfig, OverrunPolicy, RealtimePolicy, load_config
+from hil_bench.config import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.config.keys import REALTIME_KEYS
 from hil_bench.errors import ConfigError
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 
 _LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
 _NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--timing"}
@@ -145,18 +146,18 @@ def read_speed(text: str) -> float:
     return speed
 
 
-def find_axis(config: BenchConfig, name: str | None) -> AxisConfig:
-    """Return the axis that `--axis` names, the first one without it.
+def find_cylinder(config: BenchConfig, name: str | None, who: str) -> CylinderConfig:
+    """Return the axis that `--axis` names, the first one without it, which must be a cylinder.
 
     Raises:
-        ConfigError: the bench has no such axis.
+        ConfigError: the bench has no such axis, or it is another plant than `who` needs.
     """
     axes = {axis.name: axis for axis in config.axes}
     if name is None:
-        return config.first_axis
+        return require_cylinder(config.first_axis, who)
     if name not in axes:
         raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
-    return axes[name]
+    return require_cylinder(axes[name], who)
 
 
 def make_directory(path: Path) -> None:

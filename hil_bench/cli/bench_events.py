@@ -7,7 +7,6 @@ from hil_bench.bench import Bench
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.config import BenchConfig
-from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.faults.schedule import FaultEvent
 
 LOOK = 100_000_000
@@ -40,14 +39,11 @@ class BenchEvents:
         *,
         watches_sync: bool = True,
     ) -> None:
-        valves = {
-            id(axis.valve.node): axis.valve
-            for axis in bench.axes
-            if isinstance(axis.valve, ValveDevice)
-        }
         self._nodes = [
-            _NodeWatch(settings.name, node, valves.get(id(node)))
-            for settings, node in zip(config.nodes, bench.nodes, strict=True)
+            _NodeWatch(settings.name, node, fitting.state)
+            for settings, node, fitting in zip(
+                config.nodes, bench.nodes, bench.fittings, strict=True
+            )
         ]
         self._faults = bench.faults.events
         self._last_fault: FaultEvent | None = None
@@ -94,10 +90,10 @@ class BenchEvents:
 class _NodeWatch:
     """What was last seen of a node."""
 
-    def __init__(self, name: str, node: Node, valve: ValveDevice | None) -> None:
+    def __init__(self, name: str, node: Node, device_state: Callable[[], str] | None) -> None:
         self.name = name
         self._node = node
-        self._valve = valve
+        self._device_state = device_state
         self._states: tuple[str, ...] | None = None
         self._errors: frozenset[int] = frozenset()
         self._problem: str | None = None
@@ -126,8 +122,8 @@ class _NodeWatch:
         if state is NmtState.INITIALISING:
             return
         states = [state.name.replace("_", "-")]
-        if self._valve is not None:
-            states.append(self._valve.state.value)
+        if self._device_state is not None:
+            states.append(self._device_state())
         before, self._states = self._states, tuple(states)
         if before is not None:
             yield from (new for old, new in zip(before, states, strict=True) if new != old)

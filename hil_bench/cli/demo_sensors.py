@@ -2,21 +2,17 @@
 
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from drivers import Network, PositionSensor, PressureSensor, modbus
 from drivers.interfaces import PositionSource, PressureSource
 from drivers.modbus.framing import TcpFraming
 from drivers.modbus.register_map import RegisterMap
-from hil_bench.config import (
-    BenchConfig,
-    ModbusUnitConfig,
-    NodeConfig,
-    PressureConfig,
-    Profile,
-)
-from hil_bench.config import PressureSource as Port
+from hil_bench.config import BenchConfig, ModbusUnitConfig, NodeConfig
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.registry import ENCODER, PRESSURE
+from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.virtual_bench import VirtualBench
 
 
@@ -41,7 +37,7 @@ class Sensors(NamedTuple):
 
 def canopen_sensors(network: Network, members: Sequence[NodeConfig]) -> Sensors:
     """Return the drivers of an axis' sensors on CANopen."""
-    encoder = the_node(members, Profile.ENCODER_406)
+    encoder = the_node(members, ENCODER)
     pressure_a, pressure_b = (
         PressureSensor(network, node.node_id, node.eds) for node in transducers(members)
     )
@@ -53,7 +49,7 @@ def modbus_sensors(
 ) -> Sensors:
     """Return the drivers of an axis' sensors on Modbus TCP, inside this process."""
     client = modbus.ModbusClient(bench.modbus_link(TcpFraming()), clock=bench.now)
-    encoder = the_unit(config, the_node(members, Profile.ENCODER_406))
+    encoder = the_unit(config, the_node(members, ENCODER))
     pressure_a, pressure_b = (
         modbus.PressureSensor(client, unit.unit_id, registers_of(unit))
         for unit in (the_unit(config, node) for node in transducers(members))
@@ -79,34 +75,35 @@ def the_unit(config: BenchConfig, node: NodeConfig) -> ModbusUnitConfig:
     raise ConfigError(f"no [modbus.units.NAME] shows nodes.{node.name}; the demo needs one")
 
 
-def the_node(members: Sequence[NodeConfig], profile: Profile) -> NodeConfig:
-    """Return the first node of an axis with this profile.
+def the_node(members: Sequence[NodeConfig], kind: DeviceKind[Any]) -> NodeConfig:
+    """Return the first node of an axis of this kind.
 
     Raises:
         ConfigError: there is none.
     """
     for node in members:
-        if node.profile is profile:
+        if node.kind is kind:
             return node
     raise ConfigError(
-        f"the first axis has no node of profile {profile}; the demo's controller needs one"
+        f"the first axis has no node of profile {kind.name}; the demo's controller needs one"
     )
 
 
 def transducers(members: Sequence[NodeConfig]) -> tuple[NodeConfig, NodeConfig]:
     """Return the transducers of an axis at port A and at port B."""
-    return transducer(members, Port.P_A), transducer(members, Port.P_B)
+    at_a, at_b = (transducer(members, port) for port in PORTS)
+    return at_a, at_b
 
 
-def transducer(members: Sequence[NodeConfig], source: Port) -> NodeConfig:
+def transducer(members: Sequence[NodeConfig], port: str) -> NodeConfig:
     """Return the transducer at one port.
 
     Raises:
         ConfigError: there is none.
     """
     for node in members:
-        if isinstance(node, PressureConfig) and node.source is source:
+        if node.kind.measured(node) == port:
             return node
     raise ConfigError(
-        f"the first axis has no pressure_404 at {source}; the demo's controller needs one"
+        f"the first axis has no {PRESSURE.name} at {port}; the demo's controller needs one"
     )

@@ -29,9 +29,17 @@ from hil_bench.cli.demo_sensors import (
     the_node,
 )
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
-from hil_bench.config import BenchConfig, NodeConfig, Profile
+from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.registry import VALVE
 from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
+from hil_bench.plants.hydraulic_cylinder.quantities import (
+    POSITION,
+    PRESSURE_A,
+    PRESSURE_B,
+    SPOOL_POSITION,
+)
 from hil_bench.processes.snapshot import Snapshot
 from hil_bench.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.realtime.pacer import Pacer
@@ -121,6 +129,7 @@ class DemoSession:
         )
         self._setpoint_at: Callable[[float], float] = no_setpoint
         self._cycle: CycleRecord | None = None
+        self._parameters = require_cylinder(config.first_axis, "the demo").parameters
         setpoint = Channel(f"{config.first_axis.name}.position_setpoint", "m")
         self.bench = VirtualBench(
             config,
@@ -131,7 +140,6 @@ class DemoSession:
             record=recording,
         )
         self.bench.observers.append(self._publish)
-        self._plant = self.bench.bench.axes[0].plant
         channels, fields = bench_status(self.bench.bench)
         self.snapshot = Snapshot(2 + len(channels))  # time and set-point first
         self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
@@ -168,10 +176,10 @@ class DemoSession:
         return {
             Channel(f"{axis}.{name}_seen", unit): partial(self._seen, field)
             for name, unit, field in (
-                ("position", "m", "position"),
-                ("P_A", "Pa", "pressure_a"),
-                ("P_B", "Pa", "pressure_b"),
-                ("spool_position", "-", "spool_position"),
+                (*POSITION[:2], "position"),
+                (*PRESSURE_A[:2], "pressure_a"),
+                (*PRESSURE_B[:2], "pressure_b"),
+                (*SPOOL_POSITION[:2], "spool_position"),
             )
         }
 
@@ -184,8 +192,8 @@ class DemoSession:
         self.snapshot.write((time, self._setpoint(time), *axes))
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
-        plant = self._plant
-        profile = demo_profile(plant.state.x, plant.parameters.h)
+        position = self.bench.bench.axes[0].plant.output[POSITION.output or 0]
+        profile = demo_profile(position, self._parameters.h)
         cycles = 0
         with self._ready_loop(network) as loop:
             start, wall_start = network.now(), time.perf_counter()
@@ -216,7 +224,7 @@ class DemoSession:
             The control loop.
         """
         members = [n for n in self._config.nodes if n.axis == self._config.axes[0].name]
-        valve_node = the_node(members, Profile.VALVE_408)
+        valve_node = the_node(members, VALVE)
         network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
         with ProportionalValve(network, valve_node.node_id, valve_node.eds) as valve:
             sensors = self._sensors(network, members)
@@ -231,7 +239,7 @@ class DemoSession:
                 valve=valve,
                 position=sensors.position,
                 pressures=sensors.pressures,
-                controller=PositionController(tuned_parameters(self._plant.parameters)),
+                controller=PositionController(tuned_parameters(self._parameters)),
                 period=CYCLE,
             )
 

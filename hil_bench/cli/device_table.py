@@ -14,9 +14,9 @@ from hil_bench.canopen_device.pdo_parameters import (
     PdoParameters,
 )
 from hil_bench.config import BenchConfig, NodeConfig, SinkConfig, SourceConfig
-from hil_bench.config.bindings import find_bound
 from hil_bench.config.choices import FIRST_BUS
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.bindings import find_bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ def _read_device(node: NodeConfig) -> Device:
         name=node.name,
         node_id=node.node_id,
         bus=node.bus,
-        profile=node.profile.value,
+        profile=node.profile,
         axis=node.axis,
         eds=str(node.eds),
         pdos=pdos,

@@ -6,18 +6,18 @@ from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
-from hil_bench.cli.arguments import add_output_argument, find_axis, make_directory
+from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.config import AxisConfig, BenchConfig, load_config
+from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.identification.identify import Identification, identify
 from hil_bench.identification.plot import draw_trial
 from hil_bench.identification.record import AxisRecord
 from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.plant import Model
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.recording.files import read_recording
-from hil_bench.replay import full_opening
 
 _EXAMPLES = """\
 examples:
@@ -65,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
     if not 1 <= args.starts <= 10_000:
         raise ConfigError(f"--starts {args.starts}: 1 to 10000 are right")
     config = load_config(args.config)
-    axis = find_axis(config, args.axis)
+    axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     recording = read_recording(args.recording)
     make_directory(args.output)
     try:
-        record = AxisRecord.of(recording, axis.name, full_opening(config, axis))
+        record = AxisRecord.of(recording, axis.name, config.full_scale(axis))
         found = _identify(args, config, axis, record)
     except ConfigError as error:
         raise ConfigError(f"{args.recording}: {error}") from None
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _identify(
-    args: argparse.Namespace, config: BenchConfig, axis: AxisConfig, record: AxisRecord
+    args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig, record: AxisRecord
 ) -> Identification:
     from tqdm import tqdm  # noqa: PLC0415 - an extra
 

@@ -5,6 +5,7 @@ import contextlib
 import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,10 +21,10 @@ from hil_bench.recording.files import read_recording
 from hil_bench.recording.frames import message_of, read_frames
 from hil_bench.recording.trigger import quantity
 from hil_bench.replay import (
-    COMPARED,
     Deviation,
     Direction,
     compare_recordings,
+    compared,
     drive_plant,
     play_frames,
 )
@@ -145,12 +146,13 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         ConfigError: the recording lacks what is needed.
     """
     recorded = read_recording(args.recording)
-    tolerances = dict(_tolerance(text) for text in args.tolerance)
+    units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
+    tolerances = dict(_tolerance(text, units) for text in args.tolerance)
     try:
         driven = drive_plant(config, recorded)
     except ConfigError as error:
         raise ConfigError(f"{args.recording}: {error}") from None
-    deviations = compare_recordings(recorded, driven, tolerances)
+    deviations = compare_recordings(config, recorded, driven, tolerances)
     if args.json:
         print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
     else:
@@ -175,8 +177,8 @@ def _line(deviation: Deviation) -> str:
     return f"{deviation.channel:24} {numbers[0]:>12} {numbers[1]:>12} {time:>10}   {verdict}"
 
 
-def _tolerance(text: str) -> tuple[str, float]:
-    """Return the channel and the tolerance in its SI unit.
+def _tolerance(text: str, units: Mapping[str, str]) -> tuple[str, float]:
+    """Return the channel and the tolerance in its SI unit, by the units of what is compared.
 
     Raises:
         ConfigError: the text is none.
@@ -186,9 +188,9 @@ def _tolerance(text: str) -> tuple[str, float]:
     if match is None:
         raise ConfigError(f'--tolerance "{text}": {right}')
     name, value, symbol = match.groups()
-    unit = COMPARED.get(name.rpartition(".")[2])
+    unit = units.get(name.rpartition(".")[2])
     if unit is None:
-        raise ConfigError(f'--tolerance "{text}": {", ".join(COMPARED)} are compared')
+        raise ConfigError(f'--tolerance "{text}": {", ".join(units)} are compared')
     tolerance = quantity(text, value, symbol, unit)
     if not 0 <= tolerance < math.inf:
         raise ConfigError(f'--tolerance "{text}": {right}')

@@ -19,6 +19,7 @@ from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
 from hil_bench.config import BenchConfig
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.recording.files import RecordingFile
 from hil_bench.recording.frames import message_of, read_frames
 from hil_bench.shadow import Shadow, fit_limits
@@ -61,7 +62,7 @@ class _Limit(NamedTuple):
 
 _LIMITS = (
     _Limit("--position-mm", ("position",), MILLIMETRE, "position (0.5 mm"),
-    _Limit("--pressure-bar", ("P_A", "P_B"), BAR, "pressures (0.25 bar"),
+    _Limit("--pressure-bar", PORTS, BAR, "pressures (0.25 bar"),
     _Limit("--spool-percent", ("spool_position",), PERCENT, "spool (3 %%"),
 )
 

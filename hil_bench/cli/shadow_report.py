@@ -10,7 +10,6 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.shadow import (
-    QUANTITIES,
     Correction,
     Residual,
     Sample,
@@ -72,7 +71,7 @@ class ShadowReport:
         """Return all values side by side, a row a value; what a row does not bring is NaN."""
         names = dict.fromkeys((axis, quantity) for _, axis, quantity, _, _ in self._rows)
         channels = [
-            Channel(f"{axis}.{quantity}{side}", QUANTITIES[quantity])
+            Channel(f"{axis}.{quantity}{side}", self._shadow.units[quantity])
             for axis, quantity in names
             for side in ("", "_twin")
         ]
@@ -184,7 +183,9 @@ class ShadowReport:
         for quantity, residual in window.residuals.items():
             if residual.count:
                 mark = " !" if self._share(window, quantity) > 1.0 else "  "
-                cells.append(f"{quantity} {_text(quantity, residual.rms)}{mark}")
+                cells.append(
+                    f"{quantity} {_text(self._shadow.units[quantity], residual.rms)}{mark}"
+                )
         line = f"{window.end:8.2f} s  {window.axis}  {'  '.join(cells)}{_late_text(window)}"
         return line.rstrip()
 
@@ -192,11 +193,12 @@ class ShadowReport:
         lines = [f"\n{len(self._windows)} windows, {exceeded} of them beyond a limit; the worst:"]
         for axis, residuals in self._worst().items():
             for quantity, (window, residual) in residuals.items():
+                symbol = self._shadow.units[quantity]
                 judged = "TOO MUCH" if self._share(window, quantity) > 1.0 else "ok"
                 lines.append(
-                    f"  {axis} {quantity:15} RMS {_text(quantity, residual.rms)}, largest "
-                    f"{_text(quantity, residual.largest)}, limit "
-                    f"{_text(quantity, self._limit(window, quantity))}: {judged}"
+                    f"  {axis} {quantity:15} RMS {_text(symbol, residual.rms)}, largest "
+                    f"{_text(symbol, residual.largest)}, limit "
+                    f"{_text(symbol, self._limit(window, quantity))}: {judged}"
                     f"{_late_text(window)}"
                 )
         texts = {
@@ -222,7 +224,7 @@ class ShadowReport:
                         "largest": residual.largest,
                         "limit": self._limit(window, quantity),
                         "lateness": window.lateness,
-                        "unit": QUANTITIES[quantity],
+                        "unit": self._shadow.units[quantity],
                     }
                     for quantity, (window, residual) in residuals.items()
                 }
@@ -250,6 +252,6 @@ def _joined(missing: Mapping[str, str]) -> str:
     return "; ".join(f"{what}: {why}" for what, why in missing.items())
 
 
-def _text(quantity: str, value: float) -> str:
-    unit = _DISPLAY[QUANTITIES[quantity]]
+def _text(symbol: str, value: float) -> str:
+    unit = _DISPLAY.get(symbol, Unit(symbol, ""))
     return f"{unit.from_si(value):.3f} {unit.symbol}"

@@ -161,23 +161,20 @@ def bench_status(bench: Bench) -> tuple[list[Channel], list[Field]]:
     channels, fields = [], []
     for axis in bench.axes:
         label = f"{axis.name} " if len(bench.axes) > 1 else ""
-        for name, unit, template, scale in (
-            ("position", "m", label + "x {:+8.2f} mm", 1e3),
-            ("P_A", "Pa", "P_A {:5.1f}", 1e-5),
-            ("P_B", "Pa", "P_B {:5.1f} bar", 1e-5),
-            ("spool_position", "-", "spool {:+6.1f} %", 100.0),
-        ):
-            channels.append(Channel(f"{axis.name}.{name}", unit))
-            fields.append(Field(template, scale))
+        for quantity in axis.recorded:
+            if quantity.shown is not None:
+                channels.append(Channel(f"{axis.name}.{quantity.name}", quantity.unit))
+                fields.append(Field(label + quantity.shown.template, quantity.shown.scale))
+                label = ""
     return channels, fields
 
 
 def bench_status_row(bench: Bench) -> list[float]:
     """Return the present values of the channels of `bench_status`."""
     row: list[float] = []
-    for axis in bench.axes:
-        output = axis.plant.output
-        row += (output.x, output.P_A, output.P_B, output.nu / axis.valve.full_opening)
+    for axis, commanded in zip(bench.axes, bench.commands, strict=True):
+        pairs = zip(axis.recorded, axis.row(commanded), strict=True)
+        row += (value for quantity, value in pairs if quantity.shown is not None)
     return row
 
 

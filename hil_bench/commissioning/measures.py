@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.recording.channels import Channel, Recording
 from hil_bench.units import (
     BAR,
@@ -28,14 +29,7 @@ SHOWN_UNITS: Mapping[str, Unit] = {
 }
 """In which unit a measure is shown, by the symbol of its SI unit; others as they are."""
 
-SAMPLE_CHANNELS = (
-    Channel("position", "m"),
-    Channel("speed", "m/s"),
-    Channel("P_A", "Pa"),
-    Channel("P_B", "Pa"),
-    Channel("spool_setpoint", "-"),
-    Channel("spool_position", "-"),
-)
+SAMPLE_CHANNELS = tuple(Channel(q.name, q.unit) for q in QUANTITIES if q.is_recorded)
 """What the drivers tell at each sample, after the time."""
 
 

@@ -3,15 +3,13 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from hil_bench.config import (
-    BenchConfig,
-    EncoderConfig,
-    NodeConfig,
-    PressureConfig,
-    PressureSource,
-    ValveConfig,
-)
+from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.encoder_406 import EncoderConfig
+from hil_bench.kinds.pressure_404 import PressureConfig
+from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.kinds.valve_408 import ValveConfig
+from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 
 
 class Members(NamedTuple):
@@ -34,13 +32,13 @@ def find_members(config: BenchConfig, axis: str) -> Members:
         raise ConfigError(f"plant.{axis}: no node is its {what}; commissioning needs one")
 
     return Members(
-        find("valve_408", lambda node: isinstance(node, ValveConfig)),
-        find("encoder_406", lambda node: isinstance(node, EncoderConfig)),
+        find(VALVE.name, lambda node: isinstance(node, ValveConfig)),
+        find(ENCODER.name, lambda node: isinstance(node, EncoderConfig)),
         *(
             find(
-                f"pressure_404 at {source}",
-                lambda node, source=source: getattr(node, "source", None) is source,  # type: ignore[misc]
+                f"{PRESSURE.name} at {port}",
+                lambda node, port=port: node.kind.measured(node) == port,  # type: ignore[misc]
             )
-            for source in PressureSource
+            for port in PORTS
         ),
     )

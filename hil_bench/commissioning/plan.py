@@ -11,11 +11,12 @@ from enum import StrEnum
 from pathlib import Path
 
 from hil_bench.commissioning.plan_keys import LIMIT_KEYS, PLAN_KEYS, STEP_KEYS, STEP_LIMIT_KEYS
-from hil_bench.config import AxisConfig, BenchConfig
-from hil_bench.config.document import Document, check_tables, read_document, read_section
-from hil_bench.config.settings import Problems, convert, read_table
+from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
 from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
+from hil_bench.tables.document import Document, check_tables, read_document, read_section
+from hil_bench.tables.settings import Problems, convert, read_table
 
 SETTLING = 0.3
 """Time of steady motion before a sweep [s]."""
@@ -141,22 +142,22 @@ def _kinds(document: Document, problems: Problems) -> list[StepKind]:
     return kinds
 
 
-def choose_axis(plan: CommissioningPlan, config: BenchConfig) -> AxisConfig:
+def choose_axis(plan: CommissioningPlan, config: BenchConfig) -> CylinderConfig:
     """Return the axis that a plan is for.
 
     Raises:
-        ConfigError: the bench has none of this name.
+        ConfigError: the bench has none of this name, or it is no cylinder.
     """
     if plan.axis is None:
-        return config.first_axis
+        return require_cylinder(config.first_axis, "commissioning")
     for axis in config.axes:
         if axis.name == plan.axis:
-            return axis
+            return require_cylinder(axis, "commissioning")
     names = ", ".join(axis.name for axis in config.axes)
     raise ConfigError(f"{plan.path}:plan.axis: the bench has no {plan.axis}; give one of {names}")
 
 
-def check_against(plan: CommissioningPlan, axis: AxisConfig) -> None:
+def check_against(plan: CommissioningPlan, axis: CylinderConfig) -> None:
     """Refuse a plan that would leave the stroke, or its own limits, by what the data sheet says."""
     problems = Problems(str(plan.path))
     half = axis.parameters.h

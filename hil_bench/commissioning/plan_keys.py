@@ -6,8 +6,8 @@ share of it, either way.
 
 from collections.abc import Mapping
 
-from hil_bench.config.settings import Key
-from hil_bench.config.values import interval, number, text
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import interval, number, text
 from hil_bench.units import (
     BAR,
     HERTZ,

@@ -18,8 +18,10 @@ from hil_bench.commissioning.measures import Finding, Measure, StepResult, Verdi
 from hil_bench.commissioning.members import Members
 from hil_bench.commissioning.plan import Step, expected_speed
 from hil_bench.commissioning.rig import Rig
-from hil_bench.config import AxisConfig, BenchConfig
+from hil_bench.config import BenchConfig
 from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.recording.channels import Recording
 
 APPROACH_TIME = 15.0
@@ -52,7 +54,7 @@ class Procedure:
 
     network: Network
     config: BenchConfig
-    axis: AxisConfig
+    axis: CylinderConfig
     members: Members
     rig: Rig
     dead_zone: float = math.nan
@@ -85,7 +87,7 @@ class Procedure:
 
     def force(self, trace: Recording) -> Any:  # noqa: ANN401 - a column of a structured array
         """Return the piston's force by its pressures, P_A A_A - P_B A_B [N]."""
-        return trace["P_A"] * self.parameters.A_A - trace["P_B"] * self.parameters.A_B
+        return trace[P_A] * self.parameters.A_A - trace[P_B] * self.parameters.A_B
 
 
 def communication(procedure: Procedure, step: Step) -> StepResult:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.commissioning.measures import Curve, StepResult
 from hil_bench.figure_style import BLUE, GREEN, GREY, ORANGE, RED
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.recording.channels import Recording
 from hil_bench.recording.plot import save_figure
 
@@ -22,7 +23,7 @@ class _Panel(NamedTuple):
 _PANELS = (
     _Panel("Position [mm]", 1e3, (("position", "", BLUE, "-"),)),
     _Panel("Speed [mm/s]", 1e3, (("speed", "", GREEN, "-"),)),
-    _Panel("Pressure [bar]", 1e-5, (("P_A", "$P_A$", ORANGE, "-"), ("P_B", "$P_B$", GREEN, "-"))),
+    _Panel("Pressure [bar]", 1e-5, ((P_A, "$P_A$", ORANGE, "-"), (P_B, "$P_B$", GREEN, "-"))),
     _Panel(
         "Spool [%]",
         100.0,

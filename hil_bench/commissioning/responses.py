@@ -10,6 +10,7 @@ from hil_bench.commissioning.measures import Curve, Finding, Measure, StepResult
 from hil_bench.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
 from hil_bench.commissioning.procedure import REST, Procedure
 from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 
 
 def steps(procedure: Procedure, step: Step) -> StepResult:
@@ -46,8 +47,8 @@ def steps(procedure: Procedure, step: Step) -> StepResult:
     )
     result.measures += [
         Measure("spool: time to 63 %", rise, "s", high=step.values["rise_time"]),
-        Measure("highest pressure", float(max(trace["P_A"].max(), trace["P_B"].max())), "Pa"),
-        Measure("lowest pressure", float(min(trace["P_A"].min(), trace["P_B"].min())), "Pa"),
+        Measure("highest pressure", float(max(trace[P_A].max(), trace[P_B].max())), "Pa"),
+        Measure("lowest pressure", float(min(trace[P_A].min(), trace[P_B].min())), "Pa"),
     ]
     return result
 

@@ -6,6 +6,7 @@ from hil_bench.commissioning import estimation
 from hil_bench.commissioning.measures import Finding, Measure, StepResult
 from hil_bench.commissioning.plan import Step
 from hil_bench.commissioning.procedure import REST, Procedure
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
 
 
 def sensors(procedure: Procedure, step: Step) -> StepResult:
@@ -23,7 +24,7 @@ def sensors(procedure: Procedure, step: Step) -> StepResult:
         ),
         _drift("position drift", estimation.slope(time, position), "m/s", values["position_drift"]),
     ]
-    for name in ("P_A", "P_B"):
+    for name in PORTS:
         pressure = trace[name]
         result.measures += [
             Measure(name, float(pressure.mean()), "Pa", -2e5, 1.1 * parameters.P_S),
@@ -62,8 +63,8 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
     drift, limit = estimation.slope(time, trace["position"]), values["position_drift"]
     result.measures.append(Measure("position drift", drift, "m/s", -limit, limit))
     volumes = {
-        "P_A": parameters.V_A0 + parameters.A_A * position,
-        "P_B": parameters.V_B0 - parameters.A_B * position,
+        P_A: parameters.V_A0 + parameters.A_A * position,
+        P_B: parameters.V_B0 - parameters.A_B * position,
     }
     limit = values["pressure_drift"]
     for name, volume in volumes.items():

@@ -1,30 +1,19 @@
 """`bench.toml` to frozen records: read, checked and converted to SI once."""
 
-from hil_bench.config.choices import (
-    OverrunPolicy,
-    PressureSource,
-    Profile,
-    Quantity,
-    RealtimePolicy,
-)
+from hil_bench.config.choices import OverrunPolicy, RealtimePolicy
 from hil_bench.config.load import CONFIG_VARIABLE, SEED_VARIABLE, load_config
 from hil_bench.config.records import (
-    AxisConfig,
     BenchConfig,
     BusConfig,
-    EncoderConfig,
     FaultConfig,
-    GenericConfig,
     ModbusConfig,
     ModbusUnitConfig,
-    NodeConfig,
-    PressureConfig,
     RealtimeConfig,
-    SinkConfig,
-    SourceConfig,
-    ValveConfig,
 )
-from hil_bench.config.settings import Origin, Setting
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.kind import NodeConfig
+from hil_bench.plants.kind import AxisConfig
+from hil_bench.tables.settings import Origin, Setting
 
 __all__ = [
     "CONFIG_VARIABLE",
@@ -32,23 +21,16 @@ __all__ = [
     "AxisConfig",
     "BenchConfig",
     "BusConfig",
-    "EncoderConfig",
     "FaultConfig",
-    "GenericConfig",
     "ModbusConfig",
     "ModbusUnitConfig",
     "NodeConfig",
     "Origin",
     "OverrunPolicy",
-    "PressureConfig",
-    "PressureSource",
-    "Profile",
-    "Quantity",
     "RealtimeConfig",
     "RealtimePolicy",
     "Setting",
     "SinkConfig",
     "SourceConfig",
-    "ValveConfig",
     "load_config",
 ]

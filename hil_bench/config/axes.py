@@ -1,61 +1,27 @@
-"""The tables ``[plant.NAME]``: the cylinders and the hydraulic side of their valves."""
+"""The tables ``[plant.NAME]``: the axes, each with the kind of its plant."""
 
-import math
-import re
 from collections.abc import Mapping
+from typing import Any
 
-from hil_bench.config.choices import Friction, Supply
-from hil_bench.config.document import Document, read_named_sections
-from hil_bench.config.keys import (
-    AIR_KEYS,
-    AXIS_KEYS,
-    BRISTLE_KEYS,
-    CAVITATION_KEYS,
-    CONSTANT_LOAD_KEYS,
-    DELAY_KEY,
-    END_STOP_KEYS,
-    LOAD_KEYS,
-    OPTION_KEYS,
-    PARAMETER_KEYS,
-    SERIES_KEY,
-    SLOPE_KEYS,
-    SPRING_KEYS,
-    SUPPLY_KEYS,
-)
-from hil_bench.config.records import AxisConfig
-from hil_bench.config.settings import Problems, Settings, convert, read_table
-from hil_bench.errors import ParameterError
-from hil_bench.plant.checks import check_full_model
-from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
-from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
-from hil_bench.plant.models import Model, largest_stable_step
-from hil_bench.plant.options import EndStop, PlantOptions
-from hil_bench.plant.parameters import PlantParameters
-from hil_bench.plant.reduced_order import check_delay, check_reduced_model
-from hil_bench.plant.stepping import Solver, shortcoming
+from hil_bench.config.plausibility import check_possible
+from hil_bench.errors import ConfigError
+from hil_bench.plants.kind import AxisConfig, AxisSettings, PlantKind
+from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
+from hil_bench.tables.document import Document, read_named_sections
+from hil_bench.tables.settings import Given, Key, Problems, read_table
+from hil_bench.tables.values import describe, text
+
+KIND_KEY = Key("kind", text)
 
 _DEFAULT_AXIS = "axis1"
 
-_PHYSICAL_KEYS = {
-    key.field or key.name: key.name
-    for key in (
-        *PARAMETER_KEYS,
-        *OPTION_KEYS,
-        *END_STOP_KEYS,
-        *CAVITATION_KEYS,
-        *AIR_KEYS,
-        *BRISTLE_KEYS,
-        *SUPPLY_KEYS,
-        *LOAD_KEYS,
-        DELAY_KEY,
-    )
-} | {"bristles": "friction", "supply_unit": "supply"}
-# A symbol, but not a unit, which follows a number or a stroke.
-_SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
+
+Axes = Mapping[str, AxisSettings]
+"""By name."""
 
 
-def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, Settings]:
-    """Return the settings of each axis by its name.
+def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, AxisSettings]:
+    """Return the axes by their names; one of a kind that is not there is noted and left out.
 
     Args:
         document: the file.
@@ -65,126 +31,47 @@ def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[
     sections = read_named_sections(document, "plant", problems)
     if default and not sections:
         sections = {_DEFAULT_AXIS: {}}
-    return {
-        name: read_table(f"plant.{name}", given, AXIS_KEYS, problems)
-        for name, given in sections.items()
-    }
+    axes = {}
+    for name, given in sections.items():
+        table = f"plant.{name}"
+        told = {KIND_KEY.name: given.pop(KIND_KEY.name)} if KIND_KEY.name in given else {}
+        kind = _find_kind(told, problems)
+        if kind is not None:
+            said = read_table(table, told, (KIND_KEY,), problems) if told else {}
+            axes[name] = AxisSettings(kind, said | read_table(table, given, kind.keys, problems))
+    return axes
 
 
-def build_axes(
-    axes: Mapping[str, Settings], step_us: int, problems: Problems
-) -> tuple[AxisConfig, ...]:
+def build_axes(axes: Axes, step_us: int, problems: Problems) -> tuple[AxisConfig, ...]:
     """Return the records of the axes; what makes no physical sense is noted and left out.
 
     Args:
-        axes: their settings.
+        axes: as they were read.
         step_us: step of the plants' solvers [us].
         problems: where problems are noted.
     """
-    built = []
-    for name, axis in axes.items():
-        _check_position(name, axis, problems)
-        try:
-            record = _build_axis(name, axis)
-        except ParameterError as error:
-            _explain(f"plant.{name}", str(error), problems)
-        else:
-            _check_solver(record, step_us, problems)
-            built.append(record)
-    return tuple(built)
-
-
-def full_opening_mm(axis: Settings) -> float:
-    """Return the spool position [mm] from which on the orifices of an axis are fully open.
-
-    It is alpha + beta (Ruderman 2017 eq. (2)), of the larger side.
-    """
-    alpha, beta = axis["orifice_full_opening_mm"].value, axis["spool_overlap_mm"].value
-    alpha_negative = axis["orifice_full_opening_negative_mm"].value
-    beta_negative = axis["spool_overlap_negative_mm"].value
-    negative = (alpha if alpha_negative is None else alpha_negative) + (
-        beta if beta_negative is None else beta_negative
+    records = (
+        axis.kind.configure(name, axis.settings, step_us, problems) for name, axis in axes.items()
     )
-    return float(max(alpha + beta, negative))
+    return tuple(record for record in records if record is not None)
 
 
-def _build_axis(name: str, axis: Settings) -> AxisConfig:
-    record = AxisConfig(
-        name=name,
-        model=axis["model"].value,
-        parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
-        options=_build_options(axis),
-        solver=axis["solver"].value,
-        position=convert(axis, (axis["position_mm"].key,))["position"],
-        spool_delay=convert(axis, (DELAY_KEY,))["delay"],
-    )
-    if record.model is Model.REDUCED:
-        check_reduced_model(record.parameters, record.options)
-        check_delay(record.spool_delay)
-    elif record.spool_delay:
-        raise ParameterError(f'delay = {record.spool_delay:g} s: only for model = "reduced"')
-    else:
-        check_full_model(record.parameters, record.options)
-    return record
+def check_axes(axes: Axes, problems: Problems) -> None:
+    """Note values of the axes' keys that nature does not allow."""
+    for axis in axes.values():
+        check_possible(axis.settings, axis.kind, problems)
 
 
-def _build_options(axis: Settings) -> PlantOptions:
-    options = convert(axis, OPTION_KEYS)
-    if axis["cavitation"].value:
-        options |= convert(axis, CAVITATION_KEYS)
-    if axis["end_stop"].value:
-        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
-    if axis["entrained_air_percent"].value:
-        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
-    if axis["friction"].value is Friction.LUGRE:
-        options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
-    if axis["supply"].value is Supply.UNIT:
-        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
-    return PlantOptions(**options, loads=_build_loads(axis))
-
-
-def _build_loads(axis: Settings) -> tuple[Load, ...]:
-    loads: list[Load] = []
-    if axis["load_n"].value:
-        loads.append(ConstantLoad(**convert(axis, CONSTANT_LOAD_KEYS)))
-    if axis["load_spring_n_mm"].value:
-        loads.append(SpringLoad(**convert(axis, SPRING_KEYS)))
-    if axis["load_mass_kg"].value:
-        loads.append(MassOnSlope(**convert(axis, SLOPE_KEYS)))
-    if series := axis[SERIES_KEY.name].value:
-        times, forces = zip(*series, strict=True)
-        loads.append(LoadSeries(times, forces))
-    return tuple(loads)
-
-
-def _check_solver(axis: AxisConfig, step_us: int, problems: Problems) -> None:
-    limit_us = largest_stable_step(axis.model, axis.parameters, axis.options, axis.solver) * 1e6
-    if step_us <= limit_us:
-        return
-    rights = []
-    if axis.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
-        rights.append(f'solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"')
-    if limit_us >= 1.0:
-        rights.append(f"bench.step_us = {math.floor(limit_us)}")
-    right = " or ".join(rights) or "a larger moving_mass_kg or a smaller bulk_modulus_mpa"
-    wrong = f'"{axis.solver.value}" {shortcoming(axis.solver)} with these parameters'
-    problems.add(
-        problems.place(f"plant.{axis.name}", "solver"),
-        f"{wrong} at step_us = {step_us}; give {right}",
-    )
-
-
-def _check_position(name: str, axis: Settings, problems: Problems) -> None:
-    position, limit = axis["position_mm"].value, axis["stroke_mm"].value / 2.0
-    if abs(position) > limit > 0.0:
-        place = problems.place(f"plant.{name}", "position_mm")
-        right = f"give {-limit:g} to {limit:g}, half of stroke_mm to each side"
-        problems.add(place, f"{position:g} is beyond the stroke; {right}")
-
-
-def _explain(table: str, message: str, problems: Problems) -> None:
-    """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
-    keys = list(dict.fromkeys(_PHYSICAL_KEYS[symbol] for symbol in _SYMBOL.findall(message)))
-    related = f" (see also {', '.join(keys[1:])})" if len(keys) > 1 else ""
-    place = problems.place(table, keys[0] if keys else "")
-    problems.add(place, message.replace(": ", "; ", 1) + related)
+def _find_kind(told: Mapping[str, Given], problems: Problems) -> PlantKind[Any] | None:
+    if not told:
+        return DEFAULT_PLANT
+    given = told[KIND_KEY.name]
+    try:
+        kind = PLANTS.find(given.value) if isinstance(given.value, str) else None
+    except ConfigError as error:
+        problems.add(given.place, error)
+        return None
+    if kind is None:
+        known = ", ".join(f'"{name}"' for name in PLANTS.names())
+        problems.add(given.place, f"{describe(given.value)} is unknown; give one of {known}")
+    return kind

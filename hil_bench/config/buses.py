@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 
 from hil_bench.config.choices import FIRST_BUS
-from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.keys import BUS_KEYS
 from hil_bench.config.records import BusConfig
-from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import bus_option, describe
+from hil_bench.tables.document import Document, read_named_sections, read_section
+from hil_bench.tables.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.tables.values import bus_option, describe
 
 MOST_BUSES = 8
 """More than any machine has; a recording has room for 32."""

@@ -5,15 +5,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
-from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.eds_document import Finding, Severity
-from hil_bench.config.settings import Settings
 from hil_bench.errors import EdsError
+from hil_bench.kinds.registry import KINDS
+from hil_bench.tables.settings import Settings
 
 logger = logging.getLogger(__name__)
 
-_OURS: Final = frozenset({VALVE_408, PRESSURE_404, ENCODER_406})
+_OURS: Final = frozenset(kind.eds for kind in KINDS.built_in.values())
 _MOST_SHOWN: Final = 10
 
 

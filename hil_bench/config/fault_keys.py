@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.settings import Key
-from hil_bench.config.values import choice, integer, number, text, zero_or
 from hil_bench.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import choice, integer, number, text, zero_or
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,

@@ -3,19 +3,21 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil_bench.config.choices import Profile, Quantity
-from hil_bench.config.document import Document, give
+from hil_bench.config.axes import Axes
 from hil_bench.config.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
-from hil_bench.config.records import FaultConfig, SinkConfig, SourceConfig
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe, quote
+from hil_bench.config.records import FaultConfig
 from hil_bench.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.registry import kind_of
+from hil_bench.tables.document import Document, give
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe, quote
 from hil_bench.units import BAR, MILLIMETRE, Unit
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 
-_QUANTITY_UNITS = {Quantity.P_A: BAR, Quantity.P_B: BAR, Quantity.POSITION: MILLIMETRE}
-_PROFILE_UNITS = {Profile.PRESSURE_404: BAR, Profile.ENCODER_406: MILLIMETRE}
+_UNITS = {"Pa": BAR, "m": MILLIMETRE}
+"""In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
 
 
 class Targets(NamedTuple):
@@ -24,7 +26,7 @@ class Targets(NamedTuple):
     Attributes:
         sensors: with the unit of their amounts; None where `[[faults]]` has no key for it.
         valves: with whether they have an enable input.
-        axes: with the pressure of their tank [bar].
+        axes: those with a supply, with the least pressure that it can have [bar].
         nodes: names.
     """
 
@@ -68,29 +70,32 @@ def read_faults(
     return found
 
 
-def find_targets(
-    nodes: Mapping[str, Settings], axes: Mapping[str, Settings], bindings: Bindings
-) -> Targets:
+def find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
     """Return what of a bench may have faults."""
     sensors: dict[str, Unit | None] = {}
     valves: dict[str, bool] = {}
     for name, node in nodes.items():
-        profile = node["profile"].value
-        if profile in _PROFILE_UNITS:
-            sensors[name] = _PROFILE_UNITS[profile]
-        elif profile is Profile.VALVE_408:
-            valves[name] = True
+        kind = kind_of(node["profile"].value)
+        signals = kind.signals(name, node)
+        sensors |= {signal: _UNITS.get(unit) for signal, unit in signals.items()}
+        if kind.is_drive:
+            valves[name] = kind.has_enable_input
         bound = bindings.get(name, ())
         sources = [each for each in bound if isinstance(each, SourceConfig)]
         sinks = [each for each in bound if isinstance(each, SinkConfig)]
-        sensors |= {f"{name}.{each.name}": _QUANTITY_UNITS.get(each.quantity) for each in sources}
+        units = {
+            f"{name}.{each.name}": _UNITS.get(axes[each.axis].kind.by_name[each.quantity].unit)
+            for each in sources
+        }
+        sensors |= units
         valves |= {f"{name}.{each.name}": False for each in sinks}
         if len(sources) == 1:
-            sensors.setdefault(name, _QUANTITY_UNITS.get(sources[0].quantity))
+            sensors.setdefault(name, next(iter(units.values())))
         if len(sinks) == 1:
             valves.setdefault(name, False)
-    tanks = {name: axis["tank_pressure_bar"].value for name, axis in axes.items()}
-    return Targets(sensors, valves, tanks, list(nodes))
+    lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
+    supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
+    return Targets(sensors, valves, supplies, list(nodes))
 
 
 def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:

@@ -1,70 +1,33 @@
-"""The keys of `bench.toml`: name, unit, default and the attribute that each one fills.
+"""The keys of `bench.toml` that belong to no kind: name, unit, default, and what each one fills.
 
-`docs/configuration.md` tells the meaning of each. The defaults of the plant are Table I of
-Ruderman 2017.
+`docs/configuration.md` tells the meaning of each.
 """
 
-from collections.abc import Mapping
+from functools import cache
+from typing import Any, Final
 
-from hil_bench.config.choices import (
-    FIRST_BUS,
-    Friction,
-    OverrunPolicy,
-    PressureSource,
-    Profile,
-    RealtimePolicy,
-    Supply,
-)
-from hil_bench.config.objects import objects
-from hil_bench.config.settings import Key
-from hil_bench.config.values import (
-    boolean,
+from hil_bench.config.choices import FIRST_BUS, OverrunPolicy, RealtimePolicy
+from hil_bench.kinds.generic import GENERIC
+from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.registry import KINDS, kind_name
+from hil_bench.plant.stepping import DEFAULT_STEP
+from hil_bench.plants.registry import DEFAULT_PLANT
+from hil_bench.tables.objects import objects
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import (
     channel,
     choice,
     integer,
     interface,
-    interval,
     node_id,
     non_negative,
     nonzero,
     number,
-    points,
     text,
 )
-from hil_bench.plant.models import Model
-from hil_bench.plant.stepping import DEFAULT_STEP, Solver
-from hil_bench.units import (
-    BAR,
-    CUBIC_CENTIMETRE,
-    DEGREE,
-    KILOGRAM,
-    KILOGRAM_PER_CUBIC_METRE,
-    LITRE,
-    LITRE_PER_MINUTE,
-    LITRE_PER_MINUTE_BAR,
-    MEGAPASCAL,
-    MICROSECOND,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    MILLISECOND,
-    NEWTON,
-    NEWTON_PER_MILLIMETRE,
-    NEWTON_SECOND_PER_METRE,
-    ONE,
-    PASCAL,
-    PERCENT,
-    RADIAN_PER_SECOND,
-    SECOND_AND_NEWTON,
-    SECOND_PER_METRE,
-    SQUARE_CENTIMETRE,
-    Unit,
-)
+from hil_bench.units import MICROSECOND
 
 TABLES = ("bench", "bus", "buses", "plant", "nodes", "modbus", "faults")
-
-
-def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
-    return Key(name, number(unit), default, unit, field)
 
 
 REALTIME_KEYS = (
@@ -88,153 +51,30 @@ BUS_KEYS = (
     Key("bitrate", integer(1, 1_000_000)),
 )
 
-PARAMETER_KEYS = (
-    _quantity("orifice_full_opening_mm", 1.0, MILLIMETRE, "alpha"),
-    _quantity("spool_overlap_mm", 0.3, MILLIMETRE, "beta"),
-    _quantity("spool_natural_frequency_rad_s", 1200.0, RADIAN_PER_SECOND, "omega_0"),
-    _quantity("spool_damping_ratio", 0.7, ONE, "xi"),
-    _quantity("discharge_coefficient", 0.65, ONE, "C_d"),
-    _quantity("orifice_width_mm", 20.0, MILLIMETRE, "w"),
-    _quantity("oil_density_kg_m3", 850.0, KILOGRAM_PER_CUBIC_METRE, "rho"),
-    _quantity("bulk_modulus_mpa", 100.0, MEGAPASCAL, "E"),
-    _quantity("supply_pressure_bar", 100.0, BAR, "P_S"),
-    _quantity("tank_pressure_bar", 0.0, BAR, "P_T"),
-    _quantity("internal_leakage_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_L"),
-    _quantity("piston_area_cm2", 50.0, SQUARE_CENTIMETRE, "A_A"),
-    _quantity("rod_side_area_cm2", 47.0, SQUARE_CENTIMETRE, "A_B"),
-    _quantity("piston_side_volume_cm3", 1200.0, CUBIC_CENTIMETRE, "V_A0"),
-    _quantity("rod_side_volume_cm3", 1150.0, CUBIC_CENTIMETRE, "V_B0"),
-    _quantity("moving_mass_kg", 20.0, KILOGRAM, "m"),
-    _quantity("coulomb_friction_n", 600.0, NEWTON, "F_c"),
-    _quantity("static_friction_n", 900.0, NEWTON, "F_s"),
-    _quantity("viscous_friction_n_s_m", 2000.0, NEWTON_SECOND_PER_METRE, "sigma"),
-    _quantity("stribeck_velocity_mm_s", 20.0, MILLIMETRE_PER_SECOND, "chi"),
-    _quantity("stribeck_exponent", 0.8, ONE, "delta"),
-    # A data sheet gives the full stroke, the model wants half of it.
-    _quantity("stroke_mm", 400.0, Unit("mm", "_mm", 0.5e-3), "h"),
-)
+_FIRST_KIND = next(iter(KINDS.built_in))
 
-OPTION_KEYS = (
-    Key("signed_root", boolean, True),
-    _quantity("tanh_gain_s_m", 400.0, SECOND_PER_METRE, "tanh_gain"),
-    _quantity("laminar_transition_pa", 300.0, PASCAL, "laminar_transition"),
-    # What is None is as for non_negative spool positions.
-    Key("orifice_full_opening_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "alpha_negative"),
-    Key("spool_overlap_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "beta_negative"),
-    _quantity("external_leakage_a_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LA"),
-    _quantity("external_leakage_b_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LB"),
-)
-
-END_STOP_KEYS = (
-    _quantity("end_stop_stiffness_n_mm", 2e5, NEWTON_PER_MILLIMETRE, "stiffness"),
-    _quantity("end_stop_damping_n_s_m", 2e4, NEWTON_SECOND_PER_METRE, "damping"),
-)
-
-CAVITATION_KEYS = (_quantity("cavitation_floor_bar", -1.01325, BAR, "cavitation_floor"),)
-
-AIR_KEYS = (
-    _quantity("entrained_air_percent", 0.0, PERCENT, "air_fraction"),
-    _quantity("entrained_air_exponent", 1.4, ONE, "air_exponent"),
-)
-
-BRISTLE_KEYS = (
-    _quantity("bristle_stiffness_n_mm", 1e4, NEWTON_PER_MILLIMETRE, "sigma_0"),
-    _quantity("bristle_damping_n_s_m", 2e3, NEWTON_SECOND_PER_METRE, "sigma_1"),
-)
-
-SUPPLY_KEYS = (
-    _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
-    _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
-    _quantity("relief_gradient_l_min_bar", 12.0, LITRE_PER_MINUTE_BAR, "relief_gradient"),
-    _quantity("supply_line_volume_cm3", 500.0, CUBIC_CENTIMETRE, "line_volume"),
-    _quantity("accumulator_volume_l", 1.0, LITRE, "accumulator_volume"),
-    _quantity("accumulator_precharge_bar", 60.0, BAR, "precharge_pressure"),
-    _quantity("accumulator_exponent", 1.4, ONE, "gas_exponent"),
-)
-
-CONSTANT_LOAD_KEYS = (_quantity("load_n", 0.0, NEWTON, "load_force"),)
-
-SPRING_KEYS = (
-    _quantity("load_spring_n_mm", 0.0, NEWTON_PER_MILLIMETRE, "spring_stiffness"),
-    _quantity("load_spring_rest_mm", 0.0, MILLIMETRE, "spring_rest"),
-)
-
-SLOPE_KEYS = (
-    _quantity("load_mass_kg", 0.0, KILOGRAM, "load_mass"),
-    _quantity("load_slope_deg", 0.0, DEGREE, "slope"),
-)
-
-SERIES_KEY = Key("load_series_s_n", points(SECOND_AND_NEWTON), (), SECOND_AND_NEWTON, "load_series")
-
-LOAD_KEYS = (*CONSTANT_LOAD_KEYS, *SPRING_KEYS, *SLOPE_KEYS, SERIES_KEY)
-
-DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
-
-AXIS_KEYS = (
-    Key("model", choice(Model), Model.FULL_ORDER),
-    DELAY_KEY,
-    *PARAMETER_KEYS,
-    *OPTION_KEYS,
-    Key("end_stop", boolean, True),
-    *END_STOP_KEYS,
-    Key("cavitation", boolean, True),
-    *CAVITATION_KEYS,
-    *AIR_KEYS,
-    Key("friction", choice(Friction), Friction.STRIBECK),
-    *BRISTLE_KEYS,
-    Key("supply", choice(Supply), Supply.CONSTANT),
-    *SUPPLY_KEYS,
-    *LOAD_KEYS,
-    _quantity("position_mm", 0.0, MILLIMETRE, "position"),
-    Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),
-)
-
-PROFILE_KEY = Key(
+PROFILE_KEY: Final = Key(
     "profile",
-    choice(Profile),
-    example='"valve_408", or eds = "vendor.eds" for a device made from that file alone',
+    kind_name,
+    example=f'"{_FIRST_KIND}", or eds = "vendor.eds" for a device made from that file alone',
 )
 
-CHAIN_TABLE = "chain"
-"""Name of the table of a sensor's measuring chain, within the sensor's table."""
 
-_NODE_ID_KEY = Key("node_id", node_id, example="1")
-_BUS_KEY = Key("bus", text, FIRST_BUS)
+@cache
+def node_keys(kind: DeviceKind[Any]) -> tuple[Key, ...]:
+    """Return the keys of the table of a node of a kind, but for its chain."""
+    return (
+        PROFILE_KEY if kind is not GENERIC else Key("profile", kind_name, GENERIC.name),
+        Key("node_id", node_id, example="1"),
+        Key("bus", text, FIRST_BUS),
+        *((Key("axis", text),) if kind.has_axis else ()),
+        Key("eds", text, example="" if kind.eds else '"vendor.eds"'),
+        Key("storage", text),
+        Key("serial_number", integer(0, 0xFFFFFFFF)),
+        Key("objects", objects),
+        *kind.keys,
+    )
 
-_KEPT_KEYS = (
-    Key("storage", text),
-    Key("serial_number", integer(0, 0xFFFFFFFF)),
-    Key("objects", objects),
-)
-
-_COMMON_NODE_KEYS = (
-    PROFILE_KEY,
-    _NODE_ID_KEY,
-    _BUS_KEY,
-    Key("axis", text),
-    Key("eds", text),
-    *_KEPT_KEYS,
-)
-
-NODE_KEYS: Mapping[Profile, tuple[Key, ...]] = {
-    Profile.GENERIC: (
-        Key("profile", choice(Profile), Profile.GENERIC),
-        _NODE_ID_KEY,
-        _BUS_KEY,
-        Key("eds", text, example='"vendor.eds"'),
-        *_KEPT_KEYS,
-    ),
-    Profile.VALVE_408: (
-        *_COMMON_NODE_KEYS,
-        Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
-    ),
-    Profile.PRESSURE_404: (
-        *_COMMON_NODE_KEYS,
-        Key("source", choice(PressureSource), example='"P_A"'),
-        Key("span_bar", interval(BAR), (0.0, 250.0), BAR, "span"),
-    ),
-    Profile.ENCODER_406: _COMMON_NODE_KEYS,
-}
 
 _SCALE_KEYS = (
     Key("unit", text),
@@ -243,13 +83,13 @@ _SCALE_KEYS = (
 )
 
 SOURCE_KEYS = (
-    Key("source", text, example='"axis1.P_A"'),
+    Key("source", text, example=f'"axis1.{DEFAULT_PLANT.outputs_in("Pa")[0].name}"'),
     *_SCALE_KEYS,
     Key("delta", non_negative),
 )
 
 SINK_KEYS = (
-    Key("sink", text, example='"axis1.spool_setpoint"'),
+    Key("sink", text, example=f'"axis1.{DEFAULT_PLANT.command.name}"'),
     *_SCALE_KEYS,
     Key("safe", number(), 0.0),
 )

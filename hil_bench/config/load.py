@@ -4,12 +4,10 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_bench.config.axes import build_axes, read_axes
+from hil_bench.config.axes import build_axes, check_axes, read_axes
 from hil_bench.config.bindings import build_bindings, read_bindings
 from hil_bench.config.buses import build_bus, check_buses, read_bus, read_further_buses
-from hil_bench.config.chains import check_chains
 from hil_bench.config.choices import RealtimePolicy
-from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
 from hil_bench.config.eds_findings import warn_of_nodes
 from hil_bench.config.faults import build_fault, check_faults, find_targets, read_faults
 from hil_bench.config.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
@@ -21,9 +19,10 @@ from hil_bench.config.nodes import (
     read_nodes,
     resolve_nodes,
 )
-from hil_bench.config.plausibility import check_possible
 from hil_bench.config.records import BenchConfig, RealtimeConfig
-from hil_bench.config.settings import (
+from hil_bench.kinds.chains import check_chains
+from hil_bench.tables.document import Document, check_tables, merge, read_document, read_section
+from hil_bench.tables.settings import (
     Given,
     Origin,
     Problems,
@@ -78,14 +77,14 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bus = read_bus(document, overrides | dict(bus_options or {}), problems)
     further = read_further_buses(document, problems)
     axes = read_axes(document, problems, default=needs_axis(document))
-    nodes, chains = read_nodes(document, problems)
+    nodes, chains = read_nodes(document, axes, problems)
     given = read_bindings(nodes, axes, problems)
     served = read_modbus(document, nodes, problems, wanted=modbus)
     read = read_faults(document, faults, problems)
     problems.raise_any()
 
     _check_timing(bench, problems)
-    check_possible(axes, problems)
+    check_axes(axes, problems)
     resolve_nodes(nodes, axes, file.parent if file else Path(), problems)
     bindings = build_bindings(given, nodes, axes, problems)
     check_chains(chains, problems)
@@ -101,7 +100,8 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     warn_of_nodes(nodes)
 
     members = [table for name in nodes for table in (nodes[name], chains.get(name, {}))]
-    used = (bench, bus, *further.values(), *axes.values(), *members, *_tables(served), *read)
+    plants = [axis.settings for axis in axes.values()]
+    used = (bench, bus, *further.values(), *plants, *members, *_tables(served), *read)
     return BenchConfig(
         path=file,
         tick_ns=bench["tick_us"].value * 1000,

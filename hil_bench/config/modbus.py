@@ -4,14 +4,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from device_profiles import REGISTERS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
-from hil_bench.config.choices import Profile
-from hil_bench.config.document import Document, give, read_named_sections, read_section
 from hil_bench.config.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.config.register_maps import HIGHEST_ADDRESS, copy_inputs, load_register_map
-from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import (
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.registry import KINDS, kind_of
+from hil_bench.modbus.data_types import WordOrder
+from hil_bench.modbus.register_map import Holes
+from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
+from hil_bench.tables.document import Document, give, read_named_sections, read_section
+from hil_bench.tables.settings import Key, Origin, Problems, Settings, read_table
+from hil_bench.tables.values import (
     boolean,
     choice,
     describe,
@@ -20,16 +23,11 @@ from hil_bench.config.values import (
     number,
     text,
 )
-from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.register_map import Holes
-from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 from hil_bench.units import MILLISECOND, Unit
 
 HIGHEST_UNIT_ID = 247
 """Of a device (MODBUS over Serial Line V1.02, 2.2); higher ones are reserved."""
 
-_SENSORS = {Profile.PRESSURE_404, Profile.ENCODER_406}
 _BIT_RATE = Unit("bit/s", "")
 
 MODBUS_KEYS = (
@@ -163,7 +161,10 @@ def _resolve_tls(server: Settings, base: Path, problems: Problems) -> None:
 
 
 def _is_sensor(node: Settings) -> bool:
-    return "profile" in node and node["profile"].value in _SENSORS
+    if "profile" not in node:
+        return False
+    kind = kind_of(node["profile"].value)
+    return kind.registers is not None and not kind.is_drive
 
 
 def _resolve_unit(
@@ -181,16 +182,17 @@ def _resolve_unit(
         problems.add(place, f"there is no node {describe(wanted)}; {right}")
         return
     _resolve_unit_id(table, unit, node, problems)
-    profile = node["profile"].value
+    kind = kind_of(node["profile"].value)
     registers = unit["registers"].value
-    if registers is None and profile is Profile.GENERIC:
+    if registers is None and kind.registers is None:
         wrong = f"missing, as {wanted} has no device profile"
         problems.add(problems.place(table, "registers"), f"{wrong}; give a register map")
-    path = REGISTERS / f"{profile}.toml" if registers is None else base / registers
+    path = (kind.registers or Path()) if registers is None else base / registers
     unit["registers"] = unit["registers"]._replace(value=str(path))
     for key in _OF_VALVES:
-        if unit[key].value != unit[key].key.default and profile is not Profile.VALVE_408:
-            wrong = f"only {Profile.VALVE_408} has it, and {wanted} is {profile}"
+        if unit[key].value != unit[key].key.default and not kind.is_drive:
+            drives = ", ".join(each.name for each in KINDS.built_in.values() if each.is_drive)
+            wrong = f"only {drives} has it, and {wanted} is {kind.name}"
             problems.add(problems.place(table, key), f"{wrong}; leave it out")
 
 
@@ -231,7 +233,7 @@ def _resolve_default_unit(modbus: ModbusSettings, problems: Problems) -> None:
 
 
 def _build_unit(
-    name: str, unit: Settings, profile: Profile, problems: Problems
+    name: str, unit: Settings, profile: str, problems: Problems
 ) -> ModbusUnitConfig | None:
     place = problems.place(f"modbus.units.{name}", "registers")
     try:

@@ -4,74 +4,63 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.nmt import UNCONFIGURED
-from hil_bench.config.axes import full_opening_mm
-from hil_bench.config.chains import build_chain, read_chain
-from hil_bench.config.choices import Profile
-from hil_bench.config.document import Document, give, read_named_sections
-from hil_bench.config.keys import CHAIN_TABLE, NODE_KEYS, PROFILE_KEY
-from hil_bench.config.objects import named_serial_number, parse_object
-from hil_bench.config.records import (
-    EncoderConfig,
-    GenericConfig,
-    NodeConfig,
-    PressureConfig,
-    SinkConfig,
-    SourceConfig,
-    ValveConfig,
-)
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe
-
-_DEFAULT_NODES: Mapping[str, Mapping[str, object]] = {
-    "valve": {"profile": "valve_408", "node_id": 1},
-    "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": "P_A"},
-    "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": "P_B"},
-    "position": {"profile": "encoder_406", "node_id": 4},
-}
-
-_EDS_FILES = {
-    Profile.VALVE_408: VALVE_408,
-    Profile.PRESSURE_404: PRESSURE_404,
-    Profile.ENCODER_406: ENCODER_406,
-}
-
-_RECORDS: Mapping[Profile, type[NodeConfig]] = {
-    Profile.VALVE_408: ValveConfig,
-    Profile.PRESSURE_404: PressureConfig,
-    Profile.ENCODER_406: EncoderConfig,
-    Profile.GENERIC: GenericConfig,
-}
+from hil_bench.config.axes import Axes
+from hil_bench.config.keys import PROFILE_KEY, node_keys
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.chains import CHAIN_TABLE, build_chain, read_chain
+from hil_bench.kinds.kind import DeviceKind, NodeConfig
+from hil_bench.kinds.registry import GENERIC, KINDS, VALVE, kind_of
+from hil_bench.plants.kind import AxisSettings
+from hil_bench.tables.document import Document, give, read_named_sections
+from hil_bench.tables.objects import named_serial_number, parse_object
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 """The bindings of each node by its name."""
 
 
 def read_nodes(
-    document: Document, problems: Problems
+    document: Document, axes: Axes, problems: Problems
 ) -> tuple[dict[str, Settings], dict[str, Settings]]:
     """Return the settings of each node, and of each sensor's measuring chain, by their names.
 
-    A file without nodes has the default four.
+    A file without nodes has those of its first plant.
     """
     if "nodes" in document:
         sections = read_named_sections(document, "nodes", problems)
     else:
         sections = {
             name: give(f"nodes.{name}", node, Origin.DEFAULT, problems)
-            for name, node in _DEFAULT_NODES.items()
+            for axis in list(axes.values())[:1]
+            for name, node in axis.kind.default_nodes.items()
         }
     nodes, chains = {}, {}
     for name, given in sections.items():
         chain = given.pop(CHAIN_TABLE, None)
         node = nodes[name] = _read_node(f"nodes.{name}", given, problems)
         if "profile" in node:
-            profile = node["profile"].value
-            settings = read_chain(f"nodes.{name}", profile, chain, problems)
+            kind = kind_of(node["profile"].value)
+            if (axis := _axis_of(node, axes)) is not None:
+                kind.check(f"nodes.{name}", node, axis, problems)
+            if chain is not None and kind.chain_unit is None:
+                problems.add(chain.place, f"{kind.name} measures nothing; leave it out")
+            settings = read_chain(f"nodes.{name}", kind.chain_unit, chain, problems)
             if settings is not None:
                 chains[name] = settings
     return nodes, chains
+
+
+def _axis_of(node: Settings, axes: Axes) -> AxisSettings | None:
+    """Return the axis of a node: the one that it names, or the only one; None for no such axis."""
+    if "axis" not in node:
+        return None
+    name = node["axis"].value
+    if name is None and len(axes) == 1:
+        name = next(iter(axes))
+    return axes.get(name)
 
 
 def needs_axis(document: Document) -> bool:
@@ -89,36 +78,41 @@ def _is_alone(node: Mapping[str, object]) -> bool:
     objects = node.get("objects")
     values = objects.values() if isinstance(objects, dict) else ()
     is_bound = any(isinstance(value, dict) for value in values)
-    return (
-        "eds" in node and node.get("profile", Profile.GENERIC) == Profile.GENERIC and not is_bound
-    )
+    kind = _find_kind(node.get("profile", GENERIC.name))
+    has_eds = "eds" in node or (kind is not None and kind.eds is not None)
+    return has_eds and kind is not None and not kind.has_axis and not is_bound
+
+
+def _find_kind(name: object) -> DeviceKind[Any] | None:
+    """Return the kind of a name; None where there is none, which the reader of the key notes."""
+    try:
+        return KINDS.find(name) if isinstance(name, str) else None
+    except ConfigError:
+        return None
 
 
 def resolve_nodes(
-    nodes: Mapping[str, Settings], axes: Mapping[str, Settings], base: Path, problems: Problems
+    nodes: Mapping[str, Settings], axes: Axes, base: Path, problems: Problems
 ) -> None:
-    """Fill in what a node takes from elsewhere: its axis, files and full opening."""
+    """Fill in what a node takes from elsewhere: its axis, its files, what its kind asks for."""
     for name, node in nodes.items():
         if "axis" in node:
             _resolve_axis(problems.place(f"nodes.{name}", "axis"), node, list(axes), problems)
         _resolve_eds(problems.place(f"nodes.{name}", "eds"), node, base, problems)
         _resolve_storage(problems.place(f"nodes.{name}", "storage"), node, base, problems)
-        if "full_opening_mm" in node and (axis := axes.get(node["axis"].value)):
-            _resolve_full_opening(node, axis)
+        if "axis" in node and (axis := axes.get(node["axis"].value)):
+            kind_of(node["profile"].value).resolve(node, axis)
 
 
 def check_nodes(
-    nodes: Mapping[str, Settings],
-    axes: Mapping[str, Settings],
-    bindings: Bindings,
-    problems: Problems,
+    nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings, problems: Problems
 ) -> None:
     """Note node-IDs and serial numbers that clash, and axes that have no valve or several."""
     _check_node_ids(nodes, problems)
     _check_serial_numbers(nodes, problems)
     if all(node["axis"].value in axes for node in nodes.values() if "axis" in node):
-        for axis in axes:
-            _check_valves(axis, nodes, bindings, problems)
+        for name, axis in axes.items():
+            _check_drives(name, axis.kind.command.name, nodes, bindings, problems)
 
 
 def build_node(
@@ -129,8 +123,9 @@ def build_node(
     problems: Problems,
 ) -> NodeConfig:
     """Return the record of a checked node; its places are named as `problems` does."""
-    profile = node["profile"].value
-    values = convert(node, NODE_KEYS[profile])
+    kind = kind_of(node["profile"].value)
+    values = convert(node, node_keys(kind))
+    del values["profile"]
     storage = values["storage"]
     paths = {"eds": Path(values["eds"]), "storage": None if storage is None else Path(storage)}
     objects = {
@@ -141,26 +136,23 @@ def build_node(
     bound: dict[str, Any] = {
         "sources": tuple(bound for bound in bindings if isinstance(bound, SourceConfig))
     }
-    if profile is Profile.GENERIC:
+    if kind is GENERIC:
         bound["sinks"] = tuple(bound for bound in bindings if isinstance(bound, SinkConfig))
-        bound["axis"] = None
-    if chain is not None:
-        bound["chain"] = build_chain(profile, chain)
-    place = problems.place(f"nodes.{name}")
-    rest = paths | bound | {"objects": objects, "place": place}
-    return _RECORDS[profile](name=name, **values | rest)
+    if chain is not None and kind.chain_unit is not None:
+        bound["chain"] = build_chain(kind.chain_unit, chain)
+    rest = paths | bound | {"objects": objects, "place": problems.place(f"nodes.{name}")}
+    record: NodeConfig = kind.record(name=name, kind=kind, **{"axis": None} | values | rest)
+    return record
 
 
 def _read_node(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
     profile = given.get("profile")
-    name = Profile.GENERIC if profile is None and "eds" in given else profile and profile.value
-    try:
-        keys = NODE_KEYS[Profile(str(name))]
-    except ValueError:
+    name = GENERIC.name if profile is None and "eds" in given else profile and profile.value
+    kind = _find_kind(name)
+    if kind is None:
         # Which other keys are right depends on the profile, so the message about it must do.
-        given = {"profile": profile} if profile else {}
-        keys = (PROFILE_KEY,)
-    return read_table(table, given, keys, problems)
+        return read_table(table, {"profile": profile} if profile else {}, (PROFILE_KEY,), problems)
+    return read_table(table, given, node_keys(kind), problems)
 
 
 def _resolve_axis(place: str, node: Settings, axes: list[str], problems: Problems) -> None:
@@ -174,7 +166,7 @@ def _resolve_axis(place: str, node: Settings, axes: list[str], problems: Problem
 
 def _resolve_eds(place: str, node: Settings, base: Path, problems: Problems) -> None:
     eds = node["eds"]
-    path = base / eds.value if eds.value else _EDS_FILES[node["profile"].value]
+    path = base / eds.value if eds.value else Path(kind_of(node["profile"].value).eds or "")
     if not path.is_file():
         problems.add(place, f"there is no file {path}; give the path of an EDS file")
     node["eds"] = eds._replace(value=str(path))
@@ -188,12 +180,6 @@ def _resolve_storage(place: str, node: Settings, base: Path, problems: Problems)
     if folder.exists() and not folder.is_dir():
         problems.add(place, f"{folder} is no folder; give the path of one, which may be new")
     node["storage"] = storage._replace(value=str(folder))
-
-
-def _resolve_full_opening(node: Settings, axis: Settings) -> None:
-    opening = node["full_opening_mm"]
-    if opening.value is None:
-        node["full_opening_mm"] = opening._replace(value=full_opening_mm(axis))
 
 
 def _check_node_ids(nodes: Mapping[str, Settings], problems: Problems) -> None:
@@ -225,24 +211,28 @@ def _check_serial_numbers(nodes: Mapping[str, Settings], problems: Problems) -> 
             problems.add(place, f"{serial_number} is that of nodes.{owner} too; {right}")
 
 
-def _check_valves(
-    axis: str, nodes: Mapping[str, Settings], bindings: Bindings, problems: Problems
+def _check_drives(
+    axis: str,
+    command: str,
+    nodes: Mapping[str, Settings],
+    bindings: Bindings,
+    problems: Problems,
 ) -> None:
-    """Note an axis whose spool nobody commands, or more than one device."""
-    commanders = [
+    """Note an axis that nobody commands, or more than one device."""
+    drives = [
         (f"the valve nodes.{name}", problems.place(f"nodes.{name}", "axis"))
         for name, node in nodes.items()
-        if node["profile"].value is Profile.VALVE_408 and node["axis"].value == axis
+        if kind_of(node["profile"].value).is_drive and node["axis"].value == axis
     ] + [
         (f"the sink {bound.place}", f"{bound.place}.sink")
         for bounds in bindings.values()
         for bound in bounds
         if isinstance(bound, SinkConfig) and bound.axis == axis
     ]
-    if not commanders:
-        right = f'give it a node with profile = "valve_408" and axis = "{axis}"'
-        other = f'or bind an object with sink = "{axis}.spool_setpoint"'
+    if not drives:
+        right = f'give it a node with profile = "{VALVE.name}" and axis = "{axis}"'
+        other = f'or bind an object with sink = "{axis}.{command}"'
         problems.add(problems.place(f"plant.{axis}"), f"has no valve; {right}, {other}")
-    for _, place in commanders[1:]:
+    for _, place in drives[1:]:
         right = "give each axis one valve or one sink"
-        problems.add(place, f"{axis} has {commanders[0][0]} already; {right}")
+        problems.add(place, f"{axis} has {drives[0][0]} already; {right}")

@@ -2,10 +2,13 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
 
-from hil_bench.config.plausible_ranges import MISTAKEN, POSSIBLE, USUAL, Range
-from hil_bench.config.records import AxisConfig, BenchConfig
-from hil_bench.config.settings import Problems, Setting, Settings, quote_name
+from hil_bench.config.records import BenchConfig
+from hil_bench.plants.kind import PlantKind, Range
+from hil_bench.tables.settings import Problems, Setting, Settings, quote_name
+
+Kind = PlantKind[Any]
 
 _PREFIXES = {1e-9: "n", 1e-6: "u", 1e-3: "m", 1.0: "", 1e3: "k", 1e6: "M", 1e9: "G", 1e12: "T"}
 _BASES = {"bar": "Pa", "MPa": "Pa", "Pa": "Pa", "mm": "m", "N": "N", "kg": "g"}
@@ -15,34 +18,48 @@ _GRAMS = 1e3
 _SHARE = 1e-3
 """Next to nothing is usual in many units: that shows no mistake."""
 
-SAMPLES_PER_PERIOD = 4.0
-"""Ticks that a controller needs at least to see an oscillation."""
-STEPS_PER_PERIOD = 12.0
-"""Steps that the solver needs: the midpoint rule's phase is off by (omega dt)²/12, so by 2 %."""
+MISTAKEN: Final[Mapping[str, Mapping[str, float]]] = {
+    "bar": {"pascal": 1e-5, "kPa": 1e-2, "MPa": 10.0, "psi": 0.0689476},
+    "MPa": {"pascal": 1e-6, "kPa": 1e-3, "bar": 0.1, "GPa": 1e3},
+    "mm": {"um": 1e-3, "m": 1e3},
+    "mm/s": {"m/s": 1e3},
+    "cm²": {"mm²": 1e-2, "m²": 1e4},
+    "cm³": {"mm³": 1e-3, "l": 1e3, "m³": 1e6},
+    "kg": {"g": 1e-3, "t": 1e3},
+    "kg/m³": {"g/cm³": 1e3},
+    "rad/s": {"Hz": 2.0 * math.pi},
+    "N": {"kN": 1e3},
+    "N/mm": {"N/m": 1e-3},
+    "l/min": {"l/s": 60.0, "m³/s": 6e4},
+    "ms": {"us": 1e-3, "s": 1e3},
+    "%": {"a fraction": 100.0},
+}
+"""By the unit of a key: other units that are given in its place, and what one of them is."""
 
 
-def check_possible(axes: Mapping[str, Settings], problems: Problems) -> None:
-    """Note values of the axes' keys that nature does not allow."""
-    for axis in axes.values():
-        for setting in axis.values():
-            possible = POSSIBLE.get(setting.key.name)
-            if possible is not None and not _is_within(setting, possible):
-                place = problems.place(setting.table, setting.key.name)
-                problems.add(place, _explain(setting, possible, "possible"))
+def check_possible(axis: Settings, kind: Kind, problems: Problems) -> None:
+    """Note values of an axis' keys that nature does not allow."""
+    for setting in axis.values():
+        possible = kind.possible.get(setting.key.name)
+        if possible is not None and not _is_within(setting, possible):
+            place = problems.place(setting.table, setting.key.name)
+            problems.add(place, _explain(setting, kind, possible, "possible"))
 
 
 def find_doubts(config: BenchConfig) -> list[str]:
     """Return what of a configuration is hard to believe, a line each."""
     source = str(config.path) if config.path else "built-in bench"
-    return [*_unusual(source, config.settings), *_unresolved(source, config)]
+    kinds = {f"plant.{axis.name}": axis.kind for axis in config.axes}
+    return [*_unusual(source, kinds, config.settings), *_unresolved(source, config)]
 
 
-def _unusual(source: str, settings: Sequence[Setting]) -> Iterator[str]:
+def _unusual(source: str, kinds: Mapping[str, Kind], settings: Sequence[Setting]) -> Iterator[str]:
     for setting in settings:
-        usual = USUAL.get(setting.key.name)
-        if setting.table.startswith("plant.") and usual and not _is_within(setting, usual):
+        kind = kinds.get(setting.table)
+        usual = kind and kind.usual.get(setting.key.name)
+        if kind and usual and not _is_within(setting, usual):
             place = f"{source}:{setting.table}.{quote_name(setting.key.name)}"
-            yield f"{place}: {_explain(setting, usual, 'usual')}"
+            yield f"{place}: {_explain(setting, kind, usual, 'usual')}"
 
 
 def _is_within(setting: Setting, allowed: Range) -> bool:
@@ -50,11 +67,11 @@ def _is_within(setting: Setting, allowed: Range) -> bool:
     return value is None or allowed.low <= value <= allowed.high
 
 
-def _explain(setting: Setting, allowed: Range, what: str) -> str:
+def _explain(setting: Setting, kind: Kind, allowed: Range, what: str) -> str:
     """Return what the value is, what would be right, and which unit it may have been meant in."""
     value, unit = setting.value, setting.key.unit
     text = f"{value:.10g}{_in_prefixed_units(value, setting)}; {_range_text(allowed)} is {what}"
-    usual = USUAL.get(setting.key.name, allowed)
+    usual = kind.usual.get(setting.key.name, allowed)
     for other, factor in MISTAKEN.get(unit.symbol, {}).items():
         meant = value * factor
         if usual.low <= meant <= usual.high and abs(meant) >= _SHARE * usual.high:
@@ -84,52 +101,9 @@ def _range_text(allowed: Range) -> str:
     return f"{allowed.low:.10g} to {allowed.high:.10g}"
 
 
-def _short(number: float) -> str:
-    """Return a number with three digits that count, and no exponent where it has up to ten."""
-    return f"{float(f'{number:.3g}'):.10g}"
-
-
 def _unresolved(source: str, config: BenchConfig) -> Iterator[str]:
-    """Yield the oscillations that are too fast for the tick, or for the solver's step."""
-    tick, step = config.tick_ns * 1e-9, config.dt
+    """Yield the motions that are too fast for the tick, or for the solver's step."""
     for axis in config.axes:
         place = f"{source}:plant.{quote_name(axis.name)}"
-        at_centre, fastest = eigenfrequencies(axis)
-        if at_centre * tick * SAMPLES_PER_PERIOD > 1.0:
-            yield (
-                f"{place}: the cylinder's eigenfrequency is {_short(at_centre)} Hz at mid-stroke, "
-                f"{1.0 / (at_centre * tick):.2g} ticks of tick_us = {config.tick_ns // 1000} a "
-                f"period; {_right_us(at_centre, SAMPLES_PER_PERIOD)} us or less resolves it"
-            )
-        spool = axis.parameters.omega_0 / (2.0 * math.pi)
-        for what, frequency in (
-            ("the cylinder's eigenfrequency near its end stop", fastest),
-            ("the spool's natural frequency", spool),
-        ):
-            if frequency * step * STEPS_PER_PERIOD > 1.0:
-                steps = 1.0 / (frequency * step)
-                yield (
-                    f"{place}: {what} is {_short(frequency)} Hz, {steps:.2g} steps of step_us = "
-                    f"{config.step_ns // 1000} a period; "
-                    f"{_right_us(frequency, STEPS_PER_PERIOD)} us or less resolves it"
-                )
-
-
-def eigenfrequencies(axis: AxisConfig) -> tuple[float, float]:
-    """Return the cylinder's eigenfrequency at mid-stroke and at its stiffer end [Hz].
-
-    Both chambers are springs: omega² = E (A_A² / V_A + A_B² / V_B) / m.
-    """
-    p = axis.parameters
-    mass = p.m + axis.options.load_mass
-
-    def at(x: float) -> float:
-        stiffness = p.A_A**2 / (p.V_A0 + p.A_A * x) + p.A_B**2 / (p.V_B0 - p.A_B * x)
-        return math.sqrt(p.E * stiffness / mass) / (2.0 * math.pi)
-
-    return at(0.0), max(at(-p.h), at(p.h))
-
-
-def _right_us(frequency: float, samples: float) -> str:
-    limit = 1e6 / (frequency * samples)
-    return f"{limit:.2g}" if limit < 10.0 else f"{math.floor(limit)}"
+        for doubt in axis.kind.find_doubts(axis, config.tick_ns // 1000, config.step_ns // 1000):
+            yield f"{place}: {doubt}"

@@ -7,23 +7,16 @@ from pathlib import Path
 from hil_bench.config.choices import (
     FIRST_BUS,
     OverrunPolicy,
-    PressureSource,
-    Profile,
-    Quantity,
     RealtimePolicy,
 )
-from hil_bench.config.objects import ObjectValue, name_object
-from hil_bench.config.settings import Setting
 from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
-from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.kinds.kind import NodeConfig
 from hil_bench.modbus.data_types import WordOrder
 from hil_bench.modbus.register_map import Holes, RegisterMap
 from hil_bench.modbus.server_config import ServerConfig
-from hil_bench.plant.models import Model
-from hil_bench.plant.options import PlantOptions
-from hil_bench.plant.parameters import PlantParameters
-from hil_bench.plant.stepping import Solver
+from hil_bench.plants.kind import AxisConfig
+from hil_bench.tables.settings import Setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,173 +51,6 @@ class BusConfig:
     channel: str | int | None = None
     bitrate: int | None = None
     options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class AxisConfig:
-    """One axis: a cylinder and the hydraulic side of its valve.
-
-    Attributes:
-        name: the axis, as in ``[plant.NAME]``.
-        model: which of the paper's.
-        parameters: the model's parameters.
-        options: what the paper leaves open.
-        solver: the integration method.
-        position: piston position at the start, from mid-stroke, positive when extending [m].
-        spool_delay: what stands for the spool's lag in the reduced model [s].
-    """
-
-    name: str
-    model: Model
-    parameters: PlantParameters
-    options: PlantOptions
-    solver: Solver
-    position: float
-    spool_delay: float
-
-
-@dataclass(frozen=True, slots=True)
-class BindingConfig:
-    """An object that is bound to a quantity of the plant.
-
-    Attributes:
-        index: of the object.
-        subindex: of the object.
-        axis: the axis whose quantity it is.
-        quantity: what it shows or commands.
-        scale: increments of the object for one SI unit; the spool counts in full openings.
-        offset: value of the object at a quantity of 0.
-        place: how messages name it.
-    """
-
-    index: int
-    subindex: int
-    axis: str
-    quantity: Quantity
-    scale: float
-    offset: float
-    place: str = field(compare=False)
-
-    @property
-    def name(self) -> str:
-        """The object, as in ``0x6401.01``."""
-        return name_object(self.index, self.subindex)
-
-
-@dataclass(frozen=True, slots=True)
-class SourceConfig(BindingConfig):
-    """An object that shows a quantity.
-
-    Attributes:
-        delta: change that is an event for its TPDOs [increments]; None where none is.
-        chain: what lies between the quantity and the object.
-    """
-
-    delta: float | None
-    chain: ChainParameters
-
-
-@dataclass(frozen=True, slots=True)
-class SinkConfig(BindingConfig):
-    """An object that commands the spool of an axis.
-
-    Attributes:
-        safe: set-point while nobody commands it [full openings].
-        full_opening: spool position at 100 % [m].
-    """
-
-    safe: float
-    full_opening: float
-
-
-@dataclass(frozen=True, slots=True)
-class NodeConfig:
-    """What every CANopen node has.
-
-    Attributes:
-        name: the node, as in ``[nodes.NAME]``.
-        profile: its device profile.
-        axis: the name of the axis that it belongs to; None where it belongs to none.
-        node_id: CANopen node-ID, 1 to 127; 255 for a node that waits for LSS to give it one.
-        bus: the name of the bus that it is on.
-        eds: its EDS file.
-        storage: folder of the file that it stores its parameters in; None for memory.
-        serial_number: 0x1018.04; None for that of the EDS file, or where that has none for one that
-            is made of the node's name.
-        objects: other power-on values than those of the EDS file, by index and sub-index.
-        sources: the objects that show quantities of the plant.
-        place: how messages name its table.
-    """
-
-    name: str
-    profile: Profile
-    axis: str | None
-    node_id: int
-    bus: str
-    eds: Path
-    storage: Path | None
-    serial_number: int | None
-    objects: Mapping[tuple[int, int], ObjectValue]
-    sources: tuple[SourceConfig, ...]
-    place: str = field(compare=False)
-
-    @property
-    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
-        """All objects that are bound to the plant."""
-        return self.sources
-
-
-@dataclass(frozen=True, slots=True)
-class ValveConfig(NodeConfig):
-    """A proportional valve (CiA 408).
-
-    Attributes:
-        full_opening: spool position at a set-point of 100 % [m].
-    """
-
-    full_opening: float
-
-
-@dataclass(frozen=True, slots=True)
-class PressureConfig(NodeConfig):
-    """A pressure transducer (CiA 404).
-
-    Attributes:
-        source: the pressure that it measures.
-        span: measuring range, start and end [Pa].
-        chain: what lies between the pressure and the transducer's objects.
-    """
-
-    source: PressureSource
-    span: tuple[float, float]
-    chain: ChainParameters
-
-
-@dataclass(frozen=True, slots=True)
-class EncoderConfig(NodeConfig):
-    """A linear position sensor (CiA 406).
-
-    Attributes:
-        chain: what lies between the position and the sensor's objects.
-    """
-
-    chain: ChainParameters
-
-
-@dataclass(frozen=True, slots=True)
-class GenericConfig(NodeConfig):
-    """A device made from its EDS file alone.
-
-    Attributes:
-        sinks: the objects that command the plant.
-    """
-
-    sinks: tuple[SinkConfig, ...]
-
-    @property
-    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
-        """All objects that are bound to the plant."""
-        return (*self.sources, *self.sinks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,6 +166,14 @@ class BenchConfig:
         """Return what is to be found on one of the buses: that bus alone, with its nodes."""
         nodes = tuple(node for node in self.nodes if node.bus == bus)
         return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={})
+
+    def full_scale(self, axis: AxisConfig) -> float:
+        """Return the command that stands for 1 in a recording, of a spool the position [m]."""
+        for node in self.nodes:
+            scales = node.kind.full_scales(node)
+            if axis.name in scales:
+                return scales[axis.name]
+        return axis.full_scale
 
     @property
     def steps_per_tick(self) -> int:

@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
-from hil_bench.config.choices import Profile
-from hil_bench.config.document import (
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.registry import PRESSURE, kind_name
+from hil_bench.modbus.data_types import DATA_TYPES, WordOrder
+from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
+from hil_bench.tables.document import (
     Document,
     check_tables,
     read_document,
     read_named_sections,
     read_section,
 )
-from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
-from hil_bench.config.values import choice, describe, integer, number, text
-from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import DATA_TYPES, WordOrder
-from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
+from hil_bench.tables.settings import Given, Key, Problems, Settings, read_table
+from hil_bench.tables.values import choice, describe, integer, number, text
 from hil_bench.units import (
     BAR,
     KILOPASCAL,
@@ -93,7 +93,7 @@ def _scale(value: object) -> float:
 _EXAMPLES = {"vendor_name": '"maker"', "product_code": '"PT-1"', "revision": '"1.0"'}
 
 _DEVICE_KEYS = (
-    Key("profile", choice(Profile), example='"pressure_404"'),
+    Key("profile", kind_name, example=f'"{PRESSURE.name}"'),
     Key("word_order", choice(WordOrder), WordOrder.BIG),
     *(
         Key(item.name, _identity, "", example=_EXAMPLES.get(item.name, ""))

@@ -50,7 +50,7 @@ class QuantitySource:
         self._trigger = TpdoTrigger(node, (variable.index, variable.subindex))
         self._told = math.nan
 
-    def publish(self, quantity: float) -> None:
+    def publish(self, quantity: float, now: int = 0) -> None:  # noqa: ARG002 - it has no delay
         """Put the present quantity into the object; an integer holds the nearest value."""
         value = quantity * self._scale + self._offset
         if self._is_integer:

@@ -35,7 +35,7 @@ _DISABLE: Final = 0b0001
 _WIDEST: Final = 32  # bits of an integer that a float surely holds, and two registers too
 
 
-class Quantity(NamedTuple):
+class RegisterValue(NamedTuple):
     """One quantity of a device.
 
     Attributes:
@@ -49,7 +49,9 @@ class Quantity(NamedTuple):
     write: Callable[[float, int], None] | None = None
 
 
-def object_quantity(object_dictionary: ObjectDictionary, index: int, subindex: int) -> Quantity:
+def object_quantity(
+    object_dictionary: ObjectDictionary, index: int, subindex: int
+) -> RegisterValue:
     """Return an object as a quantity.
 
     Raises:
@@ -63,44 +65,46 @@ def object_quantity(object_dictionary: ObjectDictionary, index: int, subindex: i
     if not isinstance(data_type, BooleanType | IntegerType | RealType) or data_type.bits > _WIDEST:
         raise ConfigError(f"{name} is a {data_type}; a number of at most {_WIDEST} bits is right")
     write = partial(_write_object, variable) if variable.access.writable else None
-    return Quantity("-", lambda: math.nan if variable.value is None else variable.value, write)
+    return RegisterValue("-", lambda: math.nan if variable.value is None else variable.value, write)
 
 
-def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Quantity]:
+def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
     """Return the quantities of a pressure transducer (CiA 404)."""
     od = object_dictionary
     value, unit = od.variable(0x6130, 1), od.variable(0x6131, 1)
     status, zero = od.variable(0x6150, 1), od.find(0x6125, 1)
     quantities = {
-        "pressure": Quantity("Pa", lambda: value.value * UNITS[unit.value]),
+        "pressure": RegisterValue("Pa", lambda: value.value * UNITS[unit.value]),
         "valid": _bit(status, NOT_VALID, inverted=True),
         "over_range": _bit(status, POSITIVE_OVERLOAD),
         "under_range": _bit(status, NEGATIVE_OVERLOAD),
     }
     if zero is not None:
-        quantities["zero"] = Quantity("-", lambda: 0.0, partial(_pull, partial(zero.write, ZERO)))
+        quantities["zero"] = RegisterValue(
+            "-", lambda: 0.0, partial(_pull, partial(zero.write, ZERO))
+        )
     return quantities
 
 
-def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Quantity]:
+def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
     """Return the quantities of a position sensor (CiA 406)."""
     od = object_dictionary
     position = od.find(0x6004) or od.variable(0x6020, 1)
     step, alarms = od.variable(0x6005, 1), od.find(0x6503)
     quantities = {
-        "position": Quantity("m", lambda: position.value * step.value / POSITION_UNITS),
-        "valid": Quantity("-", lambda: float(alarms is None or not alarms.value)),
+        "position": RegisterValue("m", lambda: position.value * step.value / POSITION_UNITS),
+        "valid": RegisterValue("-", lambda: float(alarms is None or not alarms.value)),
     }
     speed = od.find(0x6030, 1)
     if speed is not None:
         speed_step = od.find(0x6005, 2)
-        quantities["speed"] = Quantity(
+        quantities["speed"] = RegisterValue(
             "m/s", lambda: speed.value * (speed_step.value if speed_step else 1) / SPEED_UNITS
         )
     return quantities
 
 
-def valve_quantities(valve: ValveDevice) -> Mapping[str, Quantity]:
+def valve_quantities(valve: ValveDevice) -> Mapping[str, RegisterValue]:
     """Return the quantities of a proportional valve (CiA 408).
 
     Commands need 0x604F = 1. Without it what is passive anyway (0) is taken and does nothing, since
@@ -114,27 +118,29 @@ def valve_quantities(valve: ValveDevice) -> Mapping[str, Quantity]:
         return increments / (reference.value if reference else REFERENCE)
 
     return {
-        "spool_position": Quantity("-", lambda: fraction(actual.value)),
-        "spool_demand": Quantity("-", lambda: fraction(demand.value) if demand else math.nan),
-        "active": Quantity("-", lambda: float(valve.state is ValveState.ACTIVE)),
-        "fault": Quantity("-", lambda: float(valve.state in FAULT_STATES)),
-        "spool_setpoint": Quantity(
+        "spool_position": RegisterValue("-", lambda: fraction(actual.value)),
+        "spool_demand": RegisterValue("-", lambda: fraction(demand.value) if demand else math.nan),
+        "active": RegisterValue("-", lambda: float(valve.state is ValveState.ACTIVE)),
+        "fault": RegisterValue("-", lambda: float(valve.state in FAULT_STATES)),
+        "spool_setpoint": RegisterValue(
             "-",
             lambda: fraction(local.setpoint),
             _command(lambda value, now: valve.receive_local(None, value, now)),
         ),
-        "control_word": Quantity(
+        "control_word": RegisterValue(
             "-",
             lambda: local.control_word,
             _command(lambda value, now: valve.receive_local(int(value), None, now)),
         ),
-        "enable": Quantity(
+        "enable": RegisterValue(
             "-",
             lambda: float(valve.state is ValveState.ACTIVE),
             _command(partial(_enable, valve)),
         ),
-        "reset": Quantity("-", lambda: 0.0, partial(_reset, valve)),
-        "watchdog": Quantity("s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)),
+        "reset": RegisterValue("-", lambda: 0.0, partial(_reset, valve)),
+        "watchdog": RegisterValue(
+            "s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)
+        ),
     }
 
 
@@ -181,8 +187,8 @@ def _set_watchdog(valve: ValveDevice, time: float, now: int) -> None:
         valve.local.received_at = now
 
 
-def _bit(variable: Variable, mask: int, *, inverted: bool = False) -> Quantity:
-    return Quantity("-", lambda: float(bool(variable.value & mask) != inverted))
+def _bit(variable: Variable, mask: int, *, inverted: bool = False) -> RegisterValue:
+    return RegisterValue("-", lambda: float(bool(variable.value & mask) != inverted))
 
 
 def _write_object(variable: Variable, value: float, _now: int) -> None:

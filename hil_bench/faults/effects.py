@@ -9,7 +9,8 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.faults.line import Babble, Line, Meeting, silence
 from hil_bench.faults.sensor_stages import SensorStage
 from hil_bench.faults.signal_path import SignalPath, Stage
-from hil_bench.plant.stepping import Plant
+from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import SUPPLY
 
 _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
@@ -41,13 +42,25 @@ class SpoolPoint(NamedTuple):
 
     Attributes:
         command: the way of the spool's set-point [m].
-        plant: where the spool is.
+        position: returns where the spool is [m].
         device: the valve's electronics, None where they have no enable input.
     """
 
     command: SignalPath
-    plant: Plant
+    position: Callable[[], float]
     device: Enabled | None = None
+
+
+class SupplyPoint(NamedTuple):
+    """Where a fault gets at the supply of an axis.
+
+    Attributes:
+        plant: of the axis.
+        lowest: the least pressure at which the supply can be held [Pa].
+    """
+
+    plant: Plant
+    lowest: float
 
 
 class SensorEffect:
@@ -86,7 +99,7 @@ class SpoolEffect:
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
         """Put the stage in."""
-        self._stage = self._make(self._point.plant.output.nu)
+        self._stage = self._make(self._point.position())
         self._point.command.add(self._stage)
 
     def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
@@ -127,13 +140,12 @@ class SupplyEffect:
         self._holds.append(self._hold)
 
     def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
-        """Let a constant pressure be what it was; a supply unit fills up by itself."""
+        """Let go of it."""
         self._holds.remove(self._hold)
-        if self._plant.options.supply is None:
-            self._plant.supply_pressure = self._plant.parameters.P_S
+        self._plant.influence(SUPPLY, None)
 
     def _hold(self) -> None:
-        self._plant.supply_pressure = self._pressure
+        self._plant.influence(SUPPLY, self._pressure)
 
 
 class LineEffect:

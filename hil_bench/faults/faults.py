@@ -32,6 +32,7 @@ from hil_bench.faults.effects import (
     SpoolEffect,
     SpoolPoint,
     SupplyEffect,
+    SupplyPoint,
 )
 from hil_bench.faults.fault import Fault
 from hil_bench.faults.kinds import Direction, FaultKind, Reading
@@ -49,7 +50,6 @@ from hil_bench.faults.line import (
 from hil_bench.faults.schedule import FaultSchedule, When
 from hil_bench.faults.sensor_stages import Broken, Frozen, Lag, Noisy, SensorStage, Shifted, Slowed
 from hil_bench.measurement.noise import normal_numbers, random_stream
-from hil_bench.plant.stepping import Plant
 
 _SHORTEST_LAG = 1e-6
 _LONGEST_LAG = 1e6
@@ -75,14 +75,14 @@ class FaultPoints:
     Attributes:
         sensors: nodes that measure.
         valves: nodes that command a spool.
-        supplies: axes.
+        supplies: axes with a supply.
         nodes: nodes on the bus.
         buses: the number of the bus of each node; without it all are on bus 0.
     """
 
     sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
     valves: Mapping[str, SpoolPoint] = field(default_factory=dict)
-    supplies: Mapping[str, Plant] = field(default_factory=dict)
+    supplies: Mapping[str, SupplyPoint] = field(default_factory=dict)
     nodes: Mapping[str, Node] = field(default_factory=dict)
     buses: Mapping[str, int] = field(default_factory=dict)
 
@@ -171,14 +171,14 @@ class Faults(FaultSchedule):
         """
         device = find("valve", valve, self._points.valves).device
         if device is None:
-            raise ConfigError(f"faults: {valve} has no enable input; give a node of valve_408")
+            raise ConfigError(f"faults: {valve} has no enable input; give a valve that has one")
         return self.add(FaultKind.DISABLE, valve, EnableEffect(device), when)
 
     def drop_supply(self, axis: str, pressure: float, **when: Unpack[When]) -> Fault:
         """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
-        plant = find("axis", axis, self._points.supplies)
-        bounded("pressure", pressure, low=plant.parameters.P_T)
-        effect = SupplyEffect(plant, pressure, self.holds)
+        point = find("axis", axis, self._points.supplies)
+        bounded("pressure", pressure, low=point.lowest)
+        effect = SupplyEffect(point.plant, pressure, self.holds)
         return self.add(FaultKind.DROP_SUPPLY, axis, effect, when)
 
     def silence(self, node: str, **when: Unpack[When]) -> Fault:

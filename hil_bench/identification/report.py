@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.config.keys import PARAMETER_KEYS
-from hil_bench.config.settings import Key
 from hil_bench.identification.approach import Rival
 from hil_bench.identification.identify import Estimate, Identification
 from hil_bench.identification.record import SIGNALS
+from hil_bench.plants.hydraulic_cylinder.keys import PARAMETER_KEYS
+from hil_bench.tables.settings import Key
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE
 
 Values = npt.NDArray[np.float64]

@@ -177,8 +177,8 @@ def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> 
     if option(request.config, "interface"):
         pytest.skip("@pytest.mark.hil needs the virtual bench, which --hil-interface turns off")
     from hil_bench.config import load_config
-    from hil_bench.config.document import merge
     from hil_bench.errors import ConfigError
+    from hil_bench.tables.document import merge
 
     tables: Mapping[str, object] = {}
     for marker in reversed(markers):  # the closest one last, so that it wins
@@ -357,7 +357,9 @@ def device(_networks: "Networks", _bench_config: "BenchConfig") -> "Iterator[Dev
 @pytest.fixture
 def valve(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "ProportionalValve":
     """The driver of the first axis' valve, ready for `enable`; disabled at the end."""
-    node = _node(_bench_config, lambda node: node.profile == "valve_408", "valve_408")
+    from hil_bench.kinds.registry import VALVE
+
+    node = _node(_bench_config, lambda node: node.kind is VALVE, VALVE.name)
     driver: ProportionalValve = request.getfixturevalue("device")(node.name)
     return driver
 
@@ -365,8 +367,9 @@ def valve(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "Prop
 @pytest.fixture
 def pressure(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "PressureSensor":
     """The driver of the first axis' pressure transducer at port A, sending."""
-    what = "pressure at P_A"
-    node = _node(_bench_config, lambda node: getattr(node, "source", "") == "P_A", what)
+    from hil_bench.plants.hydraulic_cylinder.quantities import P_A
+
+    node = _node(_bench_config, lambda node: node.kind.measured(node) == P_A, f"pressure at {P_A}")
     driver: PressureSensor = request.getfixturevalue("device")(node.name)
     return driver
 
@@ -374,7 +377,9 @@ def pressure(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "P
 @pytest.fixture
 def position(request: pytest.FixtureRequest, _bench_config: "BenchConfig") -> "PositionSensor":
     """The driver of the first axis' position sensor, sending."""
-    node = _node(_bench_config, lambda node: node.profile == "encoder_406", "encoder_406")
+    from hil_bench.kinds.registry import ENCODER
+
+    node = _node(_bench_config, lambda node: node.kind is ENCODER, ENCODER.name)
     driver: PositionSensor = request.getfixturevalue("device")(node.name)
     return driver
 

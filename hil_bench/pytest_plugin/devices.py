@@ -3,6 +3,7 @@
 import sys
 from contextlib import ExitStack
 from operator import methodcaller
+from pkgutil import resolve_name
 
 import pytest
 
@@ -10,7 +11,6 @@ from drivers import PositionSensor, PressureSensor, ProportionalValve
 from drivers.errors import DriverError
 from drivers.network import Network
 from hil_bench.config import BenchConfig, NodeConfig
-from hil_bench.config.choices import Profile
 from hil_bench.pytest_plugin.networks import Networks
 
 HEARTBEAT_PERIOD = 0.05
@@ -20,13 +20,7 @@ EVENT_TIMER = 0.005
 """Time after which each device sends its values again [s]."""
 
 Driver = PositionSensor | PressureSensor | ProportionalValve
-"""A driver that a test can have."""
-
-_DRIVERS: dict[str, type[Driver]] = {
-    Profile.VALVE_408: ProportionalValve,
-    Profile.PRESSURE_404: PressureSensor,
-    Profile.ENCODER_406: PositionSensor,
-}
+"""A driver that a test can have, or one of the same methods that a kind of device brings."""
 
 
 class Devices:
@@ -57,11 +51,10 @@ class Devices:
         return self._drivers[name]
 
     def _bind(self, node: NodeConfig) -> Driver:
-        driver_class = _DRIVERS.get(node.profile)
-        if driver_class is None:
+        if node.kind.driver is None:
             pytest.fail(f"device({node.name!r}): there is no driver for {node.profile}")
         network = self._networks.on(node.bus)
-        driver = driver_class(network, node.node_id, node.eds)
+        driver: Driver = resolve_name(node.kind.driver)(network, node.node_id, node.eds)
         if isinstance(driver, ProportionalValve):
             self._stack.enter_context(driver)
             driver.setup(

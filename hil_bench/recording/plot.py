@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.recording.channels import TIME, Recording, recording_channels
 from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
 
@@ -66,7 +67,7 @@ _PANELS = (
     ),
     _Panel(
         "Pressure",
-        (_Curve("P_A", "$P_A$", ORANGE), _Curve("P_B", "$P_B$", GREEN)),
+        (_Curve(P_A, "$P_A$", ORANGE), _Curve(P_B, "$P_B$", GREEN)),
         share=1.0,
         measured="Pa",
     ),

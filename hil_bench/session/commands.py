@@ -4,7 +4,7 @@ Each command is a record of plain values, so that it can come from another proce
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from hil_bench.bench import Bench
@@ -13,10 +13,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.faults.fault import Fault
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.node_objects import NodeObjects
-from hil_bench.plant.stepping import LOAD_LIMIT
-
-SUPPLY_LIMIT = 1e9
-"""Highest supply pressure that a plant may be given [Pa], ten times that of a water jet cutter."""
+from hil_bench.plants.quantity import Influence
 
 
 class Controls:
@@ -144,11 +141,11 @@ class SetObject:
 
 @dataclass(frozen=True, slots=True)
 class SetPlant:
-    """Set what acts on a plant from outside: its load [N] or its supply pressure [Pa].
+    """Set what acts on a plant from outside, of a cylinder its load or its supply pressure.
 
     Attributes:
         axis: the name of the axis.
-        quantity: "load" or "supply_pressure".
+        quantity: one of the influences of its plant.
         value: in SI; it holds until it is set again.
     """
 
@@ -167,27 +164,22 @@ class SetPlant:
         if self.axis not in names:
             right = ", ".join(names) or "this bench has none"
             raise ConfigError(f'axis "{self.axis}": there is no such axis; there is: {right}')
-        number = names.index(self.axis)
-        axis = bench.axes[number]
-        if self.quantity == "load":
-            load = self._bounded(-LOAD_LIMIT, LOAD_LIMIT, "N")
-            axes = list(bench.axes)
-            axes[number] = replace(axis, load=load)
-            bench.axes = tuple(axes)
-        elif self.quantity == "supply_pressure":
-            parameters = axis.plant.parameters
-            axis.plant.supply_pressure = self._bounded(parameters.P_T, SUPPLY_LIMIT, "Pa")
-        else:
-            raise ConfigError(
-                f'{self.axis}.{self.quantity}: cannot be set; give "load" or "supply_pressure"'
-            )
+        axis = bench.axes[names.index(self.axis)]
+        for influence in axis.influences:
+            if influence.name == self.quantity:
+                axis.plant.influence(influence.name, self._bounded(influence))
+                return
+        known = " or ".join(f'"{influence.name}"' for influence in axis.influences)
+        right = f"give {known}" if known else "this plant takes nothing from outside"
+        raise ConfigError(f"{self.axis}.{self.quantity}: cannot be set; {right}")
 
-    def _bounded(self, low: float, high: float, unit: str) -> float:
+    def _bounded(self, influence: Influence) -> float:
         """Return the value.
 
         Raises:
             ConfigError: it is not a number, or out of range.
         """
+        _, unit, low, high = influence
         if not (isinstance(self.value, (int, float)) and low <= self.value <= high):
             raise ConfigError(
                 f"{self.axis}.{self.quantity} = {self.value!r}: give {low:g} to {high:g} {unit}"

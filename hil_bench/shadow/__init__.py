@@ -8,11 +8,10 @@ can join at any moment. `twin` runs the same plant on the frames that the contro
 
 from hil_bench.shadow.axis_twin import Correction, Window
 from hil_bench.shadow.limits import fit_limits, widening
-from hil_bench.shadow.residual import QUANTITIES, Residual
+from hil_bench.shadow.residual import Residual
 from hil_bench.shadow.twin import Sample, Shadow
 
 __all__ = [
-    "QUANTITIES",
     "Correction",
     "Residual",
     "Sample",

@@ -8,18 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.axis import Axis, QuantityMeasurement
+from hil_bench.axis import Axis
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.shadow.decoder import STATUS_WORD, Reading
 from hil_bench.shadow.followed_valve import FollowedValve
-from hil_bench.shadow.residual import QUANTITIES, Residual
+from hil_bench.shadow.residual import Residual
 from hil_bench.shadow.sample_clock import SampleTime
 from hil_bench.shadow.trace import Row, Trace
 
-ANCHORS = ("position", "P_A", "P_B")
-"""What a window begins with."""
-SPOOL = "spool_position"
+POSITION, SPEED = "position", "speed"
+"""What a window begins and ends with, and what positions show by the way."""
 SETPOINT = "set-point"
 """What else may be missing: a command to the valve."""
 
@@ -30,10 +29,6 @@ _VELOCITY_SPAN = 0.012
 _SETTLING = 0.1
 """Time from joining a machine to the first window: spool and pressures settle meanwhile [s]."""
 _SHORTEST_PATIENCE = 1.0
-_FASTEST = 10.0
-"""Whatever comes from the bus, the plant is not set to more than this [m/s] ..."""
-_HIGHEST = 10.0
-"""... nor to more than so many times the supply pressure."""
 
 
 class Window(NamedTuple):
@@ -43,7 +38,7 @@ class Window(NamedTuple):
         axis: its name.
         begin: when the plant was set to what the sensors said, from the first frame [s].
         end: when the window ended [s].
-        residuals: by the quantities of `QUANTITIES`.
+        residuals: by the quantities that a twin compares.
         lateness: by how much a PDO came later than usual, at most [s].
     """
 
@@ -102,7 +97,11 @@ class AxisTwin:
         self.patience = max(_SHORTEST_PATIENCE, 2.0 * horizon)
         self.corrections: deque[Correction] = deque(maxlen=1000)
         self._horizon = horizon
-        self._needed = (*ANCHORS, *((STATUS_WORD,) if self.valve else ()))
+        self._compared = [q.name for q in axis.quantities if q.residual is not None]
+        self._anchors = tuple(q.name for q in axis.quantities if q.is_anchor)
+        self._outputs = {q.name: q.output for q in axis.quantities if q.output is not None}
+        self._spool = next(name for name, at in self._outputs.items() if at == axis.follower)
+        self._needed = (*self._anchors, *((STATUS_WORD,) if self.valve else ()))
         self._quantities = {
             reading.name: reading.quantity
             for reading in readings
@@ -112,7 +111,7 @@ class AxisTwin:
         self._joined_at: float | None = None
         self._heard: dict[str, float] = {}
         self._invalid: set[str] = set()
-        self._apart = dict.fromkeys(QUANTITIES, 0.0)
+        self._apart = dict.fromkeys(self._compared, 0.0)
         self._slope: deque[tuple[float, float]] = deque()
         self._residuals: dict[str, Residual] = {}
         self._counted: dict[str, float] = {}
@@ -121,7 +120,7 @@ class AxisTwin:
     @property
     def is_comparable(self) -> bool:
         """Whether there are devices that report all that a window begins with."""
-        return set(ANCHORS) <= set(self._quantities.values())
+        return POSITION in self._anchors and set(self._anchors) <= set(self._quantities.values())
 
     def missing(self, now: float) -> dict[str, str]:
         """Return what is not known at a time [s], and why."""
@@ -156,11 +155,11 @@ class AxisTwin:
         values = {
             sensor.name: sensor.measured
             for sensor in self.axis.sensors
-            if not isinstance(sensor, QuantityMeasurement)
+            if sensor.name in self._quantities
         }
-        spool = self.axis.plant.output.nu / self.axis.valve.full_opening
+        spool = self.axis.plant.output[self.axis.follower] / self.axis.valve.full_opening
         for name, quantity in self._quantities.items():
-            if quantity == SPOOL:
+            if quantity == self._spool:
                 values[name] = spool
         self._trace.append(Row(now, values))
 
@@ -189,14 +188,14 @@ class AxisTwin:
         if math.isnan(expected):
             return None
         self._apart[quantity] = value - expected
-        if quantity == "position":
+        if quantity == POSITION:
             self._note_slope(sampled.likely, value - expected)
         if self.missing(sampled.frame):
             self.leave()
         elif self.begin is not None:
             self._count(reading, value, sampled)
             return expected
-        elif quantity == "position":
+        elif quantity == POSITION:
             self._join(sampled.frame)
         return None
 
@@ -231,14 +230,14 @@ class AxisTwin:
     def _anchor_all(self) -> None:
         """Set the spool, and what commands it, to what the machine says, too."""
         if self.valve is not None:
-            self.valve.shift_ramp(self._apart[SPOOL])
-        self._anchor((*ANCHORS, SPOOL))
+            self.valve.shift_ramp(self._apart[self._spool])
+        self._anchor((*self._anchors, self._spool))
 
     def _begin(self, time: float) -> None:
-        self._anchor(ANCHORS)
+        self._anchor(self._anchors)
         self.begin = time
-        self._residuals = {quantity: Residual() for quantity in QUANTITIES}
-        self._counted = dict.fromkeys(QUANTITIES, time)
+        self._residuals = {quantity: Residual() for quantity in self._compared}
+        self._counted = dict.fromkeys(self._compared, time)
         self._lateness = 0.0
 
     def _count(self, reading: Reading, value: float, sampled: SampleTime) -> None:
@@ -251,23 +250,14 @@ class AxisTwin:
     def _anchor(self, quantities: tuple[str, ...]) -> None:
         """Move the plant to where the sensors say it is."""
         apart = {quantity: self._apart[quantity] for quantity in quantities}
-        plant = self.axis.plant
-        p, state, floor = plant.parameters, plant.state, plant.options.cavitation_floor
-        lowest, highest = -math.inf if floor is None else floor, _HIGHEST * p.P_S
-        P_A = _within(lowest, state.P_A + apart["P_A"], highest)  # noqa: N806
-        P_B = _within(lowest, state.P_B + apart["P_B"], highest)  # noqa: N806
-        spool = apart.get(SPOOL, 0.0) * self.axis.valve.full_opening
-        plant.restart(
-            state._replace(
-                x=_within(-p.h, state.x + apart["position"], p.h),
-                v=_within(-_FASTEST, state.v + self._excess_velocity(), _FASTEST),
-                P_A=P_A,
-                P_B=P_B,
-                nu=state.nu + spool,
-                V_CA=state.V_CA if floor == P_A else 0.0,
-                V_CB=state.V_CB if floor == P_B else 0.0,
-            )
-        )
+        output = self.axis.plant.output
+        values = {name: output[self._outputs[name]] + off for name, off in apart.items()}
+        if self._spool in apart:
+            off = apart[self._spool] * self.axis.valve.full_opening
+            values[self._spool] = output[self.axis.follower] + off
+        if SPEED in self._outputs:
+            values[SPEED] = output[self._outputs[SPEED]] + self._excess_velocity()
+        self.axis.plant.go_to(values)
         self._trace.shift(
             {name: apart.get(quantity, 0.0) for name, quantity in self._quantities.items()}
         )
@@ -287,7 +277,3 @@ class AxisTwin:
         times = times - times.mean()
         spread = float(times @ times)
         return float(times @ (values - values.mean())) / spread if spread > 0.0 else 0.0
-
-
-def _within(low: float, value: float, high: float) -> float:
-    return min(max(value, low), high)

@@ -1,23 +1,17 @@
 """What the devices of a bus say, in SI units, from their TPDOs alone."""
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from collections.abc import Callable, Iterator
+from functools import partial
+from pkgutil import resolve_name
+from typing import NamedTuple
 
 import can
 
 from drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
 from drivers.device import Device, Input
-from hil_bench.config import (
-    BenchConfig,
-    EncoderConfig,
-    NodeConfig,
-    PressureConfig,
-    ValveConfig,
-)
+from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.virtual_bench import VirtualBench
-
-Driver = TypeVar("Driver", PressureSensor, PositionSensor, ProportionalValve)
 
 STATUS_WORD = "status_word"
 """The quantity that a valve's status word is."""
@@ -28,7 +22,7 @@ class Reading(NamedTuple):
 
     Attributes:
         axis: its name.
-        quantity: "position", "P_A", "P_B", "spool_position" or `STATUS_WORD`.
+        quantity: of the plant, or `STATUS_WORD`.
         name: of the device.
         node_id: of the device.
         device: the driver that decodes it.
@@ -94,38 +88,24 @@ class Decoder:
                     fresh.append(reading)
         return fresh
 
-    def _readings(self, node: NodeConfig) -> list[Reading]:
-        match node:
-            case PressureConfig():
-                pressure = self._set_up(PressureSensor, node)
-                return [_primary(node, node.source.value, pressure, lambda: pressure.pressure)]
-            case EncoderConfig():
-                position = self._set_up(PositionSensor, node)
-                return [_primary(node, "position", position, lambda: position.position)]
-            case ValveConfig():
-                valve = self._set_up(ProportionalValve, node)
-                spool = _primary(node, "spool_position", valve, lambda: valve.spool_position)
-                word = valve.status
-                return [
-                    spool._replace(
-                        quantity=STATUS_WORD,
-                        source=word,
-                        value=lambda: word.signal.decode(word.pdo.data),
-                    ),
-                    spool,
-                ]
-            case _:
-                return []
-
-    def _set_up(self, kind: type[Driver], node: NodeConfig) -> Driver:
+    def _readings(self, node: NodeConfig) -> Iterator[Reading]:
+        watched = node.kind.watched(node)
+        if not watched or node.kind.driver is None:
+            return
         # A value may come on two PDOs of different age, the second with its status.
-        device = kind(self._network, node.node_id, node.eds, max_age=math.inf)
+        device: PressureSensor | PositionSensor | ProportionalValve = resolve_name(
+            node.kind.driver
+        )(self._network, node.node_id, node.eds, max_age=math.inf)
         device.setup(transmission_type=254)
-        return device
-
-
-def _primary(
-    node: NodeConfig, quantity: str, device: Device, value: Callable[[], float]
-) -> Reading:
-    place = (str(node.axis), quantity, node.name, node.node_id)
-    return Reading(*place, device, device.primary, value)
+        axis = str(node.axis)
+        if isinstance(device, ProportionalValve):
+            word = device.status
+            yield Reading(
+                *(axis, STATUS_WORD, node.name, node.node_id, device, word),
+                lambda: word.signal.decode(word.pdo.data),
+            )
+        for quantity, attribute in watched.items():
+            yield Reading(
+                *(axis, quantity, node.name, node.node_id, device, device.primary),
+                partial(getattr, device, attribute),
+            )

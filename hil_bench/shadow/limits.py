@@ -1,21 +1,9 @@
 """Up to which residual a twin follows its machine."""
 
 import math
-from collections.abc import Mapping
 
-from hil_bench.config import BenchConfig, EncoderConfig, PressureConfig
+from hil_bench.config import BenchConfig
 from hil_bench.measurement.parameters import ChainParameters
-
-BASES: Mapping[str, float] = {
-    "position": 0.5e-3,
-    "P_A": 0.25e5,
-    "P_B": 0.25e5,
-    "spool_position": 0.03,
-}
-"""RMS that noise-free sensors keep while frames come in time, in SI units.
-
-A command that is late by 2 ms moves the piston by 0.5 mm at 0.25 m/s.
-"""
 
 _PUNCTUAL = 2e-3
 """Lateness of frames up to which the limits hold; more widens them, in proportion [s]."""
@@ -27,16 +15,21 @@ _FIRST_ORDER = 0.5 * math.pi
 
 def fit_limits(config: BenchConfig) -> dict[str, dict[str, float]]:
     """Return the limits of each axis by quantity, for the sensors that a configuration gives it."""
-    limits = {axis.name: dict(BASES) for axis in config.axes}
+    limits = {
+        axis.name: {
+            quantity.name: quantity.residual
+            for quantity in axis.kind.quantities
+            if quantity.residual is not None
+        }
+        for axis in config.axes
+    }
+    bases = {axis: dict(of_axis) for axis, of_axis in limits.items()}
     for node in config.nodes:
-        match node:
-            case PressureConfig(axis=str(axis)):
-                quantity = node.source.value
-            case EncoderConfig(axis=str(axis)):
-                quantity = "position"
-            case _:
-                continue
-        fitted = math.hypot(BASES[quantity], _NOISE * noise_of(node.chain))
+        quantity, axis = node.kind.measured(node), str(node.axis)
+        chain = getattr(node, "chain", None)
+        if quantity is None or chain is None or quantity not in bases.get(axis, {}):
+            continue
+        fitted = math.hypot(bases[axis][quantity], _NOISE * noise_of(chain))
         limits[axis][quantity] = max(limits[axis][quantity], fitted)
     return limits
 

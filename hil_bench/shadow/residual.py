@@ -3,9 +3,6 @@
 import math
 from dataclasses import dataclass
 
-QUANTITIES = {"position": "m", "P_A": "Pa", "P_B": "Pa", "spool_position": "-"}
-"""What is compared, and in which unit."""
-
 
 @dataclass(slots=True)
 class Residual:

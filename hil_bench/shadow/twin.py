@@ -12,13 +12,13 @@ before it where its PDO is synchronous.
 
 from collections import deque
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import can
 
 from hil_bench.assembly import build_bench
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig, EncoderConfig, NodeConfig, PressureConfig
+from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.shadow.axis_twin import AxisTwin, Window
 from hil_bench.shadow.decoder import Decoder, Reading
 from hil_bench.shadow.node_states import NodeStates
@@ -40,7 +40,7 @@ class Sample(NamedTuple):
     Attributes:
         time: of the frame that brought it, from the first frame [s].
         axis: the axis.
-        quantity: one of `QUANTITIES`.
+        quantity: of the plant.
         machine: what the machine says, in that unit.
         twin: what the twin says.
     """
@@ -76,6 +76,7 @@ class Shadow:
         axes: the twins of the axes by name; those that have sensors for it.
         states: what is known of the NMT states of the machine's nodes.
         readings: what the devices can say.
+        units: of the quantities that are compared, by their names.
     """
 
     def __init__(self, config: BenchConfig, *, horizon: float = 0.5) -> None:
@@ -99,6 +100,12 @@ class Shadow:
         ]
         self._bench.axes = tuple(twin.axis for twin in twins)
         self.axes = {twin.axis.name: twin for twin in twins if twin.is_comparable}
+        self.units = {
+            quantity.name: quantity.unit
+            for axis in self._bench.axes
+            for quantity in axis.quantities
+            if quantity.residual is not None
+        }
         self._waiting: list[Frame] = []
         self._measured: deque[_Measured] = deque()
         self._twin_now = 0
@@ -184,7 +191,9 @@ def _sound(config: BenchConfig) -> BenchConfig:
 
 
 def _sound_node(node: NodeConfig) -> NodeConfig:
-    if isinstance(node, PressureConfig | EncoderConfig):
-        chain = replace(node.chain, noise_rms=0.0, noise_density=0.0)
-        return replace(node, storage=None, chain=chain)
-    return replace(node, storage=None)
+    node = replace(node, storage=None)
+    chain = getattr(node, "chain", None)
+    if chain is None:
+        return node
+    changes: Any = {"chain": replace(chain, noise_rms=0.0, noise_density=0.0)}
+    return replace(node, **changes)

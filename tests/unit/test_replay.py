@@ -64,7 +64,7 @@ def recorded():
 def test_the_same_plant_does_the_same_to_the_last_bit(recorded):
     simulated = drive_plant(load_config(), recorded)
     assert np.ptp(recorded["axis1.position"]) > 1e-3
-    deviations = compare_recordings(recorded, simulated, {})
+    deviations = compare_recordings(load_config(), recorded, simulated, {})
     assert [d.channel.rpartition(".")[2] for d in deviations] == [
         "position",
         "speed",
@@ -78,7 +78,7 @@ def test_the_same_plant_does_the_same_to_the_last_bit(recorded):
 
 def test_it_goes_on_from_the_middle_of_a_motion(recorded):
     later = recorded[120:]
-    (position, *_) = compare_recordings(later, drive_plant(load_config(), later), {})
+    (position, *_) = compare_recordings(load_config(), later, drive_plant(load_config(), later), {})
     # The spool's velocity alone is not recorded; its lag is some milliseconds at most.
     assert position.maximum < 1e-4
 
@@ -86,7 +86,9 @@ def test_it_goes_on_from_the_middle_of_a_motion(recorded):
 def test_another_plant_is_out_of_tolerance(recorded, tmp_path):
     file = tmp_path / "bench.toml"
     file.write_text("[plant.axis1]\nbulk_modulus_mpa = 40\nsupply_pressure_bar = 130\n")
-    deviations = compare_recordings(recorded, drive_plant(load_config(file), recorded), {})
+    deviations = compare_recordings(
+        load_config(), recorded, drive_plant(load_config(file), recorded), {}
+    )
     pressure = next(d for d in deviations if d.channel == "axis1.P_A")
     assert not pressure.is_within
     assert pressure.maximum > 2e5
@@ -96,13 +98,13 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
     simulated = drive_plant(load_config(), recorded)
     simulated["axis1.position"] += 2e-3
     for name in ("position", "axis1.position"):
-        (deviation, *_) = compare_recordings(recorded, simulated, {name: 3e-3})
+        (deviation, *_) = compare_recordings(load_config(), recorded, simulated, {name: 3e-3})
         assert (deviation.maximum, deviation.tolerance) == pytest.approx((2e-3, 3e-3))
         assert deviation.is_within
-    (deviation, *_) = compare_recordings(recorded, simulated, {})
+    (deviation, *_) = compare_recordings(load_config(), recorded, simulated, {})
     assert not deviation.is_within
     with pytest.raises(ConfigError, match=r"^tolerance for axis9\.position: not compared; P_A, "):
-        compare_recordings(recorded, simulated, {"axis9.position": 1.0})
+        compare_recordings(load_config(), recorded, simulated, {"axis9.position": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -138,5 +140,5 @@ def test_a_recording_without_pressures_begins_at_rest(recorded):
     rows = np.zeros(len(recorded), dtype=recording_dtype(channels))
     for channel in channels:
         rows[channel.name] = recorded[channel.name]
-    (position,) = compare_recordings(rows, drive_plant(load_config(), rows), {})
+    (position,) = compare_recordings(load_config(), rows, drive_plant(load_config(), rows), {})
     assert position.maximum < 1e-6

@@ -165,8 +165,8 @@ class CrossedHoses:
     def __getattr__(self, name):
         return getattr(self._plant, name)
 
-    def step(self, plant_input, steps=1):
-        output = self._plant.step(plant_input._replace(u=-plant_input.u), steps)
+    def drive(self, command, steps):
+        output = self._plant.drive(-command, steps)
         return output._replace(nu=-output.nu)
 
 

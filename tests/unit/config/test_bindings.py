@@ -10,8 +10,9 @@ import pytest
 from device_profiles import IMITATIONS
 from hil_bench.assembly import build_bench, load_objects
 from hil_bench.cli import main
-from hil_bench.config import GenericConfig, Profile, Quantity, load_config
+from hil_bench.config import load_config
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.generic import GenericConfig
 
 Write = Callable[[str], Path]
 
@@ -30,7 +31,7 @@ def io_node(path: Path) -> GenericConfig:
 def test_an_eds_without_a_profile_is_a_generic_device(write: Write) -> None:
     node = io_node(write(VALVE + IO))
 
-    assert (node.profile, node.axis, node.node_id, node.eds) == (Profile.GENERIC, None, 10, EDS)
+    assert (node.profile, node.axis, node.node_id, node.eds) == ("generic", None, 10, EDS)
     assert (node.sources, node.sinks, node.objects) == ((), (), {})
 
 
@@ -39,7 +40,7 @@ def test_a_source(write: Write) -> None:
     (source,) = io_node(write(f'{VALVE}{IO}{OBJECTS}"0x6401.2" = {binding}')).sources
 
     assert (source.index, source.subindex, source.name) == (0x6401, 2, "0x6401.02")
-    assert (source.axis, source.quantity) == ("axis1", Quantity.P_A)
+    assert (source.axis, source.quantity) == ("axis1", "P_A")
     assert source.scale == pytest.approx(1e-3)  # 100 increments for 1e5 Pa
     assert (source.offset, source.delta) == (4.0, 0.0)
 
@@ -50,7 +51,7 @@ def test_a_sink(write: Write) -> None:
     node = io_node(write(f'{plant}{IO}{OBJECTS}"0x6411.01" = {binding}'))
 
     (sink,) = node.sinks
-    assert (sink.axis, sink.quantity) == ("b", Quantity.SPOOL_SETPOINT)
+    assert (sink.axis, sink.quantity) == ("b", "spool_setpoint")
     assert sink.scale == pytest.approx(32767.0)  # increments for 100 %
     assert (sink.offset, sink.safe) == (0.0, pytest.approx(-0.05))
     assert sink.full_opening == pytest.approx(2.3e-3)  # the larger side, with 0.3 mm of overlap

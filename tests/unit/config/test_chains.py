@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.config import Origin, Profile, load_config
-from hil_bench.config.chain_keys import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset
-from hil_bench.config.chains import preset_chain
+from hil_bench.config import Origin, load_config
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset
+from hil_bench.kinds.chains import preset_chain
 from hil_bench.measurement.parameters import ChainParameters, OverRange
 
 Write = Callable[[str], Path]
@@ -116,22 +116,22 @@ def test_a_preset_sets_defaults_and_what_is_given_wins(write: Write) -> None:
 
 def test_the_transducer_of_class_0_25_is_of_its_class() -> None:
     """HYDAC HDA 4700: at most 0.25 % of the span of 250 bar, hysteresis included."""
-    parameters = preset_chain(Profile.PRESSURE_404, PressurePreset.CLASS_025_250_BAR)
+    parameters = preset_chain("Pa", PressurePreset.CLASS_025_250_BAR)
     span = 250e5
     worst = parameters.offset_error + parameters.gain_error * span + parameters.hysteresis / 2
     assert worst == pytest.approx(0.0025 * span)
 
 
 def test_the_magnetostrictive_sensor_has_its_resolution() -> None:
-    parameters = preset_chain(Profile.ENCODER_406, PositionPreset.MAGNETOSTRICTIVE_1_UM)
+    parameters = preset_chain("m", PositionPreset.MAGNETOSTRICTIVE_1_UM)
     assert parameters.resolution == pytest.approx(1e-6)
     assert parameters.hysteresis == pytest.approx(4e-6)
 
 
-@pytest.mark.parametrize("profile", CHAIN_KEYS)
-def test_a_preset_has_no_key_that_is_not_there(profile: Profile) -> None:
-    names = {key.name for key in CHAIN_KEYS[profile]}
-    (preset_key,) = (key for key in CHAIN_KEYS[profile] if key.name == "preset")
+@pytest.mark.parametrize("unit", CHAIN_KEYS)
+def test_a_preset_has_no_key_that_is_not_there(unit: str) -> None:
+    names = {key.name for key in CHAIN_KEYS[unit]}
+    (preset_key,) = (key for key in CHAIN_KEYS[unit] if key.name == "preset")
     for preset in type(preset_key.default):
         assert PRESETS[preset].keys() <= names
 

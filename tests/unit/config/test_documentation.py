@@ -9,20 +9,22 @@ from pathlib import Path
 import pytest
 
 from hil_bench.assembly import build_node
-from hil_bench.config import Profile, load_config
-from hil_bench.config.chain_keys import CHAIN_KEYS
+from hil_bench.config import load_config
+from hil_bench.config.axes import KIND_KEY
 from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.keys import (
-    AXIS_KEYS,
     BENCH_KEYS,
     BUS_KEYS,
-    NODE_KEYS,
     SINK_KEYS,
     SOURCE_KEYS,
+    node_keys,
 )
 from hil_bench.config.modbus import MODBUS_KEYS, UNIT_KEYS
-from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.chain_keys import CHAIN_KEYS
+from hil_bench.kinds.registry import KINDS
+from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
+from hil_bench.tables.settings import Key
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
@@ -30,7 +32,8 @@ TABLES = (
     BENCH_KEYS,
     BUS_KEYS,
     AXIS_KEYS,
-    *NODE_KEYS.values(),
+    (KIND_KEY,),
+    *map(node_keys, reversed(KINDS.built_in.values())),
     SOURCE_KEYS,
     SINK_KEYS,
     *CHAIN_KEYS.values(),
@@ -118,15 +121,15 @@ def test_the_example_of_one_axis_has_every_key_of_the_plant() -> None:
 
 
 @pytest.mark.parametrize(
-    ("node", "profile"),
-    [("pressure_a", Profile.PRESSURE_404), ("position", Profile.ENCODER_406)],
+    ("node", "unit"),
+    [("pressure_a", "Pa"), ("position", "m")],
 )
-def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, profile: Profile) -> None:
+def test_the_example_of_one_axis_has_every_key_of_a_chain(node: str, unit: str) -> None:
     text = (ROOT / "examples" / "one_axis.toml").read_text(encoding="utf-8")
     written = tomllib.loads(text)["nodes"][node]["chain"].keys()
-    ranges = {key.name for key in CHAIN_KEYS[profile] if key.default is None}
+    ranges = {key.name for key in CHAIN_KEYS[unit] if key.default is None}
 
-    assert written | ranges == {key.name for key in CHAIN_KEYS[profile]}
+    assert written | ranges == {key.name for key in CHAIN_KEYS[unit]}
     assert all(f"\n# {name} = " in text for name in ranges)
 
 

@@ -5,10 +5,11 @@ import math
 import pytest
 
 from hil_bench.config import load_config
-from hil_bench.config.keys import AXIS_KEYS
-from hil_bench.config.plausibility import eigenfrequencies, find_doubts
-from hil_bench.config.plausible_ranges import MISTAKEN, POSSIBLE, USUAL
+from hil_bench.config.plausibility import MISTAKEN, find_doubts
 from hil_bench.errors import ConfigError
+from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
+from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequencies
 
 NO_QUANTITY = {"position_mm", "load_slope_deg"}
 """Limited by the stroke, and to a right angle."""

@@ -50,7 +50,7 @@ def bench():
 def test_a_fault_begins_and_ends_with_the_next_tick(bench):
     number = bench.ask(BeginFault("offset", "pressure_a", {"amount": 2e6}))
     assert bench.active == [("offset", "pressure_a")]
-    pressures = {sensor.name: sensor for sensor in bench.session.bench.pressures}
+    pressures = {sensor.name: sensor for sensor in bench.session.bench.sensors}
     output = bench.session.bench.axes[0].plant.output
     assert pressures["pressure_a"].measured == pytest.approx(output.P_A + 2e6)
     bench.ask(ClearFault(number))

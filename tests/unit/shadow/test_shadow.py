@@ -15,7 +15,7 @@ from hil_bench.plant import (
     paper_parameters,
 )
 from hil_bench.recording.frames import message_of
-from hil_bench.shadow import QUANTITIES, Shadow, Window
+from hil_bench.shadow import Shadow, Window
 from hil_bench.virtual_bench import VirtualBench
 
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke
@@ -64,7 +64,9 @@ def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
 
     assert len(windows) == 6  # in 1.8 s less 0.12 s of joining and settling, each 0.25 s
     assert all(
-        window.residuals[quantity].count > 10 for window in windows for quantity in QUANTITIES
+        window.residuals[quantity].count > 10
+        for window in windows
+        for quantity in Shadow(config).units
     )
     # A tick that came late would be 0.2 mm at 0.2 m/s.
     assert worst(windows, "position") < 0.05e-3

@@ -4,35 +4,34 @@ import itertools
 from collections.abc import Mapping
 from enum import StrEnum
 
-from hil_bench.config.chain_keys import CHAIN_KEYS, PRESETS
-from hil_bench.config.choices import Profile
-from hil_bench.config.document import give
-from hil_bench.config.keys import CHAIN_TABLE
-from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.config.values import describe
+from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS
 from hil_bench.measurement.parameters import ChainParameters
+from hil_bench.tables.document import give
+from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.tables.values import describe
+
+CHAIN_TABLE = "chain"
+"""Name of the table of a measuring chain, within the table of its sensor."""
 
 _NS_PER_US = 1000
 _MOST_WARMTH = 1000  # [K]
 
 
 def read_chain(
-    node: str, profile: Profile, given: Given | None, problems: Problems
+    node: str, unit: str | None, given: Given | None, problems: Problems
 ) -> Settings | None:
-    """Return the settings of a sensor's chain; None where the profile is that of no sensor.
+    """Return the settings of a chain; None where nothing has one, or where there is a problem.
 
     Args:
         node: the sensor's table, as in ``nodes.NAME``.
-        profile: of the sensor.
+        unit: SI unit of what the chain carries; None where the device has no chain.
         given: what stands in its `chain`, if anything.
         problems: where problems are noted.
     """
     table = f"{node}.{CHAIN_TABLE}"
-    if profile not in CHAIN_KEYS:
-        if given is not None:
-            problems.add(given.place, f"{profile} measures nothing; leave it out")
+    if unit is None:
         return None
-    keys = CHAIN_KEYS[profile]
+    keys = CHAIN_KEYS[unit]
     if given is None:
         return read_table(table, {}, keys, problems)
     if not isinstance(given.value, dict):
@@ -63,10 +62,10 @@ def check_chain(table: str, chain: Settings, problems: Problems) -> None:
     _check_warming(table, chain["warming_s_k"].value, problems)
 
 
-def build_chain(profile: Profile, chain: Settings) -> ChainParameters:
+def build_chain(unit: str, chain: Settings) -> ChainParameters:
     """Return the record of a checked chain."""
     points = chain["warming_s_k"]
-    keys = [key for key in CHAIN_KEYS[profile] if key.name not in {"preset", points.key.name}]
+    keys = [key for key in CHAIN_KEYS[unit] if key.name not in {"preset", points.key.name}]
     values = convert(chain, keys)
     for name in values:
         if name.endswith("_ns"):
@@ -74,13 +73,13 @@ def build_chain(profile: Profile, chain: Settings) -> ChainParameters:
     return ChainParameters(**values, temperature=points.value)
 
 
-def preset_chain(profile: Profile, preset: StrEnum) -> ChainParameters:
-    """Return the measuring chain of a preset without further values."""
+def preset_chain(unit: str, preset: StrEnum) -> ChainParameters:
+    """Return the measuring chain of a preset, for an SI unit, without further values."""
     problems = Problems(f"preset {preset}")
     given = Given({"preset": preset.value}, Origin.FILE, problems.place(CHAIN_TABLE))
-    chain = read_chain("nodes.sensor", profile, given, problems)
+    chain = read_chain("nodes.sensor", unit, given, problems)
     problems.raise_any()
-    return build_chain(profile, chain or {})
+    return build_chain(unit, chain or {})
 
 
 def _with_preset(chain: Settings) -> Settings:

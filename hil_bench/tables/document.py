@@ -5,9 +5,9 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
-from hil_bench.config.settings import Given, Origin, Problems
-from hil_bench.config.values import describe, find_nearest
 from hil_bench.errors import ConfigError
+from hil_bench.tables.settings import Given, Origin, Problems
+from hil_bench.tables.values import describe, find_nearest
 
 Document = Mapping[str, object]
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
+from hil_bench.tables.values import Reader, Value, find_nearest, quote
 from hil_bench.units import ONE, Unit
 
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
@@ -144,6 +144,6 @@ def _read_key(table: str, given: Given | None, key: Key, problems: Problems) -> 
 def _to_si(value: Value, unit: Unit) -> Value:
     if isinstance(value, float):
         return unit.to_si(value)
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and not any(isinstance(part, tuple) for part in value):
         return tuple(unit.to_si(bound) for bound in value)
-    return value
+    return value  # points are in SI as they are given

@@ -8,9 +8,9 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.choices import Profile
-from hil_bench.config.settings import Key
-from hil_bench.config.values import (
+from hil_bench.measurement.parameters import OverRange
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import (
     Reader,
     Value,
     choice,
@@ -20,17 +20,18 @@ from hil_bench.config.values import (
     points,
     zero_or,
 )
-from hil_bench.measurement.parameters import OverRange
 from hil_bench.units import (
     BAR,
     BAR_PER_KELVIN,
     BAR_PER_ROOT_HERTZ,
     HERTZ,
+    METRE,
     MICROMETRE,
     MICROMETRE_PER_KELVIN,
     MICROMETRE_PER_ROOT_HERTZ,
     MICROSECOND,
     MILLIMETRE,
+    PASCAL,
     PERCENT,
     PPM_PER_KELVIN,
     SECOND_AND_KELVIN,
@@ -117,10 +118,10 @@ _POSITION_KEYS = (
     _microseconds("speed_window_us", "speed_window_ns"),
 )
 
-CHAIN_KEYS: Final[Mapping[Profile, tuple[Key, ...]]] = MappingProxyType(
-    {Profile.PRESSURE_404: _PRESSURE_KEYS, Profile.ENCODER_406: _POSITION_KEYS}
+CHAIN_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
+    {PASCAL.symbol: _PRESSURE_KEYS, METRE.symbol: _POSITION_KEYS}
 )
-"""By the profile of the sensor; other profiles have no chain."""
+"""By the SI unit of what the chain carries; what is in another unit has no chain."""
 
 PRESETS: Final[Mapping[StrEnum, Mapping[str, Value]]] = MappingProxyType(
     {

@@ -8,8 +8,8 @@ from typing import Any
 from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_values import parse_value
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.config.values import describe, quote
 from hil_bench.errors import ConfigError, SdoAbort
+from hil_bench.tables.values import describe, quote
 
 ObjectValue = str | int | float
 """What may be given for an object; text may be a number of the EDS kind, as ``$NODEID+0x200``."""

@@ -1,26 +1,13 @@
-"""What is usual, and what is possible, of each physical key of `[plant.NAME]`.
+"""What is usual, and what is possible, of each physical key of a cylinder.
 
-The table is data: `plausibility` compares a configuration with it.
+The table is data: `hil_bench.config.plausibility` compares a configuration with it.
 """
 
 import math
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Final
 
-
-class Range(NamedTuple):
-    """A range of a key, in the key's own unit.
-
-    Attributes:
-        low: the least.
-        high: the largest.
-        reason: whose range it is.
-    """
-
-    low: float
-    high: float
-    reason: str
-
+from hil_bench.plants.kind import Range
 
 _PRESSURE = "up to 350 bar in machines, 1000 in presses and tools"
 _AREA = "bores of 4 mm to 1.1 m"
@@ -92,21 +79,3 @@ POSSIBLE: Final[Mapping[str, Range]] = {
     "discharge_coefficient": Range(-math.inf, 1.0, "1 is an orifice without any loss"),
 }
 """What nature allows, where the plant does not check it; beyond it the configuration is refused."""
-
-MISTAKEN: Final[Mapping[str, Mapping[str, float]]] = {
-    "bar": {"pascal": 1e-5, "kPa": 1e-2, "MPa": 10.0, "psi": 0.0689476},
-    "MPa": {"pascal": 1e-6, "kPa": 1e-3, "bar": 0.1, "GPa": 1e3},
-    "mm": {"um": 1e-3, "m": 1e3},
-    "mm/s": {"m/s": 1e3},
-    "cm²": {"mm²": 1e-2, "m²": 1e4},
-    "cm³": {"mm³": 1e-3, "l": 1e3, "m³": 1e6},
-    "kg": {"g": 1e-3, "t": 1e3},
-    "kg/m³": {"g/cm³": 1e3},
-    "rad/s": {"Hz": 2.0 * math.pi},
-    "N": {"kN": 1e3},
-    "N/mm": {"N/m": 1e-3},
-    "l/min": {"l/s": 60.0, "m³/s": 6e4},
-    "ms": {"us": 1e-3, "s": 1e3},
-    "%": {"a fraction": 100.0},
-}
-"""By the unit of a key: other units that are given in its place, and what one of them is."""

@@ -1,0 +1,1 @@
+"""A third party's device and plant for hil-bench."""

@@ -1,0 +1,141 @@
+"""A mass on a spring, moved by a force, as a kind of plant: m x'' + d x' + k x = F."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hil_bench.plants.kind import AxisConfig, PlantKind
+from hil_bench.plants.quantity import Quantity, Shown
+from hil_bench.tables.settings import Key, Problems, Settings, convert
+from hil_bench.tables.values import number
+from hil_bench.units import (
+    KILOGRAM,
+    MILLIMETRE,
+    NEWTON,
+    NEWTON_PER_MILLIMETRE,
+    NEWTON_SECOND_PER_METRE,
+)
+
+QUANTITIES = (
+    Quantity("position", "m", 0, tolerance=1e-4, shown=Shown("x {:+8.2f} mm", 1e3)),
+    Quantity("speed", "m/s", 1),
+    Quantity("force_setpoint", "N", None),
+    Quantity("force", "N", 2, shown=Shown("F {:+8.1f} N", 1.0)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SpringConfig(AxisConfig):
+    """A mass on a spring; all in SI.
+
+    Attributes:
+        mass: m [kg].
+        stiffness: k [N/m].
+        damping: d [N s/m].
+        position: x at the start [m].
+        travel: largest x to each side, where a position sensor ends [m].
+        force: largest force to each side, the command of 100 % [N].
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    position: float
+    travel: float
+    force: float
+
+    @property
+    def full_scale(self) -> float:
+        """The largest force [N]."""
+        return self.force
+
+    def limits(self, quantity: str) -> tuple[float, float]:
+        """Return the ends of the travel, for the position."""
+        if quantity == "position":
+            return -self.travel, self.travel
+        return AxisConfig.limits(self, quantity)
+
+
+class MassOnSpring:
+    """The mass, moved on by semi-implicit Euler steps."""
+
+    def __init__(self, config: SpringConfig, dt: float, start: Mapping[str, float]) -> None:
+        self._config, self._dt = config, dt
+        self._x = start.get("position", config.position)
+        self._v = start.get("speed", 0.0)
+        self._force = 0.0
+
+    @property
+    def output(self) -> tuple[float, float, float]:
+        """Position [m], speed [m/s] and force [N]."""
+        return self._x, self._v, self._force
+
+    def drive(self, command: float, steps: int) -> tuple[float, float, float]:
+        """Move on under a force [N]."""
+        config, dt = self._config, self._dt
+        x, v = self._x, self._v
+        for _ in range(steps):
+            v += (command - config.damping * v - config.stiffness * x) / config.mass * dt
+            x += v * dt
+        self._x, self._v, self._force = x, v, command
+        return x, v, command
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from another position or speed."""
+        self._x = values.get("position", self._x)
+        self._v = values.get("speed", self._v)
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Nothing acts on it from outside, so nobody asks."""
+
+
+class MassOnSpringKind(PlantKind[SpringConfig]):
+    """A mass on a spring."""
+
+    name = "mass_on_spring"
+    keys = (
+        Key("mass_kg", number(KILOGRAM, low=1e-3, high=1e6), 10.0, KILOGRAM, "mass"),
+        Key(
+            "stiffness_n_mm",
+            number(NEWTON_PER_MILLIMETRE, low=1e-6, high=1e6),
+            1.0,
+            NEWTON_PER_MILLIMETRE,
+            "stiffness",
+        ),
+        Key(
+            "damping_n_s_m",
+            number(NEWTON_SECOND_PER_METRE, low=0.0, high=1e6),
+            0.0,
+            NEWTON_SECOND_PER_METRE,
+            "damping",
+        ),
+        Key("position_mm", number(MILLIMETRE), 0.0, MILLIMETRE, "position"),
+        Key("travel_mm", number(MILLIMETRE, low=1e-3, high=1e6), 200.0, MILLIMETRE, "travel"),
+        Key("force_n", number(NEWTON, low=1e-3, high=1e9), 100.0, NEWTON, "force"),
+    )
+    quantities = QUANTITIES
+    command_unit = NEWTON
+
+    def configure(
+        self, name: str, settings: Settings, step_us: int, problems: Problems
+    ) -> SpringConfig | None:
+        """Return the record of an axis; a step that is too long for its swing is noted."""
+        config = SpringConfig(name=name, kind=self, **convert(settings, self.keys))
+        limit_us = 2e6 * (config.mass / config.stiffness) ** 0.5  # where omega dt = 2
+        if step_us >= limit_us:
+            place = problems.place(f"plant.{name}", "stiffness_n_mm")
+            problems.add(place, f"swings too fast for step_us; give less than {limit_us:g} us")
+            return None
+        return config
+
+    def build(
+        self, axis: SpringConfig, dt: float, start: Mapping[str, float] | None = None
+    ) -> MassOnSpring:
+        """Return the mass, at rest where no speed is given to start with."""
+        return MassOnSpring(axis, dt, start or {})
+
+    def full_scale(self, settings: Settings) -> float:
+        """Return the largest force [N]."""
+        return float(settings["force_n"].value)
+
+
+MASS_ON_SPRING = MassOnSpringKind()

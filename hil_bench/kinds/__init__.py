@@ -1,0 +1,1 @@
+"""Kinds of devices: one file says all of one kind."""

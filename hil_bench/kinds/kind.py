@@ -1,0 +1,127 @@
+"""What a kind of device is: one object says all that the bench needs to know of it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+from hil_bench.axis import Fitting
+from hil_bench.canopen_device.node import Node
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.plants.kind import AxisSettings
+from hil_bench.tables.objects import ObjectValue
+from hil_bench.tables.settings import Key, Problems, Settings
+
+
+@dataclass(frozen=True, slots=True)
+class NodeConfig:
+    """What every CANopen node has.
+
+    Attributes:
+        name: the node, as in ``[nodes.NAME]``.
+        kind: of device.
+        axis: the name of the axis that it belongs to; None where it belongs to none.
+        node_id: CANopen node-ID, 1 to 127; 255 for a node that waits for LSS to give it one.
+        bus: the name of the bus that it is on.
+        eds: its EDS file.
+        storage: folder of the file that it stores its parameters in; None for memory.
+        serial_number: 0x1018.04; None for that of the EDS file, or where that has none for one that
+            is made of the node's name.
+        objects: other power-on values than those of the EDS file, by index and sub-index.
+        sources: the objects that show quantities of the plant.
+        place: how messages name its table.
+    """
+
+    name: str
+    kind: "DeviceKind[Any]"
+    axis: str | None
+    node_id: int
+    bus: str
+    eds: Path
+    storage: Path | None
+    serial_number: int | None
+    objects: Mapping[tuple[int, int], ObjectValue]
+    sources: tuple[SourceConfig, ...]
+    place: str = field(compare=False)
+
+    @property
+    def profile(self) -> str:
+        """The name of its device profile."""
+        return self.kind.name
+
+    @property
+    def bindings(self) -> tuple[SourceConfig | SinkConfig, ...]:
+        """All objects that are bound to the plant."""
+        return self.sources
+
+
+ConfigT = TypeVar("ConfigT", bound=NodeConfig)
+
+
+class DeviceKind(ABC, Generic[ConfigT]):
+    """A kind of device.
+
+    Attributes:
+        name: as in ``profile = "NAME"`` of ``[nodes.NODE]``.
+        record: what its table becomes; each of `keys` fills an attribute of it, and its chain
+            `chain`.
+        eds: its EDS file; None where each node must name its own.
+        keys: of its table, beside those of every node.
+        registers: its Modbus register map; None where each unit must name its own.
+        has_axis: whether it belongs to an axis.
+        is_drive: whether it commands its axis, and may be commanded by Modbus.
+        has_enable_input: whether such a device has an input that a fault may switch off.
+        chain_unit: SI unit of what its measuring chain carries; None where it has none.
+        driver: the class of its driver, as in ``drivers:PressureSensor``; None where it has none.
+    """
+
+    name: str
+    record: type[ConfigT]
+    eds: Path | None = None
+    keys: tuple[Key, ...] = ()
+    registers: Path | None = None
+    has_axis: bool = True
+    is_drive: bool = False
+    has_enable_input: bool = False
+    chain_unit: str | None = None
+    driver: str | None = None
+
+    @abstractmethod
+    def fit(self, config: ConfigT, node: Node, surroundings: Surroundings) -> Fitting:
+        """Build the device on its node, and return what it does on the bench."""
+
+    def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
+        """Note what of a node does not go with the plant of its axis."""
+
+    def resolve(self, node: Settings, axis: AxisSettings) -> None:
+        """Fill in what a node takes from its axis."""
+
+    def measured(self, config: ConfigT) -> str | None:
+        """Return the name of the plant's quantity that it measures."""
+        return None
+
+    def watched(self, config: ConfigT) -> Mapping[str, str]:
+        """Return the quantities that its TPDOs tell, each with the attribute of its driver."""
+        return MappingProxyType({})
+
+    def full_scales(self, config: ConfigT) -> Mapping[str, float]:
+        """Return the command of 100 % [SI] of each axis that it commands."""
+        return MappingProxyType({})
+
+    def signals(self, name: str, node: Settings) -> Mapping[str, str]:
+        """Return what of a node of that name may have a sensor's faults, with its SI unit."""
+        return {} if self.chain_unit is None else {name: self.chain_unit}
+
+
+def require_quantities(
+    place: str, names: tuple[str, ...], axis: AxisSettings, problems: Problems
+) -> None:
+    """Note a quantity that the plant of a node's axis has not."""
+    for name in names:
+        if name not in axis.kind.by_name:
+            right = "give the node another profile or another axis"
+            problems.add(place, f"the plant is a {axis.kind.name} and has no {name}; {right}")
+            return

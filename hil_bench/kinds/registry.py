@@ -1,0 +1,56 @@
+"""The kinds of devices: the bench's own, and those of the entry points ``hil_bench.kinds``."""
+
+from typing import Any, Final
+
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.chains import CHAIN_TABLE
+from hil_bench.kinds.encoder_406 import ENCODER
+from hil_bench.kinds.generic import GENERIC
+from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.pressure_404 import PRESSURE
+from hil_bench.kinds.valve_408 import VALVE
+from hil_bench.registry import Registry, find_twice
+from hil_bench.tables.values import describe
+
+__all__ = ["ENCODER", "GENERIC", "KINDS", "PRESSURE", "VALVE", "kind_name", "kind_of"]
+
+_COMMON_KEYS = (
+    *("profile", "node_id", "bus", "axis", "eds", "storage", "serial_number", "objects"),
+    CHAIN_TABLE,
+)
+
+
+def _find_fault(kind: DeviceKind[Any]) -> str:
+    """Return what is wrong with a kind from elsewhere; empty where nothing is."""
+    if twice := find_twice((*_COMMON_KEYS, *(key.name for key in kind.keys))):
+        return f"has the key {twice} twice; every node has {', '.join(_COMMON_KEYS)}"
+    for what, path in (("EDS file", kind.eds), ("register map", kind.registers)):
+        if path is not None and not path.is_file():
+            return f"lacks its {what}: there is no {path}"
+    return ""
+
+
+KINDS: Final = Registry[DeviceKind[Any]](
+    "hil_bench.kinds",
+    DeviceKind,  # type: ignore[type-abstract]
+    {kind.name: kind for kind in (VALVE, PRESSURE, ENCODER, GENERIC)},
+    _find_fault,
+)
+
+
+def kind_of(name: object) -> DeviceKind[Any]:
+    """Return the kind of a name.
+
+    Raises:
+        ConfigError: there is none, or its distribution does not have it.
+    """
+    kind = KINDS.find(name) if isinstance(name, str) else None
+    if kind is None:
+        known = ", ".join(f'"{known}"' for known in KINDS.names())
+        raise ConfigError(f"{describe(name)} is unknown; give one of {known}")
+    return kind
+
+
+def kind_name(value: object) -> str:
+    """Return the name of a kind; see `kind_of`."""
+    return kind_of(value).name

@@ -1,0 +1,221 @@
+"""The table ``[plant.NAME]`` of a cylinder and the hydraulic side of its valve."""
+
+import math
+import re
+from dataclasses import dataclass
+
+from hil_bench.errors import ConfigError, ParameterError
+from hil_bench.plant.checks import check_full_model
+from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
+from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
+from hil_bench.plant.models import Model, largest_stable_step
+from hil_bench.plant.options import EndStop, PlantOptions
+from hil_bench.plant.parameters import PlantParameters
+from hil_bench.plant.reduced_order import check_delay, check_reduced_model
+from hil_bench.plant.stepping import LOAD_LIMIT, Solver, shortcoming
+from hil_bench.plants.hydraulic_cylinder.keys import (
+    AIR_KEYS,
+    BRISTLE_KEYS,
+    CAVITATION_KEYS,
+    CONSTANT_LOAD_KEYS,
+    DELAY_KEY,
+    END_STOP_KEYS,
+    LOAD_KEYS,
+    OPTION_KEYS,
+    PARAMETER_KEYS,
+    SERIES_KEY,
+    SLOPE_KEYS,
+    SPRING_KEYS,
+    SUPPLY_KEYS,
+    Friction,
+    Supply,
+)
+from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
+from hil_bench.plants.kind import AxisConfig, PlantKind
+from hil_bench.plants.quantity import SUPPLY, Influence
+from hil_bench.tables.settings import Problems, Settings, convert
+
+_SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
+
+_PHYSICAL_KEYS = {
+    key.field or key.name: key.name
+    for key in (
+        *PARAMETER_KEYS,
+        *OPTION_KEYS,
+        *END_STOP_KEYS,
+        *CAVITATION_KEYS,
+        *AIR_KEYS,
+        *BRISTLE_KEYS,
+        *SUPPLY_KEYS,
+        *LOAD_KEYS,
+        DELAY_KEY,
+    )
+} | {"bristles": "friction", "supply_unit": "supply"}
+# A symbol, but not a unit, which follows a number or a stroke.
+_SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
+
+
+@dataclass(frozen=True, slots=True)
+class CylinderConfig(AxisConfig):
+    """A cylinder and the hydraulic side of its valve.
+
+    Attributes:
+        model: which of the paper's.
+        parameters: the model's parameters.
+        options: what the paper leaves open.
+        solver: the integration method.
+        position: piston position at the start, from mid-stroke, positive when extending [m].
+        spool_delay: what stands for the spool's lag in the reduced model [s].
+    """
+
+    model: Model
+    parameters: PlantParameters
+    options: PlantOptions
+    solver: Solver
+    position: float
+    spool_delay: float
+
+    @property
+    def full_scale(self) -> float:
+        """The spool position from which on the orifices are fully open [m]."""
+        return self.parameters.full_opening
+
+    @property
+    def influences(self) -> tuple[Influence, ...]:
+        """A load on the piston, and a supply pressure not below that of the tank."""
+        return (
+            Influence(LOAD, "N", -LOAD_LIMIT, LOAD_LIMIT),
+            Influence(SUPPLY, "Pa", self.parameters.P_T, _SUPPLY_LIMIT),
+        )
+
+    def limits(self, quantity: str) -> tuple[float, float]:
+        """Return the ends of the stroke for the piston's position [m], else no limits."""
+        half = self.parameters.h if quantity == POSITION.name else math.inf
+        return -half, half
+
+
+def configure(
+    kind: PlantKind["CylinderConfig"],
+    name: str,
+    axis: Settings,
+    step_us: int,
+    problems: Problems,
+) -> CylinderConfig | None:
+    """Return the record of an axis; what makes no physical sense is noted, and None returned."""
+    _check_position(name, axis, problems)
+    try:
+        record = _build_axis(kind, name, axis)
+    except ParameterError as error:
+        _explain(f"plant.{name}", str(error), problems)
+        return None
+    _check_solver(record, step_us, problems)
+    return record
+
+
+def require_cylinder(axis: AxisConfig, who: str) -> CylinderConfig:
+    """Return an axis that is a cylinder.
+
+    Raises:
+        ConfigError: it is another plant, and `who` needs a cylinder.
+    """
+    if not isinstance(axis, CylinderConfig):
+        wrong = f"is a {axis.kind.name}, and {who} needs a hydraulic cylinder"
+        raise ConfigError(f"plant.{axis.name}: {wrong}; give it an axis that is one")
+    return axis
+
+
+def full_opening_mm(axis: Settings) -> float:
+    """Return the spool position [mm] from which on the orifices of an axis are fully open.
+
+    It is alpha + beta (Ruderman 2017 eq. (2)), of the larger side.
+    """
+    alpha, beta = axis["orifice_full_opening_mm"].value, axis["spool_overlap_mm"].value
+    alpha_negative = axis["orifice_full_opening_negative_mm"].value
+    beta_negative = axis["spool_overlap_negative_mm"].value
+    negative = (alpha if alpha_negative is None else alpha_negative) + (
+        beta if beta_negative is None else beta_negative
+    )
+    return float(max(alpha + beta, negative))
+
+
+def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) -> CylinderConfig:
+    record = CylinderConfig(
+        name=name,
+        kind=kind,
+        model=axis["model"].value,
+        parameters=PlantParameters(**convert(axis, PARAMETER_KEYS)),
+        options=_build_options(axis),
+        solver=axis["solver"].value,
+        position=convert(axis, (axis["position_mm"].key,))["position"],
+        spool_delay=convert(axis, (DELAY_KEY,))["delay"],
+    )
+    if record.model is Model.REDUCED:
+        check_reduced_model(record.parameters, record.options)
+        check_delay(record.spool_delay)
+    elif record.spool_delay:
+        raise ParameterError(f'delay = {record.spool_delay:g} s: only for model = "reduced"')
+    else:
+        check_full_model(record.parameters, record.options)
+    return record
+
+
+def _build_options(axis: Settings) -> PlantOptions:
+    options = convert(axis, OPTION_KEYS)
+    if axis["cavitation"].value:
+        options |= convert(axis, CAVITATION_KEYS)
+    if axis["end_stop"].value:
+        options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
+    if axis["entrained_air_percent"].value:
+        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
+    if axis["friction"].value is Friction.LUGRE:
+        options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+    if axis["supply"].value is Supply.UNIT:
+        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
+    return PlantOptions(**options, loads=_build_loads(axis))
+
+
+def _build_loads(axis: Settings) -> tuple[Load, ...]:
+    loads: list[Load] = []
+    if axis["load_n"].value:
+        loads.append(ConstantLoad(**convert(axis, CONSTANT_LOAD_KEYS)))
+    if axis["load_spring_n_mm"].value:
+        loads.append(SpringLoad(**convert(axis, SPRING_KEYS)))
+    if axis["load_mass_kg"].value:
+        loads.append(MassOnSlope(**convert(axis, SLOPE_KEYS)))
+    if series := axis[SERIES_KEY.name].value:
+        times, forces = zip(*series, strict=True)
+        loads.append(LoadSeries(times, forces))
+    return tuple(loads)
+
+
+def _check_solver(axis: CylinderConfig, step_us: int, problems: Problems) -> None:
+    limit_us = largest_stable_step(axis.model, axis.parameters, axis.options, axis.solver) * 1e6
+    if step_us <= limit_us:
+        return
+    rights = []
+    if axis.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        rights.append(f'solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"')
+    if limit_us >= 1.0:
+        rights.append(f"bench.step_us = {math.floor(limit_us)}")
+    right = " or ".join(rights) or "a larger moving_mass_kg or a smaller bulk_modulus_mpa"
+    wrong = f'"{axis.solver.value}" {shortcoming(axis.solver)} with these parameters'
+    problems.add(
+        problems.place(f"plant.{axis.name}", "solver"),
+        f"{wrong} at step_us = {step_us}; give {right}",
+    )
+
+
+def _check_position(name: str, axis: Settings, problems: Problems) -> None:
+    position, limit = axis["position_mm"].value, axis["stroke_mm"].value / 2.0
+    if abs(position) > limit > 0.0:
+        place = problems.place(f"plant.{name}", "position_mm")
+        right = f"give {-limit:g} to {limit:g}, half of stroke_mm to each side"
+        problems.add(place, f"{position:g} is beyond the stroke; {right}")
+
+
+def _explain(table: str, message: str, problems: Problems) -> None:
+    """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
+    keys = list(dict.fromkeys(_PHYSICAL_KEYS[symbol] for symbol in _SYMBOL.findall(message)))
+    related = f" (see also {', '.join(keys[1:])})" if len(keys) > 1 else ""
+    place = problems.place(table, keys[0] if keys else "")
+    problems.add(place, message.replace(": ", "; ", 1) + related)

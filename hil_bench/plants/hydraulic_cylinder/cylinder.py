@@ -1,0 +1,98 @@
+"""The paper's two models as plants of a bench."""
+
+import math
+from collections.abc import Mapping
+
+from hil_bench.plant import FullOrderPlant, PlantInput, PlantOutput, PlantState, balanced_state
+from hil_bench.plant.models import Model
+from hil_bench.plant.reduced_order import ReducedOrderPlant, balanced_reduced_state
+from hil_bench.plant.stepping import Plant
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.quantities import (
+    LOAD,
+    P_A,
+    P_B,
+    POSITION,
+    SPEED,
+    SPOOL_POSITION,
+)
+
+_FASTEST = 10.0
+"""Whatever is asked for, the piston is not set to more than this [m/s] ..."""
+_HIGHEST = 10.0
+"""... nor a pressure to more than so many times that of the supply."""
+
+
+class _Cylinder(Plant):
+    """What a bench asks of a plant, by what both models have."""
+
+    _load = 0.0
+
+    def drive(self, command: float, steps: int) -> PlantOutput:
+        """Move the plant on under a spool set-point [m]."""
+        return self.step(PlantInput(command, self._load), steps)
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from other values, within the stroke and above the cavitation floor."""
+        parameters, state, floor = self.parameters, self.state, self.options.cavitation_floor
+        lowest, highest = -math.inf if floor is None else floor, _HIGHEST * parameters.P_S
+        pressure_a = _within(lowest, values.get(P_A, state.P_A), highest)
+        pressure_b = _within(lowest, values.get(P_B, state.P_B), highest)
+        half = parameters.h
+        self.restart(
+            state._replace(
+                x=_within(-half, values.get(POSITION.name, state.x), half),
+                v=_within(-_FASTEST, values.get(SPEED.name, state.v), _FASTEST),
+                P_A=pressure_a,
+                P_B=pressure_b,
+                nu=values.get(SPOOL_POSITION.name, state.nu),
+                V_CA=state.V_CA if floor == pressure_a else 0.0,
+                V_CB=state.V_CB if floor == pressure_b else 0.0,
+            )
+        )
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set the load [N] or P_S [Pa]; let go, a constant P_S is what it was, a unit fills up."""
+        if name == LOAD:
+            self._load = 0.0 if value is None else value
+        elif value is not None:
+            self.supply_pressure = value
+        elif self.options.supply is None:
+            self.supply_pressure = self.parameters.P_S
+
+
+class FullOrderCylinder(FullOrderPlant, _Cylinder):
+    """The full-order model on a bench."""
+
+
+class ReducedOrderCylinder(ReducedOrderPlant, _Cylinder):
+    """The reduced model on a bench."""
+
+
+def build_cylinder(
+    axis: CylinderConfig, dt: float, start: Mapping[str, float] | None = None
+) -> _Cylinder:
+    """Return the plant of an axis, at rest where no whole state is given to start with."""
+    start = start or {}
+    x = start.get(POSITION.name, axis.position)
+    parameters, options = axis.parameters, axis.options
+    load = options.load_at(x)
+    if axis.model is Model.REDUCED:
+        return ReducedOrderCylinder(
+            parameters,
+            options=options,
+            solver=axis.solver,
+            dt=dt,
+            state=balanced_reduced_state(parameters, x=x, F_L=load),
+            delay=axis.spool_delay,
+        )
+    state = balanced_state(parameters, x=x, F_L=load)
+    names = (POSITION.name, SPEED.name, P_A, P_B, SPOOL_POSITION.name)
+    if start.keys() >= set(names):
+        position, speed, pressure_a, pressure_b, spool = (start[name] for name in names)
+        state = PlantState(position, speed, pressure_a, pressure_b, spool, 0.0)
+    return FullOrderCylinder(parameters, options=options, solver=axis.solver, dt=dt, state=state)
+
+
+def _within(low: float, value: float, high: float) -> float:
+    return min(max(value, low), high)

@@ -1,0 +1,156 @@
+"""The keys of a cylinder's table ``[plant.NAME]``: name, unit, default, and what each one fills.
+
+`docs/configuration.md` tells the meaning of each. The defaults are Table I of Ruderman 2017.
+"""
+
+from enum import StrEnum
+
+from hil_bench.plant.models import Model
+from hil_bench.plant.stepping import Solver
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import boolean, choice, number, points
+from hil_bench.units import (
+    BAR,
+    CUBIC_CENTIMETRE,
+    DEGREE,
+    KILOGRAM,
+    KILOGRAM_PER_CUBIC_METRE,
+    LITRE,
+    LITRE_PER_MINUTE,
+    LITRE_PER_MINUTE_BAR,
+    MEGAPASCAL,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    MILLISECOND,
+    NEWTON,
+    NEWTON_PER_MILLIMETRE,
+    NEWTON_SECOND_PER_METRE,
+    ONE,
+    PASCAL,
+    PERCENT,
+    RADIAN_PER_SECOND,
+    SECOND_AND_NEWTON,
+    SECOND_PER_METRE,
+    SQUARE_CENTIMETRE,
+    Unit,
+)
+
+
+class Friction(StrEnum):
+    """The models of the piston's friction."""
+
+    STRIBECK = "stribeck"
+    LUGRE = "lugre"
+
+
+class Supply(StrEnum):
+    """What stands behind port P."""
+
+    CONSTANT = "constant"
+    UNIT = "unit"
+
+
+def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
+    return Key(name, number(unit), default, unit, field)
+
+
+PARAMETER_KEYS = (
+    _quantity("orifice_full_opening_mm", 1.0, MILLIMETRE, "alpha"),
+    _quantity("spool_overlap_mm", 0.3, MILLIMETRE, "beta"),
+    _quantity("spool_natural_frequency_rad_s", 1200.0, RADIAN_PER_SECOND, "omega_0"),
+    _quantity("spool_damping_ratio", 0.7, ONE, "xi"),
+    _quantity("discharge_coefficient", 0.65, ONE, "C_d"),
+    _quantity("orifice_width_mm", 20.0, MILLIMETRE, "w"),
+    _quantity("oil_density_kg_m3", 850.0, KILOGRAM_PER_CUBIC_METRE, "rho"),
+    _quantity("bulk_modulus_mpa", 100.0, MEGAPASCAL, "E"),
+    _quantity("supply_pressure_bar", 100.0, BAR, "P_S"),
+    _quantity("tank_pressure_bar", 0.0, BAR, "P_T"),
+    _quantity("internal_leakage_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_L"),
+    _quantity("piston_area_cm2", 50.0, SQUARE_CENTIMETRE, "A_A"),
+    _quantity("rod_side_area_cm2", 47.0, SQUARE_CENTIMETRE, "A_B"),
+    _quantity("piston_side_volume_cm3", 1200.0, CUBIC_CENTIMETRE, "V_A0"),
+    _quantity("rod_side_volume_cm3", 1150.0, CUBIC_CENTIMETRE, "V_B0"),
+    _quantity("moving_mass_kg", 20.0, KILOGRAM, "m"),
+    _quantity("coulomb_friction_n", 600.0, NEWTON, "F_c"),
+    _quantity("static_friction_n", 900.0, NEWTON, "F_s"),
+    _quantity("viscous_friction_n_s_m", 2000.0, NEWTON_SECOND_PER_METRE, "sigma"),
+    _quantity("stribeck_velocity_mm_s", 20.0, MILLIMETRE_PER_SECOND, "chi"),
+    _quantity("stribeck_exponent", 0.8, ONE, "delta"),
+    # A data sheet gives the full stroke, the model wants half of it.
+    _quantity("stroke_mm", 400.0, Unit("mm", "_mm", 0.5e-3), "h"),
+)
+
+OPTION_KEYS = (
+    Key("signed_root", boolean, True),
+    _quantity("tanh_gain_s_m", 400.0, SECOND_PER_METRE, "tanh_gain"),
+    _quantity("laminar_transition_pa", 300.0, PASCAL, "laminar_transition"),
+    # What is None is as for non_negative spool positions.
+    Key("orifice_full_opening_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "alpha_negative"),
+    Key("spool_overlap_negative_mm", number(MILLIMETRE), None, MILLIMETRE, "beta_negative"),
+    _quantity("external_leakage_a_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LA"),
+    _quantity("external_leakage_b_l_min_bar", 0.0, LITRE_PER_MINUTE_BAR, "C_LB"),
+)
+
+END_STOP_KEYS = (
+    _quantity("end_stop_stiffness_n_mm", 2e5, NEWTON_PER_MILLIMETRE, "stiffness"),
+    _quantity("end_stop_damping_n_s_m", 2e4, NEWTON_SECOND_PER_METRE, "damping"),
+)
+
+CAVITATION_KEYS = (_quantity("cavitation_floor_bar", -1.01325, BAR, "cavitation_floor"),)
+
+AIR_KEYS = (
+    _quantity("entrained_air_percent", 0.0, PERCENT, "air_fraction"),
+    _quantity("entrained_air_exponent", 1.4, ONE, "air_exponent"),
+)
+
+BRISTLE_KEYS = (
+    _quantity("bristle_stiffness_n_mm", 1e4, NEWTON_PER_MILLIMETRE, "sigma_0"),
+    _quantity("bristle_damping_n_s_m", 2e3, NEWTON_SECOND_PER_METRE, "sigma_1"),
+)
+
+SUPPLY_KEYS = (
+    _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
+    _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
+    _quantity("relief_gradient_l_min_bar", 12.0, LITRE_PER_MINUTE_BAR, "relief_gradient"),
+    _quantity("supply_line_volume_cm3", 500.0, CUBIC_CENTIMETRE, "line_volume"),
+    _quantity("accumulator_volume_l", 1.0, LITRE, "accumulator_volume"),
+    _quantity("accumulator_precharge_bar", 60.0, BAR, "precharge_pressure"),
+    _quantity("accumulator_exponent", 1.4, ONE, "gas_exponent"),
+)
+
+CONSTANT_LOAD_KEYS = (_quantity("load_n", 0.0, NEWTON, "load_force"),)
+
+SPRING_KEYS = (
+    _quantity("load_spring_n_mm", 0.0, NEWTON_PER_MILLIMETRE, "spring_stiffness"),
+    _quantity("load_spring_rest_mm", 0.0, MILLIMETRE, "spring_rest"),
+)
+
+SLOPE_KEYS = (
+    _quantity("load_mass_kg", 0.0, KILOGRAM, "load_mass"),
+    _quantity("load_slope_deg", 0.0, DEGREE, "slope"),
+)
+
+SERIES_KEY = Key("load_series_s_n", points(SECOND_AND_NEWTON), (), SECOND_AND_NEWTON, "load_series")
+
+LOAD_KEYS = (*CONSTANT_LOAD_KEYS, *SPRING_KEYS, *SLOPE_KEYS, SERIES_KEY)
+
+DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
+
+AXIS_KEYS = (
+    Key("model", choice(Model), Model.FULL_ORDER),
+    DELAY_KEY,
+    *PARAMETER_KEYS,
+    *OPTION_KEYS,
+    Key("end_stop", boolean, True),
+    *END_STOP_KEYS,
+    Key("cavitation", boolean, True),
+    *CAVITATION_KEYS,
+    *AIR_KEYS,
+    Key("friction", choice(Friction), Friction.STRIBECK),
+    *BRISTLE_KEYS,
+    Key("supply", choice(Supply), Supply.CONSTANT),
+    *SUPPLY_KEYS,
+    *LOAD_KEYS,
+    _quantity("position_mm", 0.0, MILLIMETRE, "position"),
+    Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),
+)

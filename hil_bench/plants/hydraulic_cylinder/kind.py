@@ -1,0 +1,66 @@
+"""The hydraulic cylinder as a kind of plant."""
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Final
+
+from hil_bench.plants.hydraulic_cylinder.configuration import (
+    CylinderConfig,
+    configure,
+    full_opening_mm,
+)
+from hil_bench.plants.hydraulic_cylinder.cylinder import build_cylinder
+from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
+from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, QUANTITIES
+from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
+from hil_bench.plants.kind import PlantKind
+from hil_bench.plants.plant import Plant
+from hil_bench.tables.settings import Problems, Settings
+from hil_bench.units import MILLIMETRE
+
+
+class HydraulicCylinder(PlantKind[CylinderConfig]):
+    """A valve-controlled cylinder by Ruderman 2017, full-order or reduced."""
+
+    name = "hydraulic_cylinder"
+    keys = AXIS_KEYS
+    quantities = QUANTITIES
+    command_unit = MILLIMETRE
+    usual = USUAL
+    possible = POSSIBLE
+    default_nodes = MappingProxyType(
+        {
+            "valve": {"profile": "valve_408", "node_id": 1},
+            "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": P_A},
+            "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": P_B},
+            "position": {"profile": "encoder_406", "node_id": 4},
+        }
+    )
+
+    def configure(
+        self, name: str, settings: Settings, step_us: int, problems: Problems
+    ) -> CylinderConfig | None:
+        """Return the record of an axis."""
+        return configure(self, name, settings, step_us, problems)
+
+    def build(
+        self, axis: CylinderConfig, dt: float, start: Mapping[str, float] | None = None
+    ) -> Plant:
+        """Return the model of an axis."""
+        return build_cylinder(axis, dt, start)
+
+    def full_scale(self, settings: Settings) -> float:
+        """Return the spool position from which on the orifices are fully open [mm]."""
+        return full_opening_mm(settings)
+
+    def lowest_supply_bar(self, settings: Settings) -> float:
+        """Return the pressure of the tank [bar]."""
+        return float(settings["tank_pressure_bar"].value)
+
+    def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
+        """Yield the oscillations that neither tick nor step resolves."""
+        return find_unresolved(axis, tick_us, step_us)
+
+
+HYDRAULIC_CYLINDER: Final = HydraulicCylinder()

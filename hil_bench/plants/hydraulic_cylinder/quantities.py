@@ -1,0 +1,69 @@
+"""The quantities of the cylinder, in the paper's symbols where it has some."""
+
+from typing import Final
+
+from hil_bench.plant.state import PlantOutput
+from hil_bench.plants.quantity import Quantity, Shown
+
+_PLACE = {field: place for place, field in enumerate(PlantOutput._fields)}
+
+POSITION: Final = Quantity(
+    "position",
+    "m",
+    _PLACE["x"],
+    tolerance=1e-3,
+    residual=0.5e-3,
+    is_anchor=True,
+    shown=Shown("x {:+8.2f} mm", 1e3),
+)
+"""Of the piston; a command that is late by 2 ms moves it by 0.5 mm at 0.25 m/s."""
+SPEED: Final = Quantity("speed", "m/s", _PLACE["v"])
+PRESSURE_A: Final = Quantity(
+    "P_A",
+    "Pa",
+    _PLACE["P_A"],
+    tolerance=2e5,
+    residual=0.25e5,
+    is_anchor=True,
+    shown=Shown("P_A {:5.1f}", 1e-5),
+)
+PRESSURE_B: Final = Quantity(
+    "P_B",
+    "Pa",
+    _PLACE["P_B"],
+    tolerance=2e5,
+    residual=0.25e5,
+    is_anchor=True,
+    shown=Shown("P_B {:5.1f} bar", 1e-5),
+)
+SPOOL_SETPOINT: Final = Quantity("spool_setpoint", "-", None, is_share=True)
+SPOOL_POSITION: Final = Quantity(
+    "spool_position",
+    "-",
+    _PLACE["nu"],
+    is_share=True,
+    tolerance=0.02,
+    residual=0.03,
+    shown=Shown("spool {:+6.1f} %", 100.0),
+)
+FLOW_A: Final = Quantity("Q_A", "m³/s", _PLACE["Q_A"], is_recorded=False)
+FLOW_B: Final = Quantity("Q_B", "m³/s", _PLACE["Q_B"], is_recorded=False)
+
+QUANTITIES: Final = (
+    POSITION,
+    SPEED,
+    PRESSURE_A,
+    PRESSURE_B,
+    SPOOL_SETPOINT,
+    SPOOL_POSITION,
+    FLOW_A,
+    FLOW_B,
+)
+
+LOAD: Final = "load"
+"""What acts on the piston from outside [N]."""
+
+P_A: Final = PRESSURE_A.name
+P_B: Final = PRESSURE_B.name
+PORTS: Final = (P_A, P_B)
+"""The pressures at the cylinder's ports."""

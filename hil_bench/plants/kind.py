@@ -1,0 +1,159 @@
+"""What a kind of plant is: one object says all that the bench needs to know of it."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, Final, Generic, NamedTuple, TypeVar
+
+from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import Influence, Quantity
+from hil_bench.tables.settings import Key, Problems, Settings
+from hil_bench.units import ONE, Unit
+
+_NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})
+
+
+class Range(NamedTuple):
+    """A range of a key, in the key's own unit.
+
+    Attributes:
+        low: the least.
+        high: the largest.
+        reason: whose range it is.
+    """
+
+    low: float
+    high: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class AxisConfig:
+    """One axis: a plant, and what its devices must know of it.
+
+    Attributes:
+        name: the axis, as in ``[plant.NAME]``.
+        kind: of its plant.
+    """
+
+    name: str
+    kind: "PlantKind[Any]"
+
+    @property
+    def full_scale(self) -> float:
+        """The command of 100 %, where no device of the axis has another one [SI]."""
+        return 1.0
+
+    @property
+    def influences(self) -> tuple[Influence, ...]:
+        """What may act on its plant from outside."""
+        return ()
+
+    def limits(self, quantity: str) -> tuple[float, float]:
+        """Return the least and the largest value of a quantity [SI]."""
+        return -math.inf, math.inf
+
+
+AxisT = TypeVar("AxisT", bound=AxisConfig)
+
+
+class PlantKind(ABC, Generic[AxisT]):
+    """A kind of plant.
+
+    Attributes:
+        name: as in ``kind = "NAME"`` of ``[plant.AXIS]``.
+        keys: of that table.
+        quantities: what can be seen of it and its one command, in the order of a recording.
+        command_unit: the unit of `full_scale`.
+        usual: what data sheets and machines have, by key; beyond it a value is doubted.
+        possible: what nature allows, by key; beyond it a value is refused.
+        default_nodes: the nodes of a file without any.
+    """
+
+    name: str
+    keys: tuple[Key, ...] = ()
+    quantities: tuple[Quantity, ...]
+    command_unit: Unit = ONE
+    usual: Mapping[str, Range] = _NOTHING
+    possible: Mapping[str, Range] = _NOTHING
+    default_nodes: Mapping[str, Mapping[str, object]] = _NOTHING
+
+    @abstractmethod
+    def configure(
+        self, name: str, settings: Settings, step_us: int, problems: Problems
+    ) -> AxisT | None:
+        """Return the record of an axis; what makes no sense is noted, and None returned for it.
+
+        Args:
+            name: of the axis.
+            settings: of its table, each right by itself.
+            step_us: step of the bench's plants [us].
+            problems: where problems are noted.
+        """
+
+    @abstractmethod
+    def build(self, axis: AxisT, dt: float, start: Mapping[str, float] | None = None) -> Plant:
+        """Return the plant of an axis, ready to step.
+
+        Args:
+            axis: its record.
+            dt: step [s].
+            start: quantities to begin with [SI], as a recording has them; what is missing, and
+                without it all, is as configured.
+        """
+
+    def full_scale(self, settings: Settings) -> float:
+        """Return the command of 100 % of an axis with these settings, in `command_unit`."""
+        return 1.0
+
+    def lowest_supply_bar(self, settings: Settings) -> float | None:
+        """Return the least pressure at which the supply can be held [bar]; None without one."""
+        return None
+
+    def find_doubts(self, axis: AxisT, tick_us: int, step_us: int) -> Iterator[str]:
+        """Yield motions of an axis that the bench's tick or step does not resolve."""
+        yield from ()
+
+    @property
+    def start_with(self) -> str:
+        """The quantity that a recording must have, for a plant to begin where it does."""
+        return self.quantities[0].name
+
+    @cached_property
+    def by_name(self) -> Mapping[str, Quantity]:
+        """The quantities by their names."""
+        return {quantity.name: quantity for quantity in self.quantities}
+
+    @cached_property
+    def command(self) -> Quantity:
+        """The quantity that a device may command."""
+        return next(quantity for quantity in self.quantities if quantity.output is None)
+
+    @cached_property
+    def outputs(self) -> Sequence[Quantity]:
+        """The quantities that a device may show."""
+        return tuple(quantity for quantity in self.quantities if quantity.output is not None)
+
+    def outputs_in(self, unit: str) -> Sequence[Quantity]:
+        """Return the quantities of an SI unit that a device may show."""
+        return tuple(quantity for quantity in self.outputs if quantity.unit == unit)
+
+    @cached_property
+    def follower(self) -> Quantity:
+        """The output that follows the command: it is in the command's unit."""
+        return self.outputs_in(self.command.unit)[0]
+
+
+class AxisSettings(NamedTuple):
+    """An axis whose keys are right by themselves.
+
+    Attributes:
+        kind: of its plant.
+        settings: the values of its keys.
+    """
+
+    kind: PlantKind[Any]
+    settings: Settings

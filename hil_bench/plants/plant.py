@@ -1,0 +1,24 @@
+"""What a bench asks of a plant, whatever it is."""
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+
+class Plant(Protocol):
+    """One plant with one command; its kind says which quantity each output is."""
+
+    @property
+    def output(self) -> Sequence[float]:
+        """The present outputs in SI, in the order that the kind's quantities name."""
+
+    def drive(self, command: float, steps: int) -> Sequence[float]:
+        """Move the plant on by `steps` steps under a constant command [SI]; return the outputs."""
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from other values of some quantities [SI], as far as they are plausible."""
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set what acts on it from outside [SI]; None lets it be what it was.
+
+        Asked for the influences alone that the axis' configuration names.
+        """

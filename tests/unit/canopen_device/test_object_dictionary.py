@@ -147,3 +147,8 @@ def test_number_of_an_absent_object(dictionary):
     assert dictionary.number(0x2000) == 3
     assert dictionary.number(0x2999) == 0
     assert dictionary.number(0x2999, absent=4) == 4
+
+
+def test_a_dictionary_that_comes_from_no_file_says_nothing_of_one():
+    dictionary = ObjectDictionary([])
+    assert (dictionary.source, dictionary.findings, dictionary.claims_lss) == ("", (), False)

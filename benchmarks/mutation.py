@@ -1,0 +1,240 @@
+"""Mutation scores: how many small faults in the protocols do the tests beside the code notice?
+
+``python benchmarks/mutation.py [AREA ...] [--sample N] [--seed S]`` draws mutants of each area at
+random, runs the area's tests on each up to the first that fails, and prints a table. Results are
+kept in ``--results``, so a run goes on where the last one ended; ``--again`` repeats what survived.
+
+Each mutant is a fork of a process that has imported pytest and the libraries. Nothing on disk
+changes: the import system hands the mutated module out. Processes that a test starts itself
+import the real one.
+"""
+
+import argparse
+import ast
+import contextlib
+import hashlib
+import importlib.machinery
+import importlib.util
+import itertools
+import json
+import math
+import os
+import random
+import resource
+import select
+import signal
+import sys
+import tempfile
+import time
+import types
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import canopen  # noqa: F401 - these are imported once, before each fork
+import hypothesis
+import numba  # noqa: F401
+import pymodbus.pdu  # noqa: F401
+import pytest
+
+from mutants import Mutant, mutants
+from mutation_areas import AREAS, TESTS
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "build" / "mutation.jsonl"
+LONGEST = 600  # s of processor time for the tests of a module
+LEAST_TIME = 20  # s of processor time for a mutant, whose tests take less without it
+TIMES_AS_LONG = 5
+MEMORY = 2 << 30  # bytes
+WAIT = 300.0  # s until a mutant that does nothing is ended
+NOT_IMPORTED = 99
+VERDICTS = ("killed", "time-out", "survived")
+Z = 1.96  # of a confidence of 95 %
+
+
+class MutatedModule(importlib.machinery.SourceFileLoader):
+    """Hands out one module with a fault in it; also the finder of that module."""
+
+    def __init__(self, path: Path, tree: ast.Module) -> None:
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        super().__init__(name, str(path))
+        self.tree = tree
+        self.is_imported = False
+
+    def find_spec(self, name: str, *_: object) -> importlib.machinery.ModuleSpec | None:
+        """Return the module's spec where it is the one asked for."""
+        if name != self.name:
+            return None
+        return importlib.util.spec_from_file_location(name, self.path, loader=self)
+
+    def get_code(self, fullname: str) -> types.CodeType:  # noqa: ARG002
+        """Return the code with the fault."""
+        self.is_imported = True
+        return compile(self.tree, self.path, "exec", dont_inherit=True)
+
+
+def run_tests(files: Sequence[str], path: Path, tree: ast.Module) -> int:
+    """Run test files in this process and return pytest's exit code."""
+    options = ["-q", "-x", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options += ["-m", "not slow and not hardware and not realtime", "--tb=no", "--no-header"]
+    options += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "--hypothesis-profile=mutation"]
+    hypothesis.settings.register_profile(
+        "mutation",
+        deadline=None,
+        derandomize=True,
+        database=None,
+        phases=(hypothesis.Phase.explicit, hypothesis.Phase.generate),
+        suppress_health_check=list(hypothesis.HealthCheck),
+    )
+    loader = MutatedModule(path, tree)
+    sys.meta_path.insert(0, loader)
+    with tempfile.TemporaryDirectory() as folder:
+        code = int(pytest.main([*options, f"--basetemp={folder}/tests", *files]))
+    return code if loader.is_imported else NOT_IMPORTED
+
+
+def in_fork(files: Sequence[str], path: Path, tree: ast.Module, limit: int) -> tuple[str, float]:
+    """Return how the tests end with one module replaced, and their processor time [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    pid = os.fork()
+    if not pid:
+        os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+        resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        null = os.open(os.devnull, os.O_RDWR)
+        for stream in range(3):
+            os.dup2(null, stream)
+        code = 1
+        try:
+            code = run_tests(files, path, tree)
+        finally:
+            os._exit(code)
+    handle = os.pidfd_open(pid)
+    in_time = bool(select.select([handle], [], [], WAIT)[0])
+    os.close(handle)
+    if not in_time:
+        os.kill(pid, signal.SIGKILL)
+    status = os.waitpid(pid, 0)[1]
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(pid, signal.SIGKILL)  # helpers that its tests have left behind
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    ended = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+    if ended in {signal.SIGKILL, signal.SIGXCPU}:
+        return "time-out", used
+    return ("survived" if status == 0 else "killed"), used
+
+
+def draw(area: str, count: int, seed: int) -> list[tuple[Path, int]]:
+    """Return a random sample of an area's mutants, by module and number; all for a count of 0.
+
+    Of the same seed, a larger sample begins with the smaller one.
+    """
+    everything = [
+        (ROOT / name, number)
+        for name in AREAS[area]
+        for number, _ in enumerate(mutants((ROOT / name).read_text(encoding="utf-8")))
+    ]
+    random.Random(f"{seed} {area}").shuffle(everything)  # noqa: S311 - a sample, no secret
+    return everything[: count or None]
+
+
+def mutant_of(path: Path, number: int) -> Mutant:
+    """Return one mutant of a module."""
+    return next(itertools.islice(mutants(path.read_text(encoding="utf-8")), number, None))
+
+
+def tests_of(area: str, path: Path) -> tuple[str, ...]:
+    """Return the test files of a module, or else those of its area."""
+    return tuple(TESTS.get(str(path.relative_to(ROOT))) or TESTS[area])
+
+
+def interval(part: int, whole: int) -> tuple[float, float]:
+    """Return Wilson's interval of a share at 95 %."""
+    share, square = part / whole, Z * Z / whole
+    middle = (share + square / 2) / (1 + square)
+    half = Z / (1 + square) * math.sqrt(share * (1 - share) / whole + square / (4 * whole))
+    return middle - half, middle + half
+
+
+def known_results(file: Path) -> dict[str, dict[str, object]]:
+    """Return the results so far by the mutant's key; of a repeated one the last."""
+    if not file.exists():
+        return {}
+    lines = map(json.loads, file.read_text(encoding="utf-8").splitlines())
+    return {line["key"]: line for line in lines}
+
+
+def time_limit(files: Sequence[str], path: Path) -> int:
+    """Return the processor time that a module's tests may take [s], once they pass as they are."""
+    unchanged = ast.parse(path.read_text(encoding="utf-8"))
+    verdict, used = in_fork(files, path, unchanged, LONGEST)
+    if verdict != "survived":
+        sys.exit(f"{path}: its tests fail as it is, or do not import it: {' '.join(files)}")
+    return max(LEAST_TIME, round(TIMES_AS_LONG * used))
+
+
+def judge(area: str, options: argparse.Namespace) -> Iterator[dict[str, object]]:
+    """Yield the result of each mutant in the sample of an area."""
+    known = known_results(options.results)
+    limits: dict[Path, int] = {}
+    for path, number in draw(area, options.sample, options.seed):
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+        key = f"{path.relative_to(ROOT)} {digest} {number}"
+        result = known.get(key)
+        if result is None or (options.again and result["verdict"] == "survived"):
+            files = tests_of(area, path)
+            if path not in limits:
+                limits[path] = time_limit(files, path)
+            mutant = mutant_of(path, number)
+            verdict, used = in_fork(files, path, mutant.tree, limits[path])
+            where = f"{path.relative_to(ROOT)}:{mutant.line}"
+            result = {"key": key, "where": where, "what": mutant.what, "verdict": verdict}
+            result["seconds"] = round(used, 2)
+            with options.results.open("a", encoding="utf-8") as results:
+                results.write(json.dumps(result) + "\n")
+            print(f"{time.strftime('%X')} {verdict:9} {where}: {mutant.what}", file=sys.stderr)
+        yield result
+
+
+def row(area: str, verdicts: Sequence[object], population: int) -> str:
+    """Return an area's line of the table."""
+    killed, expired, survived = (verdicts.count(name) for name in VERDICTS)
+    dead, drawn = killed + expired, len(verdicts)
+    low, high = interval(dead, drawn)
+    return (
+        f"| {area} | {population} | {drawn} | {killed} | {expired} | {survived} "
+        f"| {dead / drawn:.0%} | {low:.0%} to {high:.0%} |"
+    )
+
+
+def main() -> int:
+    """Print the table and what survived; return 1 where a score is below the aim."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("areas", nargs="*", metavar="AREA", help=", ".join(AREAS))
+    parser.add_argument("--sample", type=int, default=120, help="mutants of an area; 0: all (120)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true", help="repeat what survived")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="build/mutation.jsonl")
+    parser.add_argument("--least", type=float, default=90.0, help="aim of each score in %% (90)")
+    options = parser.parse_args()
+    if unknown := set(options.areas) - set(AREAS):
+        parser.error(f"no such area: {', '.join(sorted(unknown))}; there are {', '.join(AREAS)}")
+    os.chdir(ROOT)
+    options.results.parent.mkdir(parents=True, exist_ok=True)
+    rows, survivors, is_enough = [], [], True
+    for area in options.areas or AREAS:
+        results = list(judge(area, options))
+        verdicts = [result["verdict"] for result in results]
+        rows.append(row(area, verdicts, len(draw(area, 0, 0))))
+        lost = [f"{r['where']}: `{r['what']}`" for r in results if r["verdict"] == "survived"]
+        is_enough &= 100 * len(lost) <= (100 - options.least) * len(results)
+        survivors += lost
+    print("| area | mutants | drawn | killed | time-out | survived | score | 95 % interval |")
+    print("|---|---|---|---|---|---|---|---|", *rows, "", *survivors, sep="\n")
+    return 0 if is_enough else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""What ``benchmarks/mutation.py`` mutates, and the tests that must notice."""
+
+from typing import Final
+
+
+def _files(folder: str, names: str, prefix: str = "") -> list[str]:
+    """Return the paths of Python files in a folder."""
+    return [f"{folder}/{prefix}{name}.py" for name in names.split()]
+
+
+def _tests(folder: str, names: str) -> list[str]:
+    """Return the paths of test files beside the code."""
+    return _files(f"tests/unit/{folder}".rstrip("/"), names, "test_")
+
+
+_DIALOGUES: Final = ["tests/transcripts/test_transcripts.py"]
+_VALVE: Final = "valve_limits valve_state_machine valve_408 valve_demand valve_ramp"
+
+AREAS: Final = {
+    "sdo": _files("hil_bench/canopen_device", "sdo sdo_block sdo_channels sdo_transfer"),
+    "pdo": _files("hil_bench/canopen_device", "rpdo tpdo pdo_mapping pdo_parameters"),
+    "sync": _files("hil_bench/canopen_device", "sync"),
+    "valve": [
+        *_files("hil_bench/devices", "valve_408 valve_state_machine demand_generator ramp"),
+        *_files("hil_bench/devices", "deviation_monitor compensation local_command"),
+    ],
+    "limits": [
+        *_files("hil_bench/canopen_device", "object_dictionary"),
+        *_files("hil_bench/devices", "measuring_range saturation"),
+        *_files("hil_bench/commissioning", "guard rig"),
+        *_files("drivers", "valve"),
+    ],
+    "lock-step": _files("hil_bench/session", "lockstep joined"),
+    "modbus": [
+        *_files("hil_bench/modbus", "data_types exchange mailbox register_map rivals unit_image"),
+        *_files("hil_bench/transports/modbus", "framing pdu register_server session connections"),
+    ],
+}
+"""Modules of each area."""
+
+TESTS: Final = {
+    "sdo": [
+        *_DIALOGUES,
+        *_tests("canopen_device", "boundaries sdo_ends sdo sdo_block"),
+        *_tests("canopen_device", "sdo_dialogue"),
+    ],
+    "pdo": [
+        *_DIALOGUES,
+        *_tests("canopen_device", "boundaries pdo_ends pdo_mapping"),
+        *_tests("canopen_device", "shared_rounds node"),
+    ],
+    "sync": [
+        *_DIALOGUES,
+        *_tests("canopen_device", "boundaries sync_parameters sync"),
+        *_tests("canopen_device", "pdo_ends shared_rounds node"),
+    ],
+    "valve": _tests("devices", f"{_VALVE} valve_deviation valve_supervision ramp compensation"),
+    "lock-step": _tests("session", "lockstep_ends joined lockstep"),
+    "modbus": [
+        *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),
+        *_tests("transports/modbus", "pdu framing session readers register_server connections"),
+        *_tests("", "modbus_binding"),
+    ],
+    # The area of limits spans packages, so each of its modules has its own.
+    "hil_bench/canopen_device/object_dictionary.py": [
+        *_DIALOGUES,
+        *_tests("canopen_device", "object_dictionary sdo eds"),
+    ],
+    "hil_bench/devices/measuring_range.py": _tests("devices", "measuring_range unsigned_range"),
+    "hil_bench/devices/saturation.py": _tests(
+        "devices", "valve_limits measuring_range encoder_406"
+    ),
+    "hil_bench/commissioning/guard.py": _tests("commissioning", "rig session"),
+    "hil_bench/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
+    "drivers/valve.py": _tests("drivers", "valve valve_setup_limits device"),
+}
+"""Test files of each area, or of a module."""

@@ -1,0 +1,22 @@
+"""An encoder whose EDS has the ends of its range unsigned: what is below 0 shows as 0."""
+
+from support.encoders import move
+
+from device_profiles import ENCODER_406
+from hil_bench.devices.encoder_406 import EncoderDevice
+
+
+def test_an_end_below_0_is_0_where_the_object_is_unsigned(make_rig, tmp_path):
+    text = ENCODER_406.read_text(encoding="ascii")
+    for section in ("[650Asub2]", "[650Asub3]"):
+        before, after = text.split(section)
+        text = before + section + after.replace("DataType=0x0004", "DataType=0x0007", 1)
+    path = tmp_path / "unsigned.eds"
+    path.write_text(text, encoding="ascii")
+    rig = make_rig(path)
+    rig.device = EncoderDevice(rig.node, (-0.1, 0.3))
+    move(rig, 0.0)
+    assert rig.write(0x6005, 1, 1000, 4) is None  # 1 um
+    # -100,000 steps is nothing that UNSIGNED32 holds; 0.3 m are 300,000, and the range 400,000.
+    assert [rig.value(0x650A, 2), rig.value(0x650A, 3)] == [0, 300_000]
+    assert rig.value(0x6002) == 400_000

@@ -4,9 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hil_bench.config.document import Document, check_tables, give
-from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import Value, describe, find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.courses import read_course
@@ -38,6 +35,9 @@ from hil_bench.scenario.step_keys import (
     fault_step_keys,
 )
 from hil_bench.scenario.syntax import ExpectationError
+from hil_bench.tables.document import Document, check_tables, give
+from hil_bench.tables.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.tables.values import Value, describe, find_nearest, quote
 
 _TABLES = ("controller", "parameters", "step", "expect")
 

@@ -5,11 +5,11 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, describe, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.records import FirmwareCommand, NmtCommand
+from hil_bench.tables.settings import Key
+from hil_bench.tables.values import boolean, choice, describe, number, text
 from hil_bench.units import SECOND
 
 LONGEST_RUN = 1e6  # [s]

@@ -16,11 +16,11 @@ import drivers.modbus
 from drivers.modbus.framing import TcpFraming
 from hil_bench.config import load_config
 from hil_bench.config.register_maps import load_register_map
+from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.telemetry import AXIS_QUANTITIES
 from hil_bench.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
@@ -39,7 +39,13 @@ BEGINNINGS = {
 }
 """What a file has before the first table of a snippet that shows no whole one."""
 
-SIGNALS = Vocabulary({f"axis1.{name}": unit for name, unit in AXIS_QUANTITIES})
+SIGNALS = Vocabulary(
+    {
+        f"axis1.{quantity.name}": quantity.unit
+        for quantity in DEFAULT_PLANT.quantities
+        if quantity.is_recorded
+    }
+)
 
 
 def code_with(pattern: str) -> list[tuple[str, str]]:

@@ -102,6 +102,8 @@ def test_device_and_plant_are_recorded_with_units(rig):
     assert signals["rig.position"] == pytest.approx(expected, abs=0.2e-3 + 10e-6)
     assert signals["joystick.x.measured"] == pytest.approx([deflection(t) for t in times], abs=0.01)
     assert set(signals["joystick.y.measured"]) == {0.0}
+    shown = rig.nodes["io"]["0x6401.01"]  # 100 counts a millimetre, and no full scale in them
+    assert shown == round(rig.values["rig.position"] * 1e3 * 100)
 
 
 def test_the_bench_s_own_encoder_measures_the_foreign_plant(rig):

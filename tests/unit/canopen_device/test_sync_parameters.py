@@ -2,10 +2,10 @@
 
 import pytest
 
+from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
-from hil_bench.errors import SdoAbort
 
 VALUE = 0x06090030
 PRODUCER, CONSUMER = 0x40000080, 0x00000080

@@ -25,8 +25,8 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench import figure_style
-from hil_bench.plant import PlantOptions, Solver, balanced_state
-from hil_bench.plant.stepping import DEFAULT_STEP
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, Solver, balanced_state
+from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from manoeuvres import Run, draw, positions
 from solvers import reference
 

@@ -15,7 +15,12 @@ import numpy as np
 
 from hil_bench.analysis.batch import simulate_batch
 from hil_bench.analysis.simulation import Setup, build_plant, simulate
-from hil_bench.plant import PlantInput, PlantOptions, Solver, paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import (
+    PlantInput,
+    PlantOptions,
+    Solver,
+    paper_parameters,
+)
 
 PLANTS = 64
 STEPS = 10_000  # half a second

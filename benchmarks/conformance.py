@@ -28,7 +28,7 @@ from hil_bench.conformance.check import Impact
 from hil_bench.conformance.device import DeviceUnderTest
 from hil_bench.conformance.suite import CHAPTERS, Outcome, Result, run_suite
 from hil_bench.conformance.wire import Wire
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.outside.transports.embedded import EmbeddedBus
 from peers import CanopenNetwork, DurandNetwork, Sent
 
 EDS = Path(__file__).parents[1] / "tests" / "unit" / "canopen_device" / "device.eds"

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hil_bench.config import load_config
+from hil_bench.bench.configuration import load_config
 from hil_bench.scenario.build import AT_START, StreamBuilder
 from hil_bench.scenario.judgement import judge
 from hil_bench.scenario.monitor import Monitor
@@ -31,7 +31,7 @@ from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import expectations as oracle

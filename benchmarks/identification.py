@@ -27,11 +27,16 @@ from scipy.stats import binomtest
 
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.analysis.study import make_table
-from hil_bench.identification.identify import identify
-from hil_bench.identification.record import SIGNALS, AxisRecord
-from hil_bench.identification.unknowns import KINDS
-from hil_bench.plant import PlantOptions, PlantParameters, Solver, paper_parameters
-from hil_bench.recording.channels import Channel, Recording
+from hil_bench.machine.identification.identify import identify
+from hil_bench.machine.identification.record import SIGNALS, AxisRecord
+from hil_bench.machine.identification.unknowns import KINDS
+from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.plants.hydraulic_cylinder.model import (
+    PlantOptions,
+    PlantParameters,
+    Solver,
+    paper_parameters,
+)
 
 MACHINES = 40
 STEP, TICK = 5e-5, 1e-3  # [s]

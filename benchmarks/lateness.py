@@ -27,18 +27,24 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
+from hil_bench.bench.configuration import (
+    BenchConfig,
+    OverrunPolicy,
+    RealtimeConfig,
+    RealtimePolicy,
+    load_config,
+)
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.status_line import bench_status, bench_status_row, show
-from hil_bench.config import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy, load_config
-from hil_bench.modbus_binding import ModbusBinding
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.clock import MonotonicClock
-from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.statistics import TickStatistics
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.transports.modbus.process import ModbusProcess
+from hil_bench.outside.transports.silent import SilentTransport
 from hil_bench.session.paced import run_paced
 from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import Session, open_session
-from hil_bench.transports.modbus.process import ModbusProcess
-from hil_bench.transports.silent import SilentTransport
 
 LONGEST_US = 100_000
 PRIORITY = 80

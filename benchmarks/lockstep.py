@@ -20,13 +20,13 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig, load_config
-from hil_bench.plant import PlantInput
+from hil_bench.outside.transports.hosted_bus import HostedBus
+from hil_bench.plants.hydraulic_cylinder.model import PlantInput
 from hil_bench.session.lockstep import LockStep, run_lockstep
 from hil_bench.session.session import open_session
-from hil_bench.transports.hosted_bus import HostedBus
 
 ROOT = Path(__file__).parents[1]
 SYNC = Frame(0x080)

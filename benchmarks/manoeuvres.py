@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     EntrainedAir,
     FullOrderPlant,

@@ -27,13 +27,17 @@ AREAS: Final = {
     "limits": [
         *_files("hil_bench/canopen_device", "object_dictionary"),
         *_files("hil_bench/devices", "measuring_range saturation"),
-        *_files("hil_bench/commissioning", "guard rig"),
+        *_files("hil_bench/machine/commissioning", "guard rig"),
         *_files("drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
     "modbus": [
-        *_files("hil_bench/modbus", "data_types exchange mailbox register_map rivals unit_image"),
-        *_files("hil_bench/transports/modbus", "framing pdu register_server session connections"),
+        *_files(
+            "hil_bench/outside/modbus", "data_types exchange mailbox register_map rivals unit_image"
+        ),
+        *_files(
+            "hil_bench/outside/transports/modbus", "framing pdu register_server session connections"
+        ),
     ],
 }
 """Modules of each area."""
@@ -70,8 +74,8 @@ TESTS: Final = {
     "hil_bench/devices/saturation.py": _tests(
         "devices", "valve_limits measuring_range encoder_406"
     ),
-    "hil_bench/commissioning/guard.py": _tests("commissioning", "rig session"),
-    "hil_bench/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
+    "hil_bench/machine/commissioning/guard.py": _tests("commissioning", "rig session"),
+    "hil_bench/machine/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
     "drivers/valve.py": _tests("drivers", "valve valve_setup_limits device"),
 }
 """Test files of each area, or of a module."""

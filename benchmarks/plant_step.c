@@ -1,8 +1,8 @@
-/* The full-order plant in C: the same equations, options and constants as hil_bench/plant, written the
+/* The full-order plant in C: the same equations, options and constants as hil_bench/plants/hydraulic_cylinder/model, written the
  * way C is written, as the yardstick of benchmarks/plant_step.py. */
 #include <math.h>
 
-/* The order of hil_bench.plant.constants.pack. */
+/* The order of hil_bench.plants.hydraulic_cylinder.model.constants.pack. */
 typedef struct {
     double dt, m, per_E_dt, floor;
     double omega_0_squared, two_xi_omega_0;
@@ -88,7 +88,7 @@ static inline double share(double secant, double tangent, double inertia)
     return middle > secant ? secant : most(middle, -0.25 * inertia);
 }
 
-/* The parts of a step: hil_bench.plant.parts. The C has no cavities, only the floor. */
+/* The parts of a step: hil_bench.plants.hydraulic_cylinder.model.parts. The C has no cavities, only the floor. */
 enum { PARTS = 64, RATIO = 4 };
 static const double TOLERANCE = 1e-5, RATE = 1000.0, KINK = 0.125, TWELFTH = 1.0 / 12.0;
 

@@ -20,7 +20,7 @@ from typing import TypeVar
 import numba
 import numpy as np
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     EntrainedAir,
     FullOrderPlant,
@@ -35,9 +35,9 @@ from hil_bench.plant import (
     SupplyUnit,
     balanced_state,
 )
-from hil_bench.plant.constants import pack
-from hil_bench.plant.parameters import paper_parameters
-from hil_bench.plant.stepping import DEFAULT_STEP
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack
+from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 
 DT = DEFAULT_STEP
 STEPS_PER_MOVE = 10_000  # half a second each way, so that the piston stays off its stops

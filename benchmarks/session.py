@@ -26,8 +26,8 @@ import can
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
-from hil_bench.transports.silent import SilentTransport
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.outside.transports.silent import SilentTransport
+from hil_bench.session.virtual_bench import VirtualBench
 
 SYNC = Frame(0x080)
 START_ALL = Frame(0x000, b"\x01\x00")

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hil_bench.config import load_config
+from hil_bench.bench.configuration import load_config
+from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
 from hil_bench.session.session import open_session
-from hil_bench.transports.hosted_bus import HostedBus
 
 NODE_IDS = (1, 2, 3, 4)
 READ = bytes.fromhex("4000100000000000")  # 0x1000.00

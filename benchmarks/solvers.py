@@ -21,7 +21,7 @@ import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,
@@ -31,8 +31,8 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plant.full_order import largest_step
-from hil_bench.plant.stepping import DEFAULT_STEP
+from hil_bench.plants.hydraulic_cylinder.model.full_order import largest_step
+from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 
 Array = npt.NDArray[np.float64]
 Move = tuple[float, float, int]

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from device_profiles import VALVE_408
-from hil_bench.transports.hub_process import HubProcess
+from hil_bench.outside.transports.hub_process import HubProcess
 
 LONGEST_START = 60.0
 """[s]"""

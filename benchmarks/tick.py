@@ -13,12 +13,12 @@ import statistics
 import struct
 import time
 
-from hil_bench.assembly import build_bench
-from hil_bench.bench import Bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.demo_session import DemoSession
-from hil_bench.config import load_config
-from hil_bench.plant import PlantInput
+from hil_bench.plants.hydraulic_cylinder.model import PlantInput
 
 TICK = 1_000_000  # [ns]
 STEPS = load_config().steps_per_tick

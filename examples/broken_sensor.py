@@ -21,10 +21,8 @@ from drivers import (
     PressureSensor,
     ProportionalValve,
 )
-from hil_bench.config import load_config
-from hil_bench.faults.faults import Faults
-from hil_bench.recording.channels import Recording
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench import Faults, VirtualBench, load_config
+from hil_bench.outside.recording.channels import Recording
 
 CONFIG = Path(__file__).with_name("real_sensors.toml")
 DURATION = 9.0  # of the motion [s]

@@ -6,14 +6,14 @@ use; `__init__.pyi` has the names with their types.
 """
 
 _MODULES = {
-    "assembly": ("embedded_bus",),
-    "config": ("BenchConfig", "load_config"),
+    "bench.assembly": ("embedded_bus",),
+    "bench.configuration": ("BenchConfig", "load_config"),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
-    "faults.faults": ("Faults",),
-    "recording.frames": ("read_frames",),
-    "recording.signal_table": ("SignalTable", "open_recording"),
+    "devices.faults.faults": ("Faults",),
+    "outside.recording.frames": ("read_frames",),
+    "outside.recording.signal_table": ("SignalTable", "open_recording"),
     "session.recording": ("RecordingWish",),
-    "virtual_bench": ("VirtualBench",),
+    "session.virtual_bench": ("VirtualBench",),
 }
 
 __all__ = [name for names in _MODULES.values() for name in names]

@@ -1,15 +1,15 @@
-from hil_bench.assembly import embedded_bus as embedded_bus
-from hil_bench.config import BenchConfig as BenchConfig
-from hil_bench.config import load_config as load_config
+from hil_bench.bench.assembly import embedded_bus as embedded_bus
+from hil_bench.bench.configuration import BenchConfig as BenchConfig
+from hil_bench.bench.configuration import load_config as load_config
+from hil_bench.devices.faults.faults import Faults as Faults
 from hil_bench.errors import BusError as BusError
 from hil_bench.errors import ConfigError as ConfigError
 from hil_bench.errors import HilBenchError as HilBenchError
 from hil_bench.errors import WaitTimeoutError as WaitTimeoutError
-from hil_bench.faults.faults import Faults as Faults
-from hil_bench.recording.frames import read_frames as read_frames
-from hil_bench.recording.signal_table import SignalTable as SignalTable
-from hil_bench.recording.signal_table import open_recording as open_recording
+from hil_bench.outside.recording.frames import read_frames as read_frames
+from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
+from hil_bench.outside.recording.signal_table import open_recording as open_recording
 from hil_bench.session.recording import RecordingWish as RecordingWish
-from hil_bench.virtual_bench import VirtualBench as VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench as VirtualBench
 
 __version__: str

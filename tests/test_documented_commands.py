@@ -16,7 +16,7 @@ from support.ci_recipes import RECIPES
 from support.documents import ROOT, Command
 
 from hil_bench import cli
-from hil_bench.virtual_bench import RecordingWish, VirtualBench
+from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 COMMANDS = [*documents.commands("hil-bench"), *documents.remarks("hil-bench")]
 OFFLINE = [

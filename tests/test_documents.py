@@ -14,14 +14,14 @@ from support.documents import DOCUMENTS, ROOT, Block
 
 import drivers.modbus
 from drivers.modbus.framing import TcpFraming
-from hil_bench.config import load_config
-from hil_bench.config.register_maps import load_register_map
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
 
@@ -88,7 +88,10 @@ def test_a_name_of_the_packages_is_there(place, code):
 
 @pytest.mark.parametrize(
     ("document", "package"),
-    [("docs/analysis.md", "hil_bench.analysis"), ("docs/plant.md", "hil_bench.plant")],
+    [
+        ("docs/analysis.md", "hil_bench.analysis"),
+        ("docs/plant.md", "hil_bench.plants.hydraulic_cylinder.model"),
+    ],
 )
 def test_a_function_that_is_named_is_there(document, package):
     modules = {

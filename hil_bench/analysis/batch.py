@@ -10,11 +10,11 @@ import numpy as np
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.simulation import CHANNELS, Setup, Signal, build_plant, simulate
 from hil_bench.errors import ParameterError
-from hil_bench.plant import Model, Plant, Solver
-from hil_bench.plant.batch import LANES, SEEN, run_plants
-from hil_bench.plant.kernel import IS_COMPILED
-from hil_bench.plant.stepping import SPOOL_SETPOINT_LIMIT
-from hil_bench.recording.channels import Recording, recording_dtype
+from hil_bench.outside.recording.channels import Recording, recording_dtype
+from hil_bench.plants.hydraulic_cylinder.model import Model, Plant, Solver
+from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, SEEN, run_plants
+from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
+from hil_bench.plants.hydraulic_cylinder.model.stepping import SPOOL_SETPOINT_LIMIT
 
 
 def simulate_batch(

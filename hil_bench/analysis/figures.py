@@ -14,7 +14,7 @@ from hil_bench.analysis.linearisation import Frequencies, Response
 from hil_bench.analysis.root_locus import RootLocus
 from hil_bench.analysis.static_curves import FlowPressureCurves
 from hil_bench.figure_style import BLUE, GREY, RED
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
 from hil_bench.units import BAR
 
 if TYPE_CHECKING:

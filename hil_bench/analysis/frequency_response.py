@@ -17,8 +17,8 @@ from hil_bench.analysis.simulation import (
     simulate,
 )
 from hil_bench.errors import ParameterError
-from hil_bench.plant.validation import require_positive
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 
 SMOOTHING = 1.0 / 48.0
 """Width of the spectra's moving average [octave].

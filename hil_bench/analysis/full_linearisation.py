@@ -15,7 +15,12 @@ from hil_bench.analysis.errors import OperatingPointError, require_extra
 from hil_bench.analysis.linearisation import Frequencies, Response
 from hil_bench.analysis.rates import state_rates
 from hil_bench.analysis.steady_motion import OperatingPoint, opening_limits
-from hil_bench.plant import PlantInput, PlantOptions, PlantParameters, PlantState
+from hil_bench.plants.hydraulic_cylinder.model import (
+    PlantInput,
+    PlantOptions,
+    PlantParameters,
+    PlantState,
+)
 
 Matrix = npt.NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.analysis.root_locus import root_locus
 from hil_bench.analysis.statement import Statement, Verdict
 from hil_bench.analysis.static_curves import flow_pressure_curves, load_flow
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def linear_statements(parameters: PlantParameters) -> list[Statement]:

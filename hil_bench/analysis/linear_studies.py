@@ -30,8 +30,8 @@ from hil_bench.analysis.static_curves import flow_pressure_curves
 from hil_bench.analysis.steady_motion import OperatingPoint
 from hil_bench.analysis.study import Fact, Study, make_table
 from hil_bench.figure_style import BLUE, RED
-from hil_bench.plant import PlantOptions, PlantParameters
-from hil_bench.recording.channels import Channel
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 
 
 def linearisation_study(

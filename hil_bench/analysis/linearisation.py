@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 Frequencies = npt.NDArray[np.float64]
 """Frequencies [Hz], any shape."""

@@ -10,8 +10,8 @@ from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.analysis.paper_runs import PaperRuns
 from hil_bench.analysis.simulation import Signal
 from hil_bench.analysis.statement import Statement, Verdict
-from hil_bench.plant import PlantParameters
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def model_statements(runs: PaperRuns) -> list[Statement]:

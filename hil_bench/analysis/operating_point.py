@@ -16,8 +16,8 @@ from hil_bench.analysis.steady_motion import (
     rest,
 )
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantOptions, PlantParameters, PlantState
-from hil_bench.plant.validation import require_finite
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters, PlantState
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_finite
 
 _ITERATIONS = 30
 _CONVERGED = 1e-9  # largest correction, as a share of the unknown's scale

@@ -18,8 +18,13 @@ from hil_bench.analysis.frequency_response import (
 from hil_bench.analysis.simulated_studies import measure_both_models, simulate_both_models
 from hil_bench.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.analysis.trajectories import state_trajectory
-from hil_bench.plant import Model, PlantParameters, PlantState, paper_parameters
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import (
+    Model,
+    PlantParameters,
+    PlantState,
+    paper_parameters,
+)
 
 CHIRP_DURATION = 60.0
 """Length of the chirp [s]; the paper does not give it."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     PlantInput,
     PlantOptions,
     PlantParameters,
@@ -13,11 +13,14 @@ from hil_bench.plant import (
     SpringLoad,
     runge_kutta,
 )
-from hil_bench.plant.constants import Constants, pack, unpack
-from hil_bench.plant.extended_constants import pack_extended, unpack_extended
-from hil_bench.plant.friction import friction_force
-from hil_bench.plant.kernel import make_row
-from hil_bench.plant.spool import orifice_state
+from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, pack, unpack
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    pack_extended,
+    unpack_extended,
+)
+from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 
 Rates = npt.NDArray[np.float64]
 """Time derivatives of x, v, P_A, P_B, nu, nu_dot."""

@@ -7,7 +7,7 @@ import numpy as np
 from hil_bench.analysis.figures import ResponseCurve
 from hil_bench.analysis.frequency_response import decibel
 from hil_bench.analysis.study import make_table
-from hil_bench.recording.channels import Channel, Recording
+from hil_bench.outside.recording.channels import Channel, Recording
 
 VELOCITY_PER_OPENING = "(m/s)/m"
 """Unit of the gain from spool or orifice to piston velocity."""

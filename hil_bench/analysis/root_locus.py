@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 Polynomial = npt.NDArray[np.float64]
 """Coefficients, the highest power first."""

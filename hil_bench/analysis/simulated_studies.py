@@ -17,8 +17,8 @@ from hil_bench.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.analysis.study import Fact, Study
 from hil_bench.analysis.trajectories import state_trajectory
 from hil_bench.figure_style import BLUE, RED
-from hil_bench.plant import Model
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import Model
 
 _COLOURS = {Model.FULL_ORDER: BLUE, Model.REDUCED: RED}
 _STYLES = ("-", "--", ":", "-.")

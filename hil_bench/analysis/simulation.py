@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.plant import (
+from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     Model,
     Plant,
@@ -17,7 +18,6 @@ from hil_bench.plant import (
     ReducedOrderPlant,
     Solver,
 )
-from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
 
 Signal = npt.NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.analysis.paper_runs import RESONANCE_BAND, PaperRuns
 from hil_bench.analysis.simulation import Signal
 from hil_bench.analysis.statement import Statement, Verdict
-from hil_bench.plant import PlantOptions, PlantParameters
-from hil_bench.plant.stability import largest_euler_step
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.stability import largest_euler_step
 
 
 def simulation_statements(runs: PaperRuns) -> list[Statement]:

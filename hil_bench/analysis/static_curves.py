@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,8 +14,13 @@ from dataclasses import dataclass
 
 from hil_bench.analysis.errors import OperatingPointError
 from hil_bench.analysis.rates import friction_at, orifice_state_at
-from hil_bench.plant import PlantInput, PlantOptions, PlantParameters, PlantState
-from hil_bench.plant.validation import require_finite
+from hil_bench.plants.hydraulic_cylinder.model import (
+    PlantInput,
+    PlantOptions,
+    PlantParameters,
+    PlantState,
+)
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_finite
 
 _BISECTIONS = 40  # a start for Newton's method needs no more
 

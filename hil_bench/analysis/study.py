@@ -16,8 +16,8 @@ import numpy.typing as npt
 from hil_bench.analysis.errors import require_extra
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import STYLE
-from hil_bench.recording.channels import Channel, Recording, recording_dtype
-from hil_bench.recording.files import RecordingFile
+from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
+from hil_bench.outside.recording.files import RecordingFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

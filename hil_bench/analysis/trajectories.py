@@ -7,8 +7,8 @@ import numpy as np
 from hil_bench.analysis.errors import NyquistError
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.errors import ParameterError
-from hil_bench.plant.validation import require_positive
-from hil_bench.recording.channels import Recording
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 
 _LONGEST = 20_000_000  # steps: a gigabyte
 

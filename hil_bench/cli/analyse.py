@@ -9,10 +9,10 @@ from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.paper import check_paper, write_paper
 from hil_bench.analysis.paper_runs import run_paper
 from hil_bench.analysis.study import Study, write_study
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import load_config
 
 _EXAMPLES = """\
 examples:

@@ -20,11 +20,11 @@ from hil_bench.analysis.simulated_studies import (
 )
 from hil_bench.analysis.simulation import Setup
 from hil_bench.analysis.study import Study
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.verbosity import add_verbosity_arguments
-from hil_bench.config import BenchConfig
-from hil_bench.plant import balanced_state
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model import balanced_state
 
 Names = argparse._SubParsersAction  # noqa: SLF001 - argparse has no public name for it
 """Where the parsers of the analyses are added."""

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from can.cli import add_bus_arguments
 
+from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
+from hil_bench.bench.configuration.keys import REALTIME_KEYS
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
-from hil_bench.config.keys import REALTIME_KEYS
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 

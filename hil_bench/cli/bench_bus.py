@@ -6,17 +6,17 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.helpers import Helper
-from hil_bench.config import BenchConfig
-from hil_bench.transports.bus_load import USUAL_BITRATE
-from hil_bench.transports.can_interfaces import bitrate_of
-from hil_bench.transports.hosted_bus import HostedBus
-from hil_bench.transports.hub_process import HubProcess
-from hil_bench.transports.hub_transport import HubTransport
-from hil_bench.transports.joined import JoinedTransport
-from hil_bench.transports.opening import open_transport
-from hil_bench.transports.socketcan import SocketCanTransport
-from hil_bench.transports.transport import Transport
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.transports.can_interfaces import bitrate_of
+from hil_bench.outside.transports.hosted_bus import HostedBus
+from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.outside.transports.hub_transport import HubTransport
+from hil_bench.outside.transports.joined import JoinedTransport
+from hil_bench.outside.transports.opening import open_transport
+from hil_bench.outside.transports.socketcan import SocketCanTransport
+from hil_bench.outside.transports.transport import Transport
 
 HUB_CHANNEL = "can0"
 

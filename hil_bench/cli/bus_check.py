@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers import DriverError, Network
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.controller_side import (
     add_network_arguments,
     bus_words,
@@ -15,10 +16,9 @@ from hil_bench.cli.controller_side import (
     seen_from_bus,
 )
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.commissioning.comparison import Difference, Mend, compare
-from hil_bench.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
-from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.comparison import Difference, Mend, compare
+from hil_bench.machine.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
 
 
 def add_bus_check_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,16 +5,16 @@ import json
 from collections.abc import Sequence
 from itertools import groupby
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import BenchConfig, Setting
+from hil_bench.bench.configuration.plausibility import find_doubts
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
 from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.config import BenchConfig, Setting
-from hil_bench.config.plausibility import find_doubts
-from hil_bench.modbus_binding import ModbusBinding
 
 _EXAMPLES = """\
 examples:

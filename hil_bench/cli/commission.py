@@ -11,6 +11,7 @@ from pathlib import Path
 from platform import python_version
 
 from hil_bench import __version__
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_output_argument,
@@ -34,26 +35,30 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
-from hil_bench.commissioning.journal import SettingsJournal
-from hil_bench.commissioning.measures import StepResult
-from hil_bench.commissioning.plan import (
+from hil_bench.errors import BusError
+from hil_bench.machine.commissioning.journal import SettingsJournal
+from hil_bench.machine.commissioning.measures import StepResult
+from hil_bench.machine.commissioning.plan import (
     CommissioningPlan,
     Step,
     check_against,
     choose_axis,
     load_plan,
 )
-from hil_bench.commissioning.report import ReportHead, verdict_of, write_report
-from hil_bench.commissioning.session import Commissioning, Console, commission, recorded_channels
-from hil_bench.config import BenchConfig, load_config
-from hil_bench.errors import BusError
-from hil_bench.recording.channels import Channel
-from hil_bench.recording.formats import Heading
-from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.recording.network_tap import NetworkTap
-from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
-from hil_bench.recording.report import RecordingReport
+from hil_bench.machine.commissioning.report import ReportHead, verdict_of, write_report
+from hil_bench.machine.commissioning.session import (
+    Commissioning,
+    Console,
+    commission,
+    recorded_channels,
+)
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.recording.formats import Heading
+from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.outside.recording.network_tap import NetworkTap
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.recorder_process import RecorderProcess
+from hil_bench.outside.recording.report import RecordingReport
 
 _EXAMPLES = """\
 examples:

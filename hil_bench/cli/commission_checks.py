@@ -3,9 +3,9 @@
 import argparse
 import sys
 
-from hil_bench.commissioning.plan import CommissioningPlan
-from hil_bench.config import BenchConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.plan import CommissioningPlan
 
 
 def check_arguments(args: argparse.Namespace) -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 from drivers import NmtState
 from hil_bench.cli.controller_side import OpenNetwork, bus_words
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.commissioning.borrowed import Returned
-from hil_bench.commissioning.journal import Setting, SettingsJournal
 from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.borrowed import Returned
+from hil_bench.machine.commissioning.journal import Setting, SettingsJournal
 
 _FILE = "unrestored.jsonl"
 

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.eds_findings import warn_of_findings
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
@@ -18,8 +20,6 @@ from hil_bench.cli.controller_side import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.config import BenchConfig
-from hil_bench.config.eds_findings import warn_of_findings
 from hil_bench.conformance import report
 from hil_bench.conformance.check import Impact
 from hil_bench.conformance.device import DeviceUnderTest

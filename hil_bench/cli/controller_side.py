@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from drivers import BusLostError, Network
-from hil_bench.config import BenchConfig
-from hil_bench.config.choices import FIRST_BUS
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.choices import FIRST_BUS
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.outside.transports.embedded import EmbeddedBus
+from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_bench.session.lockstep_controller import LockStepController
-from hil_bench.transports.embedded import EmbeddedBus
-from hil_bench.transports.opening import open_can_bus, open_transport
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 class OpenNetwork(NamedTuple):

@@ -6,6 +6,7 @@ import importlib.util
 import math
 from pathlib import Path
 
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
 from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.demo_sensors import SensorBus
@@ -23,12 +24,11 @@ from hil_bench.cli.recording_arguments import (
 )
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.status_line import StatusLine
-from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import Recording
-from hil_bench.recording.files import RecordingFile
-from hil_bench.recording.frames import FrameFile
-from hil_bench.recording.plot import plot_result
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.files import RecordingFile
+from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.plot import plot_result
 
 _LONGEST = 3600.0
 

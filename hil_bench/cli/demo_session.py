@@ -21,6 +21,7 @@ from drivers import (
     PositionLoop,
     ProportionalValve,
 )
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.cli.demo_sensors import (
     SensorBus,
     Sensors,
@@ -29,25 +30,24 @@ from hil_bench.cli.demo_sensors import (
     the_node,
 )
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
-from hil_bench.config import BenchConfig, NodeConfig
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import VALVE
-from hil_bench.plant import PlantParameters
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.clock import MonotonicClock, ScaledClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
+from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
+from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     POSITION,
     PRESSURE_A,
     PRESSURE_B,
     SPOOL_POSITION,
 )
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.clock import MonotonicClock, ScaledClock
-from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
-from hil_bench.realtime.statistics import TickStatistics, TickSummary
-from hil_bench.recording.channels import Channel, Recording
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 CYCLE = 0.002
 """Period of the controller [s]."""

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hil_bench.assembly import load_objects
+from hil_bench.bench.assembly import load_objects
+from hil_bench.bench.configuration import BenchConfig, NodeConfig, SinkConfig, SourceConfig
+from hil_bench.bench.configuration.choices import FIRST_BUS
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction
@@ -13,8 +15,6 @@ from hil_bench.canopen_device.pdo_parameters import (
     SYNCHRONOUS_ACYCLIC,
     PdoParameters,
 )
-from hil_bench.config import BenchConfig, NodeConfig, SinkConfig, SourceConfig
-from hil_bench.config.choices import FIRST_BUS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import find_bound
 

@@ -9,17 +9,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 
 from hil_bench import __version__
+from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.config import RealtimePolicy, load_config
-from hil_bench.doctor.buses import examine_buses
-from hil_bench.doctor.finding import Topic, Verdict, read_file
-from hil_bench.doctor.lateness import LatenessTest, measure_lateness
-from hil_bench.doctor.machine import examine_machine
-from hil_bench.doctor.permissions import examine_permissions
-from hil_bench.doctor.software import examine_software
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.session.doctor.buses import examine_buses
+from hil_bench.session.doctor.finding import Topic, Verdict, read_file
+from hil_bench.session.doctor.lateness import LatenessTest, measure_lateness
+from hil_bench.session.doctor.machine import examine_machine
+from hil_bench.session.doctor.permissions import examine_permissions
+from hil_bench.session.doctor.software import examine_software
 
 _LONGEST = 3600.0
 _MARKS = {Verdict.GOOD: "ok", Verdict.HINT: "hint", Verdict.MISSING: "no", Verdict.ABSENT: "-"}

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.statistics import DurationHistogram
-from hil_bench.recording.block_file import naming
+from hil_bench.outside.realtime.statistics import DurationHistogram
+from hil_bench.outside.recording.block_file import naming
+from hil_bench.outside.transports.bus_load import load_of
 from hil_bench.session.paced import RunReport
-from hil_bench.transports.bus_load import load_of
 
 
 class HistogramFile:

@@ -6,18 +6,18 @@ from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.config import BenchConfig, load_config
 from hil_bench.errors import ConfigError
-from hil_bench.identification.identify import Identification, identify
-from hil_bench.identification.plot import draw_trial
-from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
-from hil_bench.plant import Model
+from hil_bench.machine.identification.identify import Identification, identify
+from hil_bench.machine.identification.plot import draw_trial
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
-from hil_bench.recording.files import read_recording
+from hil_bench.plants.hydraulic_cylinder.model import Model
 
 _EXAMPLES = """\
 examples:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.recording.files import read_recording
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.judgement import Judgement, RequirementOutcome
 from hil_bench.scenario.recorded import Finding, judge_recording
 

@@ -5,7 +5,8 @@ import contextlib
 import logging
 import math
 
-from hil_bench.bench import Bench
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.helpers import Helpers
@@ -16,9 +17,8 @@ from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
 from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import StatusLine
-from hil_bench.config import BenchConfig
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.clock import MonotonicClock
+from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
 
 logger = logging.getLogger(__name__)

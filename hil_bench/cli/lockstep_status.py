@@ -1,6 +1,6 @@
 """What the status lines show of a bench in lock-step."""
 
-from hil_bench.bench import Bench
+from hil_bench.bench.bench import Bench
 from hil_bench.cli.status_line import (
     REFRESH,
     Field,
@@ -8,11 +8,11 @@ from hil_bench.cli.status_line import (
     bench_status_row,
     format_lines,
 )
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.clock import Clock
-from hil_bench.recording.channels import Channel
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.clock import Clock
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.lockstep import LockStep
-from hil_bench.transports.transport import Transport
 
 _PROGRESS = {
     Channel("bench_time", "s"): Field("{:.1f} s of bench time", 1.0),

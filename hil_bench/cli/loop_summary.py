@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from hil_bench.bench import Bench
-from hil_bench.config import BenchConfig
-from hil_bench.realtime.statistics import DurationSummary, TickSummary
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.outside.realtime.statistics import DurationSummary, TickSummary
+from hil_bench.outside.transports.bus_load import bitrate_text, load_of
+from hil_bench.outside.transports.transport import Transport, TransportCounters
 from hil_bench.session.paced import RunReport
-from hil_bench.transports.bus_load import bitrate_text, load_of
-from hil_bench.transports.transport import Transport, TransportCounters
 
 _SHOWN_FAULT_EVENTS = 20
 

@@ -5,14 +5,14 @@ import importlib.util
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from hil_bench.bench.configuration import BenchConfig, ModbusConfig
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.helpers import Helper
-from hil_bench.config import BenchConfig, ModbusConfig
 from hil_bench.errors import ConfigError
-from hil_bench.modbus_binding import ModbusBinding
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
-    from hil_bench.transports.modbus.process import Endpoints, ModbusProcess
+    from hil_bench.outside.transports.modbus.process import Endpoints, ModbusProcess
 
 
 NO_TIME_FOR_MODBUS = (
@@ -71,7 +71,7 @@ def open_modbus(config: BenchConfig, session: Session) -> Iterator[OpenModbus]:
         yield OpenModbus()
         return
     require_pymodbus()
-    from hil_bench.transports.modbus.process import ModbusProcess  # noqa: PLC0415 - an extra
+    from hil_bench.outside.transports.modbus.process import ModbusProcess  # noqa: PLC0415 - an extra
 
     binding = ModbusBinding(config, session.bench)
     session.watch(ticks=binding.exchange)

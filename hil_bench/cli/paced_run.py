@@ -31,12 +31,12 @@ from hil_bench.cli.status_line import (
     format_health,
     format_lines,
 )
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
-from hil_bench.realtime.pacer import Pacer
-from hil_bench.realtime.statistics import TickStatistics
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.clock import Clock, MonotonicClock, ScaledClock, VirtualClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.transports.bus_load import BusLoad
 from hil_bench.session.paced import RunReport, run_paced
-from hil_bench.transports.bus_load import BusLoad
 
 logger = logging.getLogger(__name__)
 

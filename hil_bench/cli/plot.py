@@ -7,15 +7,15 @@ import numpy as np
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.commissioning.decoding import function_of
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import TIME, Recording, recording_channels
-from hil_bench.recording.files import read_recording
-from hil_bench.recording.formats import SIGNAL_SUFFIXES
-from hil_bench.recording.frame_plot import plot_frames
-from hil_bench.recording.frames import read_frames
-from hil_bench.recording.plot import has_axis, plot_result
-from hil_bench.recording.signal_plot import plot_signals
+from hil_bench.machine.commissioning.decoding import function_of
+from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.outside.recording.frame_plot import plot_frames
+from hil_bench.outside.recording.frames import read_frames
+from hil_bench.outside.recording.plot import has_axis, plot_result
+from hil_bench.outside.recording.signal_plot import plot_signals
 
 _EXAMPLES = """\
 examples:

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.formats import check_suffix
-from hil_bench.recording.inline_recorder import RecordingSink
-from hil_bench.recording.report import FileReport, RecordingReport
+from hil_bench.outside.recording.formats import check_suffix
+from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_bench.outside.recording.report import FileReport, RecordingReport
 from hil_bench.session.recording import RecordingWish
 
 

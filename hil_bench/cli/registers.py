@@ -5,11 +5,11 @@ import csv
 import sys
 from collections.abc import Iterator, Sequence
 
+from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.config import BenchConfig, ModbusUnitConfig
 from hil_bench.errors import ConfigError
-from hil_bench.modbus.register_map import Access, Register
+from hil_bench.outside.modbus.register_map import Access, Register
 
 _EXAMPLES = """\
 examples:

@@ -11,16 +11,12 @@ from pathlib import Path
 
 import can
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
-from hil_bench.config import BenchConfig
 from hil_bench.errors import BusError, ConfigError
-from hil_bench.realtime.clock import MonotonicClock
-from hil_bench.recording.files import read_recording
-from hil_bench.recording.frames import message_of, read_frames
-from hil_bench.recording.trigger import quantity
-from hil_bench.replay import (
+from hil_bench.machine.replay import (
     Deviation,
     Direction,
     compare_recordings,
@@ -28,7 +24,11 @@ from hil_bench.replay import (
     drive_plant,
     play_frames,
 )
-from hil_bench.transports.opening import open_can_bus
+from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import message_of, read_frames
+from hil_bench.outside.recording.trigger import quantity
+from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
 
 _DISPLAY = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}

@@ -16,7 +16,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.errors import ConfigError
-from hil_bench.transports.socketcand_hub import DEFAULT_PORT
+from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
 _EXAMPLES = f"""\
 examples:

@@ -5,6 +5,8 @@ import contextlib
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from hil_bench.bench.configuration import BenchConfig, FaultConfig
+from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.bench_bus import OpenBus, open_bus
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
@@ -14,9 +16,7 @@ from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.modbus_side import OpenModbus, open_modbus
 from hil_bench.cli.recording_arguments import is_incomplete, recording_wish
-from hil_bench.config import BenchConfig, FaultConfig
-from hil_bench.config.plausibility import find_doubts
-from hil_bench.recording.inline_recorder import RecordingSink
+from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session
 

@@ -13,12 +13,12 @@ from hil_bench.cli.controller_side import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.commissioning.discovery import NODE_IDS, Method
-from hil_bench.commissioning.identity import NodeDescription
-from hil_bench.commissioning.listening import BusTraffic, Traffic, listen
-from hil_bench.commissioning.lss import LssAddress
-from hil_bench.commissioning.survey import Survey, survey
 from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.discovery import NODE_IDS, Method
+from hil_bench.machine.commissioning.identity import NodeDescription
+from hil_bench.machine.commissioning.listening import BusTraffic, Traffic, listen
+from hil_bench.machine.commissioning.lss import LssAddress
+from hil_bench.machine.commissioning.survey import Survey, survey
 
 _EXAMPLES = """\
 examples:

@@ -4,17 +4,17 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.config import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario
 from hil_bench.scenario.resolve import compile_expectations, parameter_values, resolve_steps
 from hil_bench.scenario.vocabulary import channel_vocabulary
 from hil_bench.scenario.writing import write_scenario
-from hil_bench.telemetry import bench_channels
+from hil_bench.session.telemetry import bench_channels
 
 _EXAMPLES = """\
 examples:

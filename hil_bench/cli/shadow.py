@@ -11,19 +11,19 @@ from typing import NamedTuple
 
 import can
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
-from hil_bench.config import BenchConfig
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.machine.shadow import Shadow, fit_limits
+from hil_bench.outside.recording.files import RecordingFile
+from hil_bench.outside.recording.frames import message_of, read_frames
+from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
-from hil_bench.recording.files import RecordingFile
-from hil_bench.recording.frames import message_of, read_frames
-from hil_bench.shadow import Shadow, fit_limits
-from hil_bench.transports.opening import open_can_bus
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
 
 logger = logging.getLogger(__name__)

@@ -8,8 +8,7 @@ import numpy as np
 
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.shadow import (
+from hil_bench.machine.shadow import (
     Correction,
     Residual,
     Sample,
@@ -17,6 +16,7 @@ from hil_bench.shadow import (
     Window,
     widening,
 )
+from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
 
 Limits = Mapping[str, Mapping[str, float]]

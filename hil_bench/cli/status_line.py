@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import NamedTuple, Self
 
-from hil_bench.bench import Bench
-from hil_bench.processes.helper_process import HelperProcess
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.recording.channels import Channel
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.bench.bench import Bench
+from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.outside.transports.transport import TransportCounters
 
 REFRESH = 0.1
 """Time between two refreshes [s]."""

@@ -7,7 +7,7 @@ import can
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports.python_can import frame_of, message_of
+from hil_bench.outside.transports.python_can import frame_of, message_of
 
 Matches = Callable[[Frame], bool]
 """Whether a frame is the one that is waited for."""

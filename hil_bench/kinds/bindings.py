@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass, field
 
-from hil_bench.axis import Drive, Measurement
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
+from hil_bench.config.objects import find_object, name_object
+from hil_bench.config.values import quote
+from hil_bench.devices.axis import Drive, Measurement
 from hil_bench.devices.bound_objects import CommandWatch, QuantitySource, SpoolSink
+from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.surroundings import Surroundings
-from hil_bench.measurement.parameters import ChainParameters
-from hil_bench.tables.objects import find_object, name_object
-from hil_bench.tables.values import quote
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.measurement.parameters import OverRange
-from hil_bench.tables.settings import Key
-from hil_bench.tables.values import (
+from hil_bench.config.settings import Key
+from hil_bench.config.values import (
     Reader,
     Value,
     choice,
@@ -20,6 +19,7 @@ from hil_bench.tables.values import (
     points,
     zero_or,
 )
+from hil_bench.devices.measurement.parameters import OverRange
 from hil_bench.units import (
     BAR,
     BAR_PER_KELVIN,

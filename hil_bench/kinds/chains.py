@@ -4,11 +4,11 @@ import itertools
 from collections.abc import Mapping
 from enum import StrEnum
 
+from hil_bench.config.document import give
+from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.values import describe
+from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS
-from hil_bench.measurement.parameters import ChainParameters
-from hil_bench.tables.document import give
-from hil_bench.tables.settings import Given, Origin, Problems, Settings, convert, read_table
-from hil_bench.tables.values import describe
 
 CHAIN_TABLE = "chain"
 """Name of the table of a measuring chain, within the table of its sensor."""

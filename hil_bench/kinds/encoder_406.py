@@ -6,15 +6,15 @@ from functools import partial
 from typing import Final
 
 from device_profiles import ENCODER_406, REGISTERS
-from hil_bench.axis import Fitting, Measurement, Rate
 from hil_bench.canopen_device.node import Node
+from hil_bench.config.settings import Problems, Settings
+from hil_bench.devices.axis import Fitting, Measurement, Rate
 from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.devices.quantities import encoder_quantities
 from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
 from hil_bench.kinds.surroundings import Surroundings
-from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.tables.settings import Problems, Settings
 
 _POSITION, _SPEED = "position", "speed"
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from hil_bench.axis import Fitting
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.axis import Fitting
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig, build_sinks
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.surroundings import Surroundings

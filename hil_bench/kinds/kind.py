@@ -7,13 +7,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
-from hil_bench.axis import Fitting
 from hil_bench.canopen_device.node import Node
+from hil_bench.config.objects import ObjectValue
+from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.devices.axis import Fitting
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.tables.objects import ObjectValue
-from hil_bench.tables.settings import Key, Problems, Settings
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,17 +6,17 @@ from functools import partial
 from typing import Final
 
 from device_profiles import PRESSURE_404, REGISTERS
-from hil_bench.axis import Fitting, Measurement
 from hil_bench.canopen_device.node import Node
+from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.config.values import describe, interval, text
+from hil_bench.devices.axis import Fitting, Measurement
+from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.devices.pressure_404 import PressureDevice
 from hil_bench.devices.quantities import pressure_quantities
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.surroundings import Surroundings
-from hil_bench.measurement.parameters import ChainParameters
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.tables.settings import Key, Problems, Settings
-from hil_bench.tables.values import describe, interval, text
 from hil_bench.units import BAR
 
 _UNIT = "Pa"

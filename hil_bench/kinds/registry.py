@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chains import CHAIN_TABLE
 from hil_bench.kinds.encoder_406 import ENCODER
@@ -10,7 +11,6 @@ from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.pressure_404 import PRESSURE
 from hil_bench.kinds.valve_408 import VALVE
 from hil_bench.registry import Registry, find_twice
-from hil_bench.tables.values import describe
 
 __all__ = ["ENCODER", "GENERIC", "KINDS", "PRESSURE", "VALVE", "kind_name", "kind_of"]
 

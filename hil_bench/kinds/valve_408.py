@@ -6,15 +6,15 @@ from functools import partial
 from typing import Final
 
 from device_profiles import REGISTERS, VALVE_408
-from hil_bench.axis import Drive, Fitting
 from hil_bench.canopen_device.node import Node
+from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.config.values import number
+from hil_bench.devices.axis import Drive, Fitting
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.tables.settings import Key, Problems, Settings
-from hil_bench.tables.values import number
 from hil_bench.units import MILLIMETRE
 
 _COMMANDS, _SHOWS = "spool_setpoint", "spool_position"

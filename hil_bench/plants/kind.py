@@ -8,9 +8,9 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
+from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import Influence, Quantity
-from hil_bench.tables.settings import Key, Problems, Settings
 from hil_bench.units import ONE, Unit
 
 _NOTHING: Final[Mapping[str, Any]] = MappingProxyType({})

@@ -35,13 +35,13 @@ if TYPE_CHECKING:
     import can
 
     from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
-    from hil_bench.config import BenchConfig, NodeConfig
-    from hil_bench.faults.faults import Faults
+    from hil_bench.bench.configuration import BenchConfig, NodeConfig
+    from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices
     from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
     from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.pytest_plugin.physical import PhysicalBench
-    from hil_bench.virtual_bench import VirtualBench
+    from hil_bench.session.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
 """Node-ID under which the `network` fixture sends its heartbeat."""
@@ -93,7 +93,7 @@ def _load_config(config: pytest.Config) -> "BenchConfig":
     Raises:
         pytest.UsageError: there is none, or it is wrong.
     """
-    from hil_bench.config import load_config
+    from hil_bench.bench.configuration import load_config
     from hil_bench.errors import ConfigError
 
     path = config.getoption("hil_config") or path_option(config, "config")
@@ -176,9 +176,9 @@ def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> 
         return hil_config
     if option(request.config, "interface"):
         pytest.skip("@pytest.mark.hil needs the virtual bench, which --hil-interface turns off")
-    from hil_bench.config import load_config
+    from hil_bench.bench.configuration import load_config
+    from hil_bench.config.document import merge
     from hil_bench.errors import ConfigError
-    from hil_bench.tables.document import merge
 
     tables: Mapping[str, object] = {}
     for marker in reversed(markers):  # the closest one last, so that it wins
@@ -205,11 +205,11 @@ def bench(
 
         yield PhysicalBench(_bench_config)
         return
+    from hil_bench.outside.realtime.clock import MonotonicClock
+    from hil_bench.outside.realtime.pacer import Pacer
     from hil_bench.pytest_plugin.recording import make_recording_path
-    from hil_bench.realtime.clock import MonotonicClock
-    from hil_bench.realtime.pacer import Pacer
     from hil_bench.session.recording import NO_RECORDING
-    from hil_bench.virtual_bench import VirtualBench
+    from hil_bench.session.virtual_bench import VirtualBench
 
     directory = path_option(request.config, "artifacts")
     request.node.stash[_ARTIFACTS] = lambda: directory or tmp_path_factory.mktemp("hil-bench")
@@ -277,7 +277,7 @@ def can_bus(request: pytest.FixtureRequest, pytestconfig: pytest.Config) -> "Ite
     if cause := pytestconfig.stash.get(_BROKEN, None):
         pytest.skip(f"the bench's bus broke before: {cause}")
     from hil_bench.errors import BusError
-    from hil_bench.transports.opening import open_can_bus
+    from hil_bench.outside.transports.opening import open_can_bus
 
     try:
         bus, _ = open_can_bus(interface, option(pytestconfig, "channel"), None, {})
@@ -319,9 +319,9 @@ def _networks(
     from contextlib import ExitStack
 
     from drivers import Network
+    from hil_bench.outside.transports.opening import open_can_bus
     from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
     from hil_bench.pytest_plugin.networks import Networks
-    from hil_bench.transports.opening import open_can_bus
 
     bench = request.getfixturevalue("bench")
     with ExitStack() as stack:

@@ -4,10 +4,10 @@ import re
 from importlib.util import find_spec
 from pathlib import Path
 
-from hil_bench.recording.files import RecordingFile
-from hil_bench.recording.frames import FrameFile
-from hil_bench.recording.plot import Span, has_axis, plot_result
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.outside.recording.files import RecordingFile
+from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.plot import Span, has_axis, plot_result
+from hil_bench.session.virtual_bench import VirtualBench
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 

@@ -10,7 +10,7 @@ import pytest
 from drivers import PositionSensor, PressureSensor, ProportionalValve
 from drivers.errors import DriverError
 from drivers.network import Network
-from hil_bench.config import BenchConfig, NodeConfig
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.pytest_plugin.networks import Networks
 
 HEARTBEAT_PERIOD = 0.05

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.faults.faults import Faults
+from hil_bench.devices.faults.faults import Faults
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.firmware import FirmwareBus
 from hil_bench.pytest_plugin.frame_text import FrameText
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
-from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 SHOWN_FRAMES = 20
 """Frames that a failed test shows."""

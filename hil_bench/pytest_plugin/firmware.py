@@ -16,16 +16,16 @@ from hil_bench.errors import (
     HilBenchError,
     WaitTimeoutError,
 )
-from hil_bench.realtime.clock import MonotonicClock
-from hil_bench.realtime.pacer import Pacer
+from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.transports.hosted_bus import HostedBus
+from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.outside.transports.joined import JoinedTransport
+from hil_bench.outside.transports.opening import open_transport
+from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.joined import ControllerLink
 from hil_bench.session.lockstep import PATIENCE
-from hil_bench.transports.hosted_bus import HostedBus
-from hil_bench.transports.hub_process import HubProcess
-from hil_bench.transports.joined import JoinedTransport
-from hil_bench.transports.opening import open_transport
-from hil_bench.transports.transport import Transport
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)

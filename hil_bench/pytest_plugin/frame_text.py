@@ -3,16 +3,16 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from hil_bench.assembly import load_objects
+from hil_bench.bench.assembly import load_objects
+from hil_bench.bench.configuration import NodeConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES, PdoParameters
-from hil_bench.commissioning.decoding import function_of, meaning_of
-from hil_bench.config import NodeConfig
 from hil_bench.errors import SdoAbort
-from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.machine.commissioning.decoding import function_of, meaning_of
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.session.virtual_bench import VirtualBench
 
 CYCLIC = 5
 """How often an identifier comes before it counts as cyclic."""

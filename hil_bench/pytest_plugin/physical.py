@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import pytest
 
-from hil_bench.config import BenchConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.errors import HilBenchError, WaitTimeoutError
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.scenario.dimensions import TIME, multiply
 from hil_bench.scenario.nodes import (
     UNBOUNDED,
@@ -28,7 +29,6 @@ from hil_bench.scenario.operands import Operand, Quantity, State, Text, quantity
 from hil_bench.scenario.operators import compare
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import EMCY, FRAME, Vocabulary
-from hil_bench.tables.values import find_nearest, quote
 
 Call = Callable[[Sequence[Operand], Position, Vocabulary], Operand]
 

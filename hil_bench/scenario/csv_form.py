@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from hil_bench.config.document import Document
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.places import Spot, Spots
 from hil_bench.scenario.spreadsheet import Cell, Sheet, read_cells
-from hil_bench.tables.document import Document
-from hil_bench.tables.values import find_nearest, quote
 
 TIME: Final = "time_s"
 LISTS: Final = ("requirement_ids", "firmware")

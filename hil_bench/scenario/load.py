@@ -3,11 +3,11 @@
 import os
 from pathlib import Path
 
+from hil_bench.config.document import Document, read_document
 from hil_bench.scenario.csv_form import read_csv_document
 from hil_bench.scenario.places import LocatedProblems, find_spots
 from hil_bench.scenario.reading import read_requirements, read_scenario
 from hil_bench.scenario.records import Expectation, Scenario
-from hil_bench.tables.document import Document, read_document
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:

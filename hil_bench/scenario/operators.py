@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.scenario.dimensions import (
     NUMBER,
     REFERENCES,
@@ -23,7 +24,6 @@ from hil_bench.scenario.nodes import (
 from hil_bench.scenario.operands import Operand, Quantity, State, Text, position_of, quantity_of
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.tables.values import find_nearest, quote
 
 _KNOWN_BASES = {"kg", "m", "s"}
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, cast
 
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.scenario import nodes
 from hil_bench.scenario.calls import CALLS
 from hil_bench.scenario.dimensions import (
@@ -31,7 +32,6 @@ from hil_bench.scenario.operands import Operand, Quantity, State, Text, conditio
 from hil_bench.scenario.operators import combine, compare
 from hil_bench.scenario.syntax import ExpectationError, read_syntax
 from hil_bench.scenario.vocabulary import EMCY, Vocabulary
-from hil_bench.tables.values import find_nearest, quote
 
 if TYPE_CHECKING:
     from lark import Token, Tree

@@ -4,8 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hil_bench.config.document import Document, check_tables, give
+from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.config.values import Value, describe, find_nearest, quote
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.courses import read_course
 from hil_bench.scenario.dimensions import unit_of_name
 from hil_bench.scenario.parse import parse_quantity
@@ -35,9 +38,6 @@ from hil_bench.scenario.step_keys import (
     fault_step_keys,
 )
 from hil_bench.scenario.syntax import ExpectationError
-from hil_bench.tables.document import Document, check_tables, give
-from hil_bench.tables.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.tables.values import Value, describe, find_nearest, quote
 
 _TABLES = ("controller", "parameters", "step", "expect")
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import TIME, Recording, recording_channels
+from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.scenario.judgement import Judgement, judge
 from hil_bench.scenario.load import load_requirements
 from hil_bench.scenario.resolve import Requirement, compile_texts

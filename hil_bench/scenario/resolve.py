@@ -4,11 +4,14 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.config.faults import build_fault
-from hil_bench.config.records import FaultConfig
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.faults import build_fault
+from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.config.document import give
+from hil_bench.config.settings import Origin, Problems, read_table
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.dimensions import unit_of_name
 from hil_bench.scenario.nodes import Condition
 from hil_bench.scenario.parse import parse_expectation
@@ -26,9 +29,6 @@ from hil_bench.scenario.records import (
 )
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.tables.document import give
-from hil_bench.tables.settings import Origin, Problems, read_table
-from hil_bench.tables.values import find_nearest, quote
 
 
 class SetAction(NamedTuple):

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.config.settings import Key
+from hil_bench.config.values import boolean, choice, describe, number, text
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.records import FirmwareCommand, NmtCommand
-from hil_bench.tables.settings import Key
-from hil_bench.tables.values import boolean, choice, describe, number, text
 from hil_bench.units import SECOND
 
 LONGEST_RUN = 1e6  # [s]

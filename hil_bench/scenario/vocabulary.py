@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from hil_bench.recording.channels import TIME, Channel
+from hil_bench.outside.recording.channels import TIME, Channel
 
 EMCY = "emcy"
 FRAME = "frame"

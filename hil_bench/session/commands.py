@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from hil_bench.bench import Bench
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.node_objects import NodeObjects
 from hil_bench.canopen_device.datatypes import Value
+from hil_bench.devices.faults.fault import Fault
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.fault import Fault
-from hil_bench.faults.kinds import FaultKind
-from hil_bench.node_objects import NodeObjects
 from hil_bench.plants.quantity import Influence
 
 
@@ -59,7 +59,7 @@ class Command(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class BeginFault:
-    """Begin a fault, as the verb of its kind does: `hil_bench.faults.faults.Faults`.
+    """Begin a fault, as the verb of its kind does: `hil_bench.devices.faults.faults.Faults`.
 
     Attributes:
         kind: of the fault.

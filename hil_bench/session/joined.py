@@ -9,12 +9,12 @@ from operator import methodcaller
 from typing import Protocol
 
 from hil_bench.errors import ControllerError, HilBenchError
-from hil_bench.realtime.clock import Clock, MonotonicClock
-from hil_bench.realtime.pacer import Pacer
+from hil_bench.outside.realtime.clock import Clock, MonotonicClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.transports.transport import Transport
 from hil_bench.session.lockstep import PATIENCE, LockStep, LockStepBus
 from hil_bench.session.paced import frames_per_tick
 from hil_bench.session.session import Session
-from hil_bench.transports.transport import Transport
 
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)

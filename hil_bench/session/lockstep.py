@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.realtime.clock import Clock, MonotonicClock
+from hil_bench.outside.realtime.clock import Clock, MonotonicClock
+from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
 from hil_bench.session.session import Session
-from hil_bench.transports.transport import Transport, TransportCounters, outage_at_end
 
 logger = logging.getLogger(__name__)
 

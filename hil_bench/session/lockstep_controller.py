@@ -16,7 +16,7 @@ import can
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports.transport import Transport
+from hil_bench.outside.transports.transport import Transport
 
 START_TIMEOUT = 10.0
 """Longest wait for the first answer [s]: the bench may just be starting."""

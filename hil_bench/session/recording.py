@@ -5,13 +5,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig
-from hil_bench.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.recording.recorder import RecordingPlan
-from hil_bench.recording.recorder_process import RecorderProcess
+from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.session.session import Session
-from hil_bench.telemetry import recording_heading
+from hil_bench.session.telemetry import recording_heading
 
 
 class RecordingWish(NamedTuple):

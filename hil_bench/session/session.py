@@ -6,15 +6,15 @@ passed and knows nothing of the runner. All times are bench time: nanoseconds si
 
 from collections.abc import Callable, Mapping, Sequence
 
-from hil_bench.assembly import build_bench
-from hil_bench.bench import Bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import BenchConfig
-from hil_bench.node_objects import NodeObjects, NodeTable
-from hil_bench.recording.channels import Channel
+from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.commands import Controls
 from hil_bench.session.door import Door
-from hil_bench.telemetry import bench_channels, sample
+from hil_bench.session.telemetry import bench_channels, sample
 
 FrameObserver = Callable[[Sequence[Frame], Sequence[Frame], int], None]
 """Told the frames that the bench received and sent, and their time [ns]."""

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from support.bus_side import BusSide
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 TWO_AXES = Path(__file__).parents[2] / "examples" / "two_axes.toml"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from support.bus_side import CONTROLLER, VALVE, BusSide, valve_command
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 DEVICES = Path(__file__).parents[2] / "docs" / "devices.md"
 HEARTBEAT = Frame(0x700 + CONTROLLER, b"\x05")

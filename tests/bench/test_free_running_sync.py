@@ -12,15 +12,15 @@ import pytest
 from support.bus_side import POSITION, SYNC, VALVE, BusSide, valve_command
 
 from device_profiles import IMITATIONS
-from hil_bench.assembly import build_bench, embedded_bus
+from hil_bench.bench.assembly import build_bench, embedded_bus
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.realtime.pacer import Pacer
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.paced import run_paced
 from hil_bench.session.session import Session
-from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000  # [ns]
 MINUTE = 60_000  # SYNCs of 1 kHz

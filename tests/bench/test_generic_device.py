@@ -9,8 +9,8 @@ import pytest
 from support.bus_side import BusSide
 
 from device_profiles import IMITATIONS
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vendor_io.toml"
 EDS = IMITATIONS / "analogue_io_401.eds"

@@ -8,9 +8,9 @@ import can
 import pytest
 
 from drivers import PressureSensor
-from hil_bench.config import load_config
-from hil_bench.faults.kinds import FaultKind
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
 

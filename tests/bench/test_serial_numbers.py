@@ -10,9 +10,9 @@ import pytest
 from support.bus_side import BusSide
 
 from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404, VALVE_408
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 FILES = [VALVE_408, PRESSURE_404, ENCODER_406, *sorted(IMITATIONS.glob("*.eds"))]
 WAITING, CONFIGURATION = "04 00", "04 01"

@@ -10,14 +10,14 @@ import can
 import pytest
 
 from drivers import Network, PositionSensor, ProportionalValve
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.config import load_config
 from hil_bench.frame import address_of
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_buses.toml"
 TICK = 1_000_000

@@ -9,8 +9,8 @@ import pytest
 from support.bus_side import POSITION, VALVE, BusSide
 
 from device_profiles import IMITATIONS
-from hil_bench.assembly import build_bench
-from hil_bench.config import load_config
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 
 REFUSED = bytes.fromhex("30000906")

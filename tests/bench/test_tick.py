@@ -5,10 +5,10 @@ import struct
 import pytest
 from support.bus_side import CONTROLLER, POSITION, PRESSURE_A, PRESSURE_B, VALVE, BusSide
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.config import load_config
 
 ALL = (VALVE, PRESSURE_A, PRESSURE_B, POSITION)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 TICK = 1_000_000
 SDO_REQUEST = Frame(0x601, bytes.fromhex("4000100000000000"))

@@ -23,9 +23,9 @@ from drivers import (
     ProportionalValve,
 )
 from drivers.modbus import ModbusClient, TcpLink
-from hil_bench.assembly import build_bench
-from hil_bench.config import load_config
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
+from hil_bench.outside.transports.embedded import EmbeddedBus
 
 MODBUS_UNITS = """
 [modbus.units.valve]

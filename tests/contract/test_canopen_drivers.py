@@ -12,7 +12,7 @@ from drivers import (
     ValveState,
 )
 from drivers.emergency import MEANINGS
-from hil_bench.plant import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 IN_VIRTUAL_TIME = pytest.mark.parametrize("connect", ["embedded"], indirect=True)
 """For what happens within a time: a busy machine may hold the other process up for longer."""

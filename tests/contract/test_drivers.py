@@ -15,7 +15,7 @@ from drivers import (
     StaleValueError,
     ValveState,
 )
-from hil_bench.plant import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 
 @pytest.fixture

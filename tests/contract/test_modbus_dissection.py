@@ -8,8 +8,8 @@ from support.dissection import dissect, require_tshark, write_tcp_capture
 from drivers import DriverError
 from drivers.modbus import ModbusClient, PositionSensor, PressureSensor, ProportionalValve
 from drivers.modbus.framing import RtuFraming, TcpFraming
-from hil_bench.config import load_config
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.bench.configuration import load_config
+from hil_bench.session.virtual_bench import VirtualBench
 
 UNITS = (
     "[modbus.units.valve]\ncommands = true\n[modbus.units.pressure_a]\n[modbus.units.position]\n"

@@ -9,8 +9,8 @@ import struct
 import pytest
 from support.openplc import openplc, run_openplc
 
-from hil_bench.config import load_config
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.bench.configuration import load_config
+from hil_bench.session.virtual_bench import VirtualBench
 
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4
 UNITS = """

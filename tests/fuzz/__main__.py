@@ -104,9 +104,12 @@ def fuzz(target: str, options: list[str]) -> int:
     """Run atheris in this process; it ends the process."""
     import atheris  # noqa: PLC0415 - only where it is needed
 
-    import hil_bench.plant  # noqa: PLC0415 - likewise
+    import hil_bench.plants.hydraulic_cylinder.model  # noqa: PLC0415 - likewise
 
-    for module in pkgutil.iter_modules(hil_bench.plant.__path__, "hil_bench.plant."):
+    for module in pkgutil.iter_modules(
+        hil_bench.plants.hydraulic_cylinder.model.__path__,
+        "hil_bench.plants.hydraulic_cylinder.model.",
+    ):
         importlib.import_module(module.name)  # as it is: Numba compiles it
     with atheris.instrument_imports(include=["hil_bench", "drivers"]):
         one_input = load(target)

@@ -6,10 +6,10 @@ from pathlib import Path
 from fuzz.script import Script
 from support.bus_side import BusSide
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
-from hil_bench.config import load_config
 
 NODE_ID = 5
 EDS = Path(__file__).parents[1] / "unit/canopen_device/device.eds"

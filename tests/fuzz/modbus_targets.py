@@ -3,7 +3,12 @@
 from fuzz.script import Script
 from unit.transports.modbus.conftest import Rig
 
-from hil_bench.transports.modbus.session import BACKLOG, ModbusSession, serial_session, tcp_session
+from hil_bench.outside.transports.modbus.session import (
+    BACKLOG,
+    ModbusSession,
+    serial_session,
+    tcp_session,
+)
 
 MOST_STEPS = 80
 READ = bytes.fromhex("0001 0000 0006 01 04 0000 0002")

@@ -19,10 +19,10 @@ from support.firmware import build_controller, run_session
 
 from drivers.modbus.client import ModbusClient
 from drivers.modbus.framing import TcpFraming
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.config import load_config
 from hil_bench.pytest_plugin.firmware import HUB
-from hil_bench.virtual_bench import RecordingWish, VirtualBench
+from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 EXAMPLES = Path("examples")
 TICKS = 400

@@ -25,7 +25,9 @@ OSCILLATION = f"[plan]\nperiod_ms = 2\n{PLAN}[chirp]\n"
 def commission(start_bench, channel, tmp_path, monkeypatch):
     """Commission a machine; return the exit code."""
     # Pictures are tested elsewhere.
-    monkeypatch.setattr("hil_bench.commissioning.report.importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr(
+        "hil_bench.machine.commissioning.report.importlib.util.find_spec", lambda _: None
+    )
 
     def commission_machine(machine, sheet, plan):
         for name, text in (("machine", machine), ("sheet", sheet), ("plan", plan)):

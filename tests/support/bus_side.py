@@ -2,9 +2,9 @@
 
 import struct
 
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 
 TICK = 1_000_000  # [ns]
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4  # node-IDs of the built-in bench

@@ -7,14 +7,14 @@ import numpy.typing as npt
 
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.analysis.study import make_table
-from hil_bench.plant import (
+from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.plants.hydraulic_cylinder.model import (
     PlantOptions,
     PlantParameters,
     PlantState,
     Solver,
     paper_parameters,
 )
-from hil_bench.recording.channels import Channel, Recording
 
 FULL_OPENING = 1.3e-3  # alpha + beta of Table I [m]
 POSITION_NOISE, PRESSURE_NOISE = 2e-6, 5e3  # [m], [Pa]

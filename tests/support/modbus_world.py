@@ -24,18 +24,24 @@ from support.modbus_traffic import (
 )
 from support.virtual_loop import VirtualLoop
 
-from hil_bench.modbus.data_types import DATA_TYPES
-from hil_bench.modbus.exchange import Entry, Exchange
-from hil_bench.modbus.mailbox import Mailbox
-from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
-from hil_bench.modbus.server_config import ServerConfig
-from hil_bench.modbus.unit_image import UnitImage
-from hil_bench.transports import socketcand_hub
-from hil_bench.transports.modbus import process
-from hil_bench.transports.modbus.complaints import Complaints
-from hil_bench.transports.modbus.register_server import RegisterServer
-from hil_bench.transports.modbus.session import BACKLOG
-from hil_bench.transports.socketcand_hub import Hub
+from hil_bench.outside.modbus.data_types import DATA_TYPES
+from hil_bench.outside.modbus.exchange import Entry, Exchange
+from hil_bench.outside.modbus.mailbox import Mailbox
+from hil_bench.outside.modbus.register_map import (
+    Access,
+    Identification,
+    Register,
+    RegisterMap,
+    Table,
+)
+from hil_bench.outside.modbus.server_config import ServerConfig
+from hil_bench.outside.modbus.unit_image import UnitImage
+from hil_bench.outside.transports import socketcand_hub
+from hil_bench.outside.transports.modbus import process
+from hil_bench.outside.transports.modbus.complaints import Complaints
+from hil_bench.outside.transports.modbus.register_server import RegisterServer
+from hil_bench.outside.transports.modbus.session import BACKLOG
+from hil_bench.outside.transports.socketcand_hub import Hub
 
 MODBUS, HUB = 502, 29536
 TICK = 0.002

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from hil_bench.plant.constants import Constants
-from hil_bench.plant.parts import (
+from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
+from hil_bench.plants.hydraulic_cylinder.model.parts import (
     PARTS,
     RATIO,
     TOLERANCE,

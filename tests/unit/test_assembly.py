@@ -3,11 +3,11 @@
 import pytest
 
 from device_profiles import VALVE_408
-from hil_bench.assembly import build_bench, embedded_bus
+from hil_bench.bench.assembly import build_bench, embedded_bus
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 from hil_bench.errors import ConfigError, EdsError
-from hil_bench.plant import Solver
+from hil_bench.plants.hydraulic_cylinder.model import Solver
 
 OTHER_BENCH = """
 [bench]

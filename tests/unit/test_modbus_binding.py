@@ -6,11 +6,11 @@ import struct
 import pytest
 from support.bus_side import VALVE, BusSide
 
-from hil_bench.config import load_config
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.errors import ConfigError
-from hil_bench.modbus.exceptions import ModbusException
-from hil_bench.modbus.register_map import Table
-from hil_bench.modbus_binding import ModbusBinding
+from hil_bench.outside.modbus.exceptions import ModbusException
+from hil_bench.outside.modbus.register_map import Table
 
 UNITS = """
 [modbus.units.valve]

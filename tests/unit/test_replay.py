@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 from hil_bench.errors import ConfigError
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.recording.channels import Channel, recording_dtype
-from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.replay import Direction, compare_recordings, drive_plant, play_frames
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.machine.replay import Direction, compare_recordings, drive_plant, play_frames
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.recording.channels import Channel, recording_dtype
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.session.virtual_bench import VirtualBench
 
 FRAMES = [
     LoggedFrame(Frame(number), 5_000_000_000 + number * 1_000_000, bool(number % 2))

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hil_bench.config.settings import Key, Problems, Settings, convert
+from hil_bench.config.values import number
 from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.quantity import Quantity, Shown
-from hil_bench.tables.settings import Key, Problems, Settings, convert
-from hil_bench.tables.values import number
 from hil_bench.units import (
     KILOGRAM,
     MILLIMETRE,

@@ -1,1 +1,1 @@
-"""The valve-controlled hydraulic cylinder, by the models of `hil_bench.plant`, as a plant."""
+"""The valve-controlled hydraulic cylinder, by the models of `model`, as a plant."""

@@ -4,15 +4,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from hil_bench.config.settings import Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plant.checks import check_full_model
-from hil_bench.plant.extensions import EntrainedAir, LuGreFriction, SupplyUnit
-from hil_bench.plant.loads import ConstantLoad, Load, LoadSeries, MassOnSlope, SpringLoad
-from hil_bench.plant.models import Model, largest_stable_step
-from hil_bench.plant.options import EndStop, PlantOptions
-from hil_bench.plant.parameters import PlantParameters
-from hil_bench.plant.reduced_order import check_delay, check_reduced_model
-from hil_bench.plant.stepping import LOAD_LIMIT, Solver, shortcoming
 from hil_bench.plants.hydraulic_cylinder.keys import (
     AIR_KEYS,
     BRISTLE_KEYS,
@@ -30,10 +23,27 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     Friction,
     Supply,
 )
+from hil_bench.plants.hydraulic_cylinder.model.checks import check_full_model
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    EntrainedAir,
+    LuGreFriction,
+    SupplyUnit,
+)
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    Load,
+    LoadSeries,
+    MassOnSlope,
+    SpringLoad,
+)
+from hil_bench.plants.hydraulic_cylinder.model.models import Model, largest_stable_step
+from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import check_delay, check_reduced_model
+from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, Solver, shortcoming
 from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
 from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.quantity import SUPPLY, Influence
-from hil_bench.tables.settings import Problems, Settings, convert
 
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
 

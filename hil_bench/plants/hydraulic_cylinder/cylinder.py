@@ -3,11 +3,20 @@
 import math
 from collections.abc import Mapping
 
-from hil_bench.plant import FullOrderPlant, PlantInput, PlantOutput, PlantState, balanced_state
-from hil_bench.plant.models import Model
-from hil_bench.plant.reduced_order import ReducedOrderPlant, balanced_reduced_state
-from hil_bench.plant.stepping import Plant
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model import (
+    FullOrderPlant,
+    PlantInput,
+    PlantOutput,
+    PlantState,
+    balanced_state,
+)
+from hil_bench.plants.hydraulic_cylinder.model.models import Model
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
+    ReducedOrderPlant,
+    balanced_reduced_state,
+)
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     LOAD,
     P_A,

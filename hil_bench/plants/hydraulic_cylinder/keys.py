@@ -5,10 +5,10 @@
 
 from enum import StrEnum
 
-from hil_bench.plant.models import Model
-from hil_bench.plant.stepping import Solver
-from hil_bench.tables.settings import Key
-from hil_bench.tables.values import boolean, choice, number, points
+from hil_bench.config.settings import Key
+from hil_bench.config.values import boolean, choice, number, points
+from hil_bench.plants.hydraulic_cylinder.model.models import Model
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
     BAR,
     CUBIC_CENTIMETRE,

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.config.settings import Problems, Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import (
     CylinderConfig,
     configure,
@@ -16,7 +17,6 @@ from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.kind import PlantKind
 from hil_bench.plants.plant import Plant
-from hil_bench.tables.settings import Problems, Settings
 from hil_bench.units import MILLIMETRE
 
 

@@ -1,6 +1,6 @@
 """What is usual, and what is possible, of each physical key of a cylinder.
 
-The table is data: `hil_bench.config.plausibility` compares a configuration with it.
+The table is data: `hil_bench.bench.configuration.plausibility` compares a configuration with it.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hil_bench.plant.state import PlantOutput
+from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
 from hil_bench.plants.quantity import Quantity, Shown
 
 _PLACE = {field: place for place, field in enumerate(PlantOutput._fields)}

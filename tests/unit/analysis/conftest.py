@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.plant import PlantParameters, paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, paper_parameters
 
 
 @pytest.fixture

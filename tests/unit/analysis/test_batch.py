@@ -8,7 +8,8 @@ import pytest
 from hil_bench.analysis.batch import simulate_batch
 from hil_bench.analysis.simulation import CHANNELS, Setup, simulate
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.outside.recording.channels import recording_channels
+from hil_bench.plants.hydraulic_cylinder.model import (
     Model,
     PlantOptions,
     PlantParameters,
@@ -16,8 +17,7 @@ from hil_bench.plant import (
     SpringLoad,
     balanced_state,
 )
-from hil_bench.plant.batch import LANES
-from hil_bench.recording.channels import recording_channels
+from hil_bench.plants.hydraulic_cylinder.model.batch import LANES
 
 
 def varied_setups(parameters: PlantParameters, count: int) -> list[Setup]:

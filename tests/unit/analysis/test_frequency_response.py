@@ -18,7 +18,7 @@ from hil_bench.analysis.frequency_response import (
 from hil_bench.analysis.linearisation import linearise_with_valve
 from hil_bench.analysis.simulation import Setup, without_input_nonlinearities
 from hil_bench.errors import ParameterError
-from hil_bench.plant import Model, PlantParameters, Solver
+from hil_bench.plants.hydraulic_cylinder.model import Model, PlantParameters, Solver
 
 DT = 1e-3
 

@@ -15,7 +15,7 @@ from hil_bench.analysis.full_linearisation import (
 )
 from hil_bench.analysis.linearisation import linearise_with_valve
 from hil_bench.analysis.operating_point import find_operating_point
-from hil_bench.plant import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 
 
 def linearised(parameters: PlantParameters, **given: float) -> FullLinearisation:

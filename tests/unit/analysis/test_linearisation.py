@@ -14,7 +14,7 @@ from hil_bench.analysis.linearisation import (
     linearise_with_valve,
 )
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def load_flow(parameters: PlantParameters, z: float, P_L: float) -> float:

@@ -9,7 +9,7 @@ import pytest
 from hil_bench.analysis.errors import OperatingPointError
 from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.errors import ParameterError
-from hil_bench.plant import FullOrderPlant, PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant, PlantOptions, PlantParameters
 
 BENCH = PlantOptions.bench()
 

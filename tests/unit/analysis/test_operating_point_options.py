@@ -4,9 +4,9 @@ import pytest
 
 from hil_bench.analysis.errors import OperatingPointError
 from hil_bench.analysis.operating_point import find_operating_point
-from hil_bench.plant import PlantOptions, PlantParameters
-from hil_bench.plant.extensions import LuGreFriction, SupplyUnit
-from hil_bench.plant.loads import ConstantLoad
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.extensions import LuGreFriction, SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,12 @@ from hil_bench.analysis.paper_runs import (
 )
 from hil_bench.analysis.statement import Statement, Verdict
 from hil_bench.errors import ConfigError
-from hil_bench.plant import FullOrderPlant, PlantOptions, PlantParameters, balanced_state
+from hil_bench.plants.hydraulic_cylinder.model import (
+    FullOrderPlant,
+    PlantOptions,
+    PlantParameters,
+    balanced_state,
+)
 
 DOCUMENTS = Path(__file__).parents[3] / "docs"
 

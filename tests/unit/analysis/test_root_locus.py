@@ -8,7 +8,7 @@ import pytest
 
 from hil_bench.analysis.root_locus import root_locus
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def test_the_critical_gain_is_that_of_routh(table_1: PlantParameters) -> None:

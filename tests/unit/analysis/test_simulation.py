@@ -15,8 +15,14 @@ from hil_bench.analysis.simulation import (
 )
 from hil_bench.analysis.trajectories import state_trajectory
 from hil_bench.errors import ParameterError
-from hil_bench.plant import FullOrderPlant, PlantInput, PlantOptions, PlantParameters, Solver
-from hil_bench.recording.channels import recording_channels
+from hil_bench.outside.recording.channels import recording_channels
+from hil_bench.plants.hydraulic_cylinder.model import (
+    FullOrderPlant,
+    PlantInput,
+    PlantOptions,
+    PlantParameters,
+    Solver,
+)
 
 
 def test_a_row_holds_what_the_plant_shows_after_its_step(table_1: PlantParameters) -> None:

@@ -14,8 +14,8 @@ from hil_bench.analysis.simulation_statements import (
     position_at,
     ripple,
 )
-from hil_bench.plant import PlantParameters
-from hil_bench.recording.channels import Recording, recording_dtype
+from hil_bench.outside.recording.channels import Recording, recording_dtype
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def motion(lead_deg: float, *, amplitude: float = 0.01, drift: float = 0.1) -> Recording:

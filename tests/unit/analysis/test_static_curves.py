@@ -7,7 +7,7 @@ import pytest
 
 from hil_bench.analysis.static_curves import flow_pressure_curves
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 
 
 def test_a_curve_starts_at_no_load_and_ends_at_the_supply_pressure(

@@ -16,8 +16,8 @@ from hil_bench.analysis.linear_studies import (
 from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.analysis.study import Fact, Study, make_table, write_study
 from hil_bench.errors import ConfigError
-from hil_bench.plant import PlantOptions, PlantParameters
-from hil_bench.recording.channels import Channel
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 
 
 @pytest.mark.parametrize(

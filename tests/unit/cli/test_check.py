@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from device_profiles import VALVE_408
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.config import load_config
 
 
 def test_each_value_is_shown_with_its_origin(

@@ -5,10 +5,10 @@ import re
 import pytest
 from support.direct_lockstep import DirectLockStep
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.config import load_config
-from hil_bench.recording.files import read_recording
-from hil_bench.recording.frames import read_frames
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import read_frames
 
 PLAN = """
 [plan]
@@ -28,7 +28,9 @@ FAST = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("hil_bench.commissioning.report.importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr(
+        "hil_bench.machine.commissioning.report.importlib.util.find_spec", lambda _: None
+    )
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_text(PLAN)
     (tmp_path / "sheet.toml").write_text(FAST)
@@ -82,7 +84,7 @@ def test_a_recording_that_failed_is_told_and_the_rest_goes_on(folder, monkeypatc
     def write_rows(_file, _rows):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("hil_bench.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
     assert main(["commission", "plan.toml", "--virtual", "--output", "out"]) == 5
     out = capsys.readouterr().out
     assert "verdict   passed" in out

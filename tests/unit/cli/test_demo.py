@@ -7,9 +7,9 @@ import pytest
 from hil_bench.cli import main
 from hil_bench.cli.demo_session import tuned_parameters
 from hil_bench.cli.interruption import Interruption
-from hil_bench.plant import paper_parameters
-from hil_bench.realtime.clock import ScaledClock, VirtualClock
-from hil_bench.recording.files import read_recording
+from hil_bench.outside.realtime.clock import ScaledClock, VirtualClock
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 
 def demo(directory, *arguments):

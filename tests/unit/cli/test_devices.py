@@ -5,9 +5,9 @@ from pathlib import Path
 import canopen
 import pytest
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.cli.device_table import Device, MappedObject, Pdo, _device_lines, read_devices
-from hil_bench.config import load_config
 
 OBJECTS = (
     MappedObject(0x6040, 0, "Control word", "UNSIGNED16"),

@@ -4,8 +4,8 @@ import pytest
 
 from hil_bench.cli import main
 from hil_bench.cli.doctor import report_lines
-from hil_bench.doctor.finding import Finding, Topic, Verdict
-from hil_bench.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.session.doctor.finding import Finding, Topic, Verdict
 
 TOPICS = [
     Topic("One", (Finding("a", Verdict.GOOD, "fine"), Finding("long", Verdict.HINT, "so", "more"))),
@@ -65,7 +65,7 @@ def test_without_a_test_nothing_is_measured(capsys):
 
 def test_other_systems_get_a_report_too(monkeypatch, capsys):
     for module in ("permissions", "machine", "buses"):
-        monkeypatch.setattr(f"hil_bench.doctor.{module}.IS_LINUX", False)
+        monkeypatch.setattr(f"hil_bench.session.doctor.{module}.IS_LINUX", False)
     assert main(["doctor", "--seconds", "0.01"]) == 0
     assert "SCHED_FIFO      Linux only" in capsys.readouterr().out
 

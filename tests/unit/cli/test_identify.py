@@ -8,9 +8,9 @@ import pytest
 from support.machine_record import Machine, random_steps
 
 from hil_bench.analysis import errors
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.config import load_config
-from hil_bench.recording.files import RecordingFile
+from hil_bench.outside.recording.files import RecordingFile
 
 # A coarse step, which makes this quick; the machine is the built-in bench's.
 BENCH = """

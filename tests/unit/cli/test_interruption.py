@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.cli.interruption import interrupted_once, interruption
-from hil_bench.recording.files import read_recording
+from hil_bench.outside.recording.files import read_recording
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 

@@ -7,7 +7,7 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.errors import BusError
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.transports.transport import TransportCounters
 
 SYNC = Frame(0x080)
 START_ALL = Frame(0x000, b"\x01\x00")

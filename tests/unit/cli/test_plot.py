@@ -5,7 +5,7 @@ import os
 import pytest
 
 from hil_bench.cli import main
-from hil_bench.virtual_bench import RecordingWish, VirtualBench
+from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 
 @pytest.fixture(scope="module")

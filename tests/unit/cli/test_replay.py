@@ -6,8 +6,8 @@ import can
 import pytest
 
 from hil_bench.cli import main
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture(scope="module")

@@ -82,7 +82,7 @@ def completions(tmp_path, *words):
 def test_a_shell_completes_verbs_and_options(tmp_path, capsys):
     assert main(["completion", "bash"]) == 0
     (tmp_path / "script.bash").write_text(capsys.readouterr().out)
-    assert completions(tmp_path, "hil-bench", "sc") == ["scan"]
+    assert completions(tmp_path, "hil-bench", "ide") == ["identify"]
     assert completions(tmp_path, "hil-bench", "run", "--lock") == ["--lockstep"]
     assert set(completions(tmp_path, "hil-bench", '""')) == VERBS.keys()
 

@@ -10,9 +10,9 @@ import pytest
 
 from device_profiles import IMITATIONS
 from hil_bench.cli import main
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.recording.files import read_recording
-from hil_bench.transports.hub_process import HubProcess
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.transports.hub_process import HubProcess
 
 BUS = ["-i", "virtual", "-c", "test_run"]
 
@@ -89,7 +89,7 @@ def test_it_says_join_when_the_nodes_have_booted(monkeypatch):
         "builtins.print", lambda *words, **_options: events.append(" ".join(map(str, words)))
     )
     monkeypatch.setattr(
-        "hil_bench.transports.python_can.PythonCanTransport.send",
+        "hil_bench.outside.transports.python_can.PythonCanTransport.send",
         lambda _self, frames: events.extend(frames),
     )
     assert main(["run", *BUS, "--duration", "0.01"]) == 0

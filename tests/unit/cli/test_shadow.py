@@ -6,8 +6,8 @@ import re
 import pytest
 
 from hil_bench.cli import main
-from hil_bench.recording.files import read_recording
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 @pytest.fixture

@@ -19,9 +19,9 @@ from hil_bench.cli.status_line import (
     format_row,
     in_place,
 )
-from hil_bench.processes.snapshot import Snapshot
-from hil_bench.realtime.statistics import TickStatistics
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.transports.transport import TransportCounters
 
 
 def test_it_shows_each_quantity_with_its_unit():

@@ -5,10 +5,10 @@ from contextlib import ExitStack
 import pytest
 
 from drivers import Network
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
-from hil_bench.transports.embedded import EmbeddedBus
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.outside.transports.embedded import EmbeddedBus
+from hil_bench.session.virtual_bench import VirtualBench
 
 
 class Device:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.commissioning.decoding import Function, function_of, meaning_of
+from hil_bench.machine.commissioning.decoding import Function, function_of, meaning_of
 
 
 @pytest.mark.parametrize(

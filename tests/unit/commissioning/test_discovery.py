@@ -3,8 +3,8 @@
 import pytest
 
 from drivers import NmtState
-from hil_bench.commissioning.discovery import Method, Sighting, discover
 from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.discovery import Method, Sighting, discover
 
 READ_DEVICE_TYPE = "4000100000000000"
 

@@ -7,8 +7,8 @@ import pytest
 
 from device_profiles import PRESSURE_404
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.commissioning.discovery import Sighting
-from hil_bench.commissioning.identity import (
+from hil_bench.machine.commissioning.discovery import Sighting
+from hil_bench.machine.commissioning.identity import (
     LONGEST_READING,
     MOST_BYTES,
     NodeDescription,

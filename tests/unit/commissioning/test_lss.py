@@ -1,7 +1,7 @@
 """Devices without node-ID, found bit by bit (CiA 305)."""
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.commissioning.lss import LssAddress, find_unconfigured
+from hil_bench.machine.commissioning.lss import LssAddress, find_unconfigured
 
 UNCONFIGURED = """
 [plant.axis1]

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.commissioning.plan import (
+from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.plan import (
     StepKind,
     check_against,
     choose_axis,
@@ -12,9 +14,7 @@ from hil_bench.commissioning.plan import (
     expected_travel,
     load_plan,
 )
-from hil_bench.config import load_config
-from hil_bench.errors import ConfigError
-from hil_bench.plant import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "commissioning.toml"
 LIMITS = "[limits]\nposition_mm = [-100, 100]\nspeed_mm_s = 300\npressure_bar = [-1, 110]\n"

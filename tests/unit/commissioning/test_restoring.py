@@ -6,15 +6,15 @@ import can
 import pytest
 
 from drivers import Network
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.commissioning.journal import SettingsJournal
-from hil_bench.commissioning.measures import Verdict
-from hil_bench.commissioning.plan import load_plan
-from hil_bench.commissioning.session import Console, commission
-from hil_bench.config import load_config
 from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.errors import ConfigError
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.machine.commissioning.journal import SettingsJournal
+from hil_bench.machine.commissioning.measures import Verdict
+from hil_bench.machine.commissioning.plan import load_plan
+from hil_bench.machine.commissioning.session import Console, commission
+from hil_bench.session.virtual_bench import VirtualBench
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 PLAN = """

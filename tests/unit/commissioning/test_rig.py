@@ -8,12 +8,12 @@ import can
 import pytest
 
 from drivers import DriverError, Network, ValveState
-from hil_bench.commissioning.guard import LimitError, Sample, check_sample
-from hil_bench.commissioning.members import find_members
-from hil_bench.commissioning.plan import Limits
-from hil_bench.commissioning.rig import Rig
-from hil_bench.config import load_config
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.bench.configuration import load_config
+from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
+from hil_bench.machine.commissioning.members import find_members
+from hil_bench.machine.commissioning.plan import Limits
+from hil_bench.machine.commissioning.rig import Rig
+from hil_bench.session.virtual_bench import VirtualBench
 
 PERIOD = 0.004  # [s], two ticks
 LIMITS = Limits(position=(-0.15, 0.15), speed=0.4, pressure=(-1e5, 110e5), time=60.0)

@@ -15,13 +15,13 @@ from support.machines import (
 )
 
 from drivers import Network
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.commissioning.measures import Verdict
-from hil_bench.commissioning.plan import StepKind, load_plan
-from hil_bench.commissioning.session import Console, commission
-from hil_bench.config import load_config
 from hil_bench.devices.valve_state_machine import FAULT_STATES
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.machine.commissioning.measures import Verdict
+from hil_bench.machine.commissioning.plan import StepKind, load_plan
+from hil_bench.machine.commissioning.session import Console, commission
+from hil_bench.session.virtual_bench import VirtualBench
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 PLAN = """
@@ -269,7 +269,7 @@ def test_a_computer_that_is_too_slow_is_told_and_nothing_is_concluded(machine):
 
 
 def test_a_starting_position_that_is_not_reached_ends_the_motion(machine, monkeypatch):
-    monkeypatch.setattr("hil_bench.commissioning.procedure.APPROACH_TIME", 0.2)
+    monkeypatch.setattr("hil_bench.machine.commissioning.procedure.APPROACH_TIME", 0.2)
     tested = machine(plan=PLAN + "[dead_band]\nposition_mm = [-20, 120]\n")
     result = tested.commission().results[-1]
     assert result.verdict is Verdict.STOPPED

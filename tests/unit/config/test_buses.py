@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.config import BusConfig, load_config
+from hil_bench.bench.configuration import BusConfig, load_config
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]

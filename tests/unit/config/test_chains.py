@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.config import Origin, load_config
+from hil_bench.bench.configuration import Origin, load_config
+from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS, PositionPreset, PressurePreset
 from hil_bench.kinds.chains import preset_chain
-from hil_bench.measurement.parameters import ChainParameters, OverRange
 
 Write = Callable[[str], Path]
 

@@ -8,23 +8,23 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.assembly import build_node
-from hil_bench.config import load_config
-from hil_bench.config.axes import KIND_KEY
-from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.config.keys import (
+from hil_bench.bench.assembly import build_node
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.configuration.axes import KIND_KEY
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.keys import (
     BENCH_KEYS,
     BUS_KEYS,
     SINK_KEYS,
     SOURCE_KEYS,
     node_keys,
 )
-from hil_bench.config.modbus import MODBUS_KEYS, UNIT_KEYS
+from hil_bench.bench.configuration.modbus import MODBUS_KEYS, UNIT_KEYS
+from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
-from hil_bench.tables.settings import Key
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from device_profiles import VALVE_408
-from hil_bench.assembly import build_bench
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import FaultConfig, Origin, load_config
+from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
-from hil_bench.config import FaultConfig, Origin, load_config
-from hil_bench.config.fault_keys import OWN_KEYS
+from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import Direction, FaultKind, Reading
 
 Write = Callable[[str], Path]
 

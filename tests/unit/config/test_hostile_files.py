@@ -10,15 +10,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from device_profiles import VALVE_408
-from hil_bench.config import BenchConfig, load, load_config
-from hil_bench.config.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.config.keys import BENCH_KEYS, BUS_KEYS, SINK_KEYS, SOURCE_KEYS, node_keys
+from hil_bench.bench.configuration import BenchConfig, load, load_config
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.bench.configuration.keys import (
+    BENCH_KEYS,
+    BUS_KEYS,
+    SINK_KEYS,
+    SOURCE_KEYS,
+    node_keys,
+)
+from hil_bench.config.settings import Key
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
-from hil_bench.tables.settings import Key
 
 TEXT = st.text(alphabet='aZ_-.\n\x00\u2028é\\"', max_size=4)
 SCALARS = (

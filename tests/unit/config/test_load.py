@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import device_profiles
-from hil_bench.assembly import build_bench
-from hil_bench.config import (
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import (
     BusConfig,
     Origin,
     load_config,
@@ -17,12 +17,17 @@ from hil_bench.config import (
 from hil_bench.kinds.encoder_406 import EncoderConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.kinds.valve_408 import ValveConfig
-from hil_bench.plant import Model, ReducedOrderPlant
-from hil_bench.plant.extensions import EntrainedAir, LuGreFriction
-from hil_bench.plant.loads import ConstantLoad, LoadSeries, MassOnSlope, SpringLoad
-from hil_bench.plant.options import EndStop, PlantOptions
-from hil_bench.plant.parameters import paper_parameters
-from hil_bench.plant.stepping import Solver
+from hil_bench.plants.hydraulic_cylinder.model import Model, ReducedOrderPlant
+from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir, LuGreFriction
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    LoadSeries,
+    MassOnSlope,
+    SpringLoad,
+)
+from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 
 Write = Callable[[str], Path]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.config import load_config
+from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.config import ModbusConfig, Origin, load_config
+from hil_bench.bench.configuration import ModbusConfig, Origin, load_config
 from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import WordOrder
-from hil_bench.modbus.register_map import Access, Holes, Table
-from hil_bench.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
+from hil_bench.outside.modbus.data_types import WordOrder
+from hil_bench.outside.modbus.register_map import Access, Holes, Table
+from hil_bench.outside.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 
 Write = Callable[[str], Path]
 

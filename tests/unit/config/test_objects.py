@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.assembly import build_node
+from hil_bench.bench.assembly import build_node
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.cli import main
-from hil_bench.config import load_config
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]

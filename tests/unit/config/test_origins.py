@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.config import (
+from hil_bench.bench.configuration import (
     BenchConfig,
     BusConfig,
     Origin,

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from device_profiles import REGISTERS
-from hil_bench.config.register_maps import load_register_map
+from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.errors import ConfigError
-from hil_bench.modbus.data_types import DATA_TYPES, WordOrder
-from hil_bench.modbus.register_map import Access, Identification, Register, Table
+from hil_bench.outside.modbus.data_types import DATA_TYPES, WordOrder
+from hil_bench.outside.modbus.register_map import Access, Identification, Register, Table
 from hil_bench.units import BAR
 
 Write = Callable[[str], Path]

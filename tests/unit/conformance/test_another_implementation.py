@@ -13,7 +13,7 @@ from hil_bench.conformance.check import Impact
 from hil_bench.conformance.device import DeviceUnderTest
 from hil_bench.conformance.suite import CHAPTERS, Outcome, run_suite
 from hil_bench.conformance.wire import Wire
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.outside.transports.embedded import EmbeddedBus
 
 CHECKED = {"NMT", "Object dictionary", "SDO upload", "SDO download", "SDO block transfer"}
 

@@ -7,7 +7,7 @@ import pytest
 from support.dissection import dissect, require_tshark, write_capture
 
 from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 pytestmark = pytest.mark.usefixtures("_tshark")
 

@@ -6,7 +6,7 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.conformance.wire import BACKLOG, Wire
 from hil_bench.errors import BusError
-from hil_bench.transports.embedded import EmbeddedBus
+from hil_bench.outside.transports.embedded import EmbeddedBus
 
 
 def by(can_id):

@@ -3,10 +3,10 @@
 
 import pytest
 
-from hil_bench.assembly import build_bench
-from hil_bench.config import load_config
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
+from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError
-from hil_bench.faults.faults import Faults
 
 
 @pytest.fixture(scope="module")

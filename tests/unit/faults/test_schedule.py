@@ -2,9 +2,9 @@
 
 import pytest
 
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.schedule import NEVER, FaultSchedule
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
-from hil_bench.faults.schedule import NEVER, FaultSchedule
 
 MS = 1_000_000
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.faults.kinds import Reading
-from hil_bench.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
-from hil_bench.measurement.noise import normal_numbers, random_stream
+from hil_bench.devices.faults.kinds import Reading
+from hil_bench.devices.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
+from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 
 TICK = 1e-3
 

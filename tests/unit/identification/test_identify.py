@@ -15,17 +15,17 @@ from support.machine_record import (
 )
 
 from hil_bench.errors import ConfigError
-from hil_bench.identification.identify import Identification, find_vague, identify
-from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.unknowns import Guess, Unknowns
-from hil_bench.plant import (
+from hil_bench.machine.identification.identify import Identification, find_vague, identify
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.unknowns import Guess, Unknowns
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.plants.hydraulic_cylinder.model import (
     EntrainedAir,
     PlantOptions,
     PlantParameters,
     balanced_state,
     paper_parameters,
 )
-from hil_bench.recording.channels import Recording
 
 STEP = 1e-4
 # Each within 30 % of Table I, from which the search starts.

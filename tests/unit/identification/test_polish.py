@@ -9,13 +9,13 @@ from scipy.optimize import least_squares
 from support.machine_record import FULL_OPENING, Machine, random_steps
 from support.measured_lines import BASIS, PLACES, Lines, measure, polish_of
 
-from hil_bench.identification.fit import Fitter
-from hil_bench.identification.loss import KNEE, cost_of
-from hil_bench.identification.polish import GAINED, REACHED, Optimum, Polish
-from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.stages import FINE
-from hil_bench.identification.unknowns import Guess, Unknowns
-from hil_bench.plant import PlantOptions, paper_parameters
+from hil_bench.machine.identification.fit import Fitter
+from hil_bench.machine.identification.loss import KNEE, cost_of
+from hil_bench.machine.identification.polish import GAINED, REACHED, Optimum, Polish
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.stages import FINE
+from hil_bench.machine.identification.unknowns import Guess, Unknowns
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
 STEP = 5e-5
 MACHINE = replace(paper_parameters(), w=0.022, E=1.2e8, F_c=500.0, m=24.0)

@@ -8,8 +8,8 @@ from support.machine_record import FULL_OPENING
 
 from hil_bench.analysis.study import make_table
 from hil_bench.errors import ConfigError
-from hil_bench.identification.record import AxisRecord, estimate_noise
-from hil_bench.recording.channels import Channel, Recording
+from hil_bench.machine.identification.record import AxisRecord, estimate_noise
+from hil_bench.outside.recording.channels import Channel, Recording
 
 ROWS = 4000
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.config import load_config
-from hil_bench.identification.approach import Rival
-from hil_bench.identification.identify import Estimate, Identification
-from hil_bench.identification.record import AxisRecord
-from hil_bench.identification.report import is_explained, summarise, to_json, to_toml
-from hil_bench.identification.trial import Run, Trial
-from hil_bench.plant import paper_parameters
+from hil_bench.bench.configuration import load_config
+from hil_bench.machine.identification.approach import Rival
+from hil_bench.machine.identification.identify import Estimate, Identification
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.machine.identification.trial import Run, Trial
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 TABLE_1 = paper_parameters()
 ESTIMATES = (

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.identification.unknowns import KINDS, Guess, Unknowns
-from hil_bench.plant import paper_parameters
+from hil_bench.machine.identification.unknowns import KINDS, Guess, Unknowns
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 ALL = tuple(KINDS)
 

@@ -14,13 +14,13 @@ from support.distribution import PLUGIN, declare, pip_install
 from drivers import Network, PositionSensor
 from drivers.modbus.client import ModbusClient
 from drivers.modbus.framing import TcpFraming
+from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.config import load_config
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import KINDS
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.registry import PLANTS
-from hil_bench.recording.files import read_recording
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 BENCH = PLUGIN / "bench.toml"
 
@@ -212,7 +212,7 @@ BROKEN = {
     "twice": (
         (
             "from hil_bench.kinds.generic import GenericKind\n"
-            "from hil_bench.tables.settings import Key\n"
+            "from hil_bench.config.settings import Key\n"
             "class Kind(GenericKind):\n    name = 'twice'\n    keys = (Key('bus', str),)\n"
             "KIND = Kind()"
         ),

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from hil_bench.measurement.chain import MeasuringChain
-from hil_bench.measurement.low_pass import natural_frequency
-from hil_bench.measurement.noise import random_stream
-from hil_bench.measurement.parameters import ChainParameters, OverRange
+from hil_bench.devices.measurement.chain import MeasuringChain
+from hil_bench.devices.measurement.low_pass import natural_frequency
+from hil_bench.devices.measurement.noise import random_stream
+from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 
 MS = 1_000_000
 US = 1_000

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_bench.measurement.chain import MeasuringChain
-from hil_bench.measurement.noise import random_stream
-from hil_bench.measurement.parameters import ChainParameters, OverRange
+from hil_bench.devices.measurement.chain import MeasuringChain
+from hil_bench.devices.measurement.noise import random_stream
+from hil_bench.devices.measurement.parameters import ChainParameters, OverRange
 
 US = 1_000
 microseconds = st.integers(1, 5000)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from hil_bench.measurement.low_pass import (
+from hil_bench.devices.measurement.low_pass import (
     FirstOrderLowPass,
     SecondOrderLowPass,
     Unlimited,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from hil_bench.measurement.low_pass import natural_frequency
-from hil_bench.measurement.noise import (
+from hil_bench.devices.measurement.low_pass import natural_frequency
+from hil_bench.devices.measurement.noise import (
     FirstOrderNoise,
     SecondOrderNoise,
     WhiteNoise,

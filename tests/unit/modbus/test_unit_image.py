@@ -4,10 +4,10 @@ import pickle
 
 import pytest
 
-from hil_bench.modbus.assignment import Assignment
-from hil_bench.modbus.data_types import DATA_TYPES
-from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.modbus.register_map import (
+from hil_bench.outside.modbus.assignment import Assignment
+from hil_bench.outside.modbus.data_types import DATA_TYPES
+from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
+from hil_bench.outside.modbus.register_map import (
     Access,
     Holes,
     Identification,
@@ -15,8 +15,8 @@ from hil_bench.modbus.register_map import (
     RegisterMap,
     Table,
 )
-from hil_bench.modbus.rivals import find_rivals
-from hil_bench.modbus.unit_image import UnitImage
+from hil_bench.outside.modbus.rivals import find_rivals
+from hil_bench.outside.modbus.unit_image import UnitImage
 from hil_bench.units import BAR, MILLISECOND
 
 FLOAT32, INT16, UINT16 = DATA_TYPES["float32"], DATA_TYPES["int16"], DATA_TYPES["uint16"]

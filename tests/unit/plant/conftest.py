@@ -6,8 +6,13 @@ from typing import NamedTuple
 
 import pytest
 
-from hil_bench.plant import PlantParameters, PlantState, balanced_state, paper_parameters
-from hil_bench.plant.kernel import kernel
+from hil_bench.plants.hydraulic_cylinder.model import (
+    PlantParameters,
+    PlantState,
+    balanced_state,
+    paper_parameters,
+)
+from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 
 _TANH_GAIN = 400.0  # Ruderman 2017, section IV-B
 

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     EntrainedAir,
     FullOrderPlant,
     PlantInput,
@@ -28,12 +28,15 @@ from hil_bench.plant import (
     Solver,
     paper_parameters,
 )
-from hil_bench.plant.constants import unpack
-from hil_bench.plant.extended_constants import pack_extended, unpack_extended
-from hil_bench.plant.extended_midpoint import try_extended
-from hil_bench.plant.following import implicit_share
-from hil_bench.plant.kernel import make_row
-from hil_bench.plant.orifice import linearise_flow
+from hil_bench.plants.hydraulic_cylinder.model.constants import unpack
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    pack_extended,
+    unpack_extended,
+)
+from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import try_extended
+from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
 from tests.support.plant_parts import made_parts
 
 DT = 1e-4

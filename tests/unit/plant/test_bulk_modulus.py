@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.bulk_modulus import bulk_modulus
+from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 
 E = 1.5e9
 ATMOSPHERE = 101_325.0

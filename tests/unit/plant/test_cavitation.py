@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     EntrainedAir,
     FullOrderPlant,
     PlantInput,
@@ -22,18 +22,23 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plant.cavitation import compress, fill, hold, share_out
-from hil_bench.plant.constants import pack, unpack
-from hil_bench.plant.coupling import (
+from hil_bench.plants.hydraulic_cylinder.model.cavitation import compress, fill, hold, share_out
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack, unpack
+from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     couple,
     eliminate_pressures,
     pressure_rises,
     velocity_change,
 )
-from hil_bench.plant.extended_constants import unpack_extended
-from hil_bench.plant.following import implicit_share
-from hil_bench.plant.kernel import make_row
-from hil_bench.plant.reduced_steps import Motion, load_flow, pack_reduced, try_reduced
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import unpack_extended
+from hil_bench.plants.hydraulic_cylinder.model.following import implicit_share
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
+    Motion,
+    load_flow,
+    pack_reduced,
+    try_reduced,
+)
 from tests.support.plant_parts import made_parts
 
 BENCH = PlantOptions.bench()

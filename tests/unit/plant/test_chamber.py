@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.plant.chamber import chamber_volumes, net_flows
+from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
 
 TABLE_I = (1e8, 0.0, 5e-3, 4.7e-3, 1.2e-3, 1.15e-3, 0.2)
 

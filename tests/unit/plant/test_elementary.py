@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hil_bench.plant import elementary
+from hil_bench.plants.hydraulic_cylinder.model import elementary
 
 EPSILON = 2.0**-52
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     EndStop,
     EntrainedAir,
@@ -27,13 +27,13 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plant.constants import pack
-from hil_bench.plant.extended_constants import pack_extended
-from hil_bench.plant.extended_euler import advance_extended_euler
-from hil_bench.plant.extended_midpoint import advance_extended_midpoint
-from hil_bench.plant.forward_euler import advance_forward_euler
-from hil_bench.plant.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plant.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import pack_extended
+from hil_bench.plants.hydraulic_cylinder.model.extended_euler import advance_extended_euler
+from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 
 EULER = Solver.FORWARD_EULER
 PAPER = PlantOptions.paper()

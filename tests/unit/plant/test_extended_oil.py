@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     EntrainedAir,
     FullOrderPlant,
     PlantInput,
@@ -17,7 +17,7 @@ from hil_bench.plant import (
     SupplyUnit,
     balanced_state,
 )
-from hil_bench.plant.bulk_modulus import bulk_modulus
+from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 
 PAPER = PlantOptions.paper()
 BENCH = PlantOptions.bench()

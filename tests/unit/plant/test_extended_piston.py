@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     FullOrderPlant,
     LoadSeries,

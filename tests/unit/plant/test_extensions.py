@@ -1,7 +1,7 @@
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import EntrainedAir, LuGreFriction, SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model import EntrainedAir, LuGreFriction, SupplyUnit
 
 
 def test_the_ratio_of_air_to_oil() -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantOptions,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     EndStop,
     FullOrderPlant,
     PlantInput,
@@ -20,7 +20,7 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plant.full_order import largest_step
+from hil_bench.plants.hydraulic_cylinder.model.full_order import largest_step
 
 EULER = Solver.FORWARD_EULER
 PAPER = PlantOptions.paper()

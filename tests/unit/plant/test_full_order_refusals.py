@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ExtensionState,
     FullOrderPlant,
     LuGreFriction,
@@ -195,7 +195,9 @@ def test_forward_euler_refuses_a_step_beyond_the_standstill_limit(
 def test_forward_euler_chatters_beyond_that_limit_and_not_below(
     paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
+    monkeypatch.setattr(
+        "hil_bench.plants.hydraulic_cylinder.model.full_order.largest_step", lambda *_: math.inf
+    )
 
     def last_velocity(dt: float) -> float:
         state = balanced_state(paper)._replace(v=1e-6)
@@ -209,7 +211,9 @@ def test_forward_euler_chatters_beyond_that_limit_and_not_below(
 def test_forward_euler_says_when_it_has_diverged(
     paper: PlantParameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
+    monkeypatch.setattr(
+        "hil_bench.plants.hydraulic_cylinder.model.full_order.largest_step", lambda *_: math.inf
+    )
     # A fluid a thousand times stiffer than Table I's: zeta - omega_c dt / 2 = 0.004 - 0.71 < 0.
     steel = dataclasses.replace(paper, E=1e11)
     plant = FullOrderPlant(steel, options=PAPER, solver=EULER, dt=1e-4)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.implicit_midpoint import implicit_share
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import implicit_share
 
 rates = st.floats(1e-3, 1e6)
 

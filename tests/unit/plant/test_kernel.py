@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from hil_bench.plant.kernel import IS_COMPILED
+from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
 
 RUN_AND_PRINT_BITS = """
 import dataclasses
@@ -12,7 +12,7 @@ import random
 import sys
 steps, *missing = sys.argv[1:]
 sys.modules.update({name: None for name in missing})  # None: as if not installed
-from hil_bench.plant import *
+from hil_bench.plants.hydraulic_cylinder.model import *
 extended = PlantOptions(
     end_stop=EndStop(),
     cavitation_floor=-101325.0,
@@ -56,7 +56,7 @@ def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
 def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     """One second through free motion, both stops, cavitation and overload.
 
-    A difference can also mean a stale cache of Numba: see `hil_bench.plant.kernel`.
+    A difference can also mean a stale cache of Numba: see `model.kernel`.
     """
     compiled = run_plants(400, "0")
     assert compiled.count("\n") == 24

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.load import (
+from hil_bench.plants.hydraulic_cylinder.model.load import (
     find_point,
     series_force,
     step_loads,

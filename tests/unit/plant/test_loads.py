@@ -3,7 +3,13 @@ import math
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import ConstantLoad, LoadSeries, MassOnSlope, PlantOptions, SpringLoad
+from hil_bench.plants.hydraulic_cylinder.model import (
+    ConstantLoad,
+    LoadSeries,
+    MassOnSlope,
+    PlantOptions,
+    SpringLoad,
+)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import ConstantLoad, EndStop, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model import ConstantLoad, EndStop, PlantOptions
 
 
 def test_paper_is_as_printed_with_the_tanh_of_section_iv() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.orifice import linearise_flow, port_flow
+from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow, port_flow
 
 K, P_S, P_T = 6.3059e-4, 1e7, 2e5
 PRINTED = (K, P_S, P_T, 0.0, 1.0)

@@ -4,7 +4,7 @@ import math
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters, paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, paper_parameters
 
 # Ruderman 2017, Table I.
 TABLE_I = {

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     LuGreFriction,
     PlantInput,
@@ -18,10 +18,10 @@ from hil_bench.plant import (
     Solver,
     balanced_state,
 )
-from hil_bench.plant.constants import pack, unpack
-from hil_bench.plant.kernel import make_row
-from hil_bench.plant.parameters import paper_parameters
-from hil_bench.plant.parts import TOLERANCE
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack, unpack
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model.parts import TOLERANCE
 from tests.support.plant_parts import made_parts
 
 BENCH = PlantOptions.bench()

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     EntrainedAir,
     FullOrderPlant,
@@ -26,7 +26,10 @@ from hil_bench.plant import (
     SupplyUnit,
     spool_delay,
 )
-from hil_bench.plant.reduced_order import balanced_reduced_state, largest_reduced_step
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
+    balanced_reduced_state,
+    largest_reduced_step,
+)
 
 PAPER = PlantOptions.paper()
 BENCH = PlantOptions.bench()
@@ -215,7 +218,10 @@ def test_a_swing_decays_below_the_largest_step_and_grows_above(
     # forward Euler: 2 zeta / omega = sigma / (m omega²); Runge-Kutta: 2 sqrt(2) / omega
     closed = sigma / (20.0 * omega**2) if sigma > 1.0 else 2.0 * math.sqrt(2.0) / omega
     assert limit == pytest.approx(closed, rel=5e-3)
-    monkeypatch.setattr("hil_bench.plant.reduced_order.largest_reduced_step", lambda *_: math.inf)
+    monkeypatch.setattr(
+        "hil_bench.plants.hydraulic_cylinder.model.reduced_order.largest_reduced_step",
+        lambda *_: math.inf,
+    )
 
     def largest_velocity(dt: float) -> float:
         start = balanced_reduced_state(oil)._replace(v=1e-4)

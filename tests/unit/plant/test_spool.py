@@ -3,7 +3,11 @@ import math
 
 import pytest
 
-from hil_bench.plant.spool import move_spool, orifice_state, spool_transition
+from hil_bench.plants.hydraulic_cylinder.model.spool import (
+    move_spool,
+    orifice_state,
+    spool_transition,
+)
 
 TABLE_I = (1e-3, 3e-4, 1e-3, 3e-4)  # alpha and beta, the same for both directions
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     LuGreFriction,
     PlantInput,
@@ -16,7 +16,10 @@ from hil_bench.plant import (
     Solver,
     balanced_state,
 )
-from hil_bench.plant.stability import largest_euler_step, largest_runge_kutta_step
+from hil_bench.plants.hydraulic_cylinder.model.stability import (
+    largest_euler_step,
+    largest_runge_kutta_step,
+)
 
 PAPER = PlantOptions.paper()
 REAL_AXIS = 2.785293563  # end of the stability interval of classical Runge-Kutta (Hairer & Wanner)
@@ -91,7 +94,9 @@ def test_a_swing_at_the_strokes_end_decays_below_the_limit_and_grows_above(
     oil = smooth(paper, E=1e9, sigma=sigma, w=1e-9)
     limit = limit_of(oil, PAPER)
     # Refused above the limit, so the refusal is taken away.
-    monkeypatch.setattr("hil_bench.plant.full_order.largest_step", lambda *_: math.inf)
+    monkeypatch.setattr(
+        "hil_bench.plants.hydraulic_cylinder.model.full_order.largest_step", lambda *_: math.inf
+    )
 
     def largest_velocity(dt: float) -> float:
         start = balanced_state(oil, x=STIFF_END)._replace(v=1e-4)

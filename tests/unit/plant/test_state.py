@@ -3,7 +3,7 @@ import math
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import PlantParameters, balanced_state
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, balanced_state
 
 
 def test_balanced_state_holds_the_piston(paper: PlantParameters) -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plant.supply import relief_flow, supply_compliance
+from hil_bench.plants.hydraulic_cylinder.model.supply import relief_flow, supply_compliance
 
 # 0.5 l of oil of 1e8 Pa; 1e-3 m³/s; opens at 100 bar, 2e-9 m³/(s Pa); 1 l of gas at 61 bar absolute
 UNIT = (5e-12, 1e-3, 1e7, 2e-9, 1e-3, 6.101325e6, 1.4)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.plants.hydraulic_cylinder.model import (
     EntrainedAir,
     FullOrderPlant,
     PlantInput,
@@ -18,7 +18,7 @@ from hil_bench.plant import (
     balanced_state,
     paper_parameters,
 )
-from hil_bench.plant.reduced_order import balanced_reduced_state
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import balanced_reduced_state
 
 P = paper_parameters()
 LOW = replace(P, P_S=6e6)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.processes.helper_process import SHIELDED, HelperProcess
+from hil_bench.outside.processes.helper_process import SHIELDED, HelperProcess
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads masks from /proc")
 

@@ -10,7 +10,7 @@ import pytest
 
 from hil_bench.errors import ControllerError, WaitTimeoutError
 from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 JOIN = """
 import os, signal, socket, sys

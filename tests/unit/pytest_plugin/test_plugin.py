@@ -4,6 +4,7 @@ That pytest runs in this process, unless it starts workers. What it imports for 
 dropped at its end, so what takes long to import is imported here.
 """
 
+import multiprocessing.heap  # noqa: F401 - a run in this process would drop it again, and keep who uses it
 import re
 import subprocess
 import sys
@@ -17,9 +18,9 @@ import pytest
 from device_profiles import IMITATIONS
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import WaitTimeoutError
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import read_frames
 from hil_bench.pytest_plugin import failure_report
-from hil_bench.recording.files import read_recording
-from hil_bench.recording.frames import read_frames
 
 pytest_plugins = ["pytester"]
 __all__ = ["failure_report", "matplotlib"]
@@ -206,7 +207,8 @@ def test_each_worker_has_a_bus_of_its_own(pytester, monkeypatch):
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # two ticks are not worth compiling the plant
     pytester.makepyfile(
         "import pathlib, sys\n"
-        "SCRIPT = 'import os, time; print(os.environ[\"HIL_BENCH_BUS\"]); time.sleep(99)'\n"
+        "SCRIPT = ('import os, time; print(os.environ[\"HIL_BENCH_BUS\"], flush=True); '\n"
+        "          'time.sleep(99)')\n"
         "def run(firmware, name):\n"
         "    program = firmware(sys.executable, '-c', SCRIPT)\n"
         "    while not program.stdout:\n        program.link.step()\n"

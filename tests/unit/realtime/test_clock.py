@@ -1,6 +1,6 @@
 import pytest
 
-from hil_bench.realtime.clock import MonotonicClock, ScaledClock, VirtualClock
+from hil_bench.outside.realtime.clock import MonotonicClock, ScaledClock, VirtualClock
 
 
 def test_a_virtual_clock_stands_still_between_waits():

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.realtime import linux
+from hil_bench.outside.realtime import linux
 
 SPINNING = """
 import resource, signal
-from hil_bench.realtime import linux
+from hil_bench.outside.realtime import linux
 lift = linux.limit_spinning(1.0, 5.0)
 print(resource.getrlimit(resource.RLIMIT_RTTIME))
 lift()
@@ -57,7 +57,7 @@ def test_a_call_that_the_kernel_refuses_says_why():
     ],
 )
 def test_elsewhere_there_is_nothing_of_it(monkeypatch, call):
-    monkeypatch.setattr("hil_bench.realtime.linux.sys.platform", "darwin")
+    monkeypatch.setattr("hil_bench.outside.realtime.linux.sys.platform", "darwin")
     with pytest.raises(OSError, match="Function not implemented"):
         call()
 

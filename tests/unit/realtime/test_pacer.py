@@ -1,10 +1,10 @@
 import pytest
 
-from hil_bench.config import OverrunPolicy
+from hil_bench.bench.configuration import OverrunPolicy
 from hil_bench.errors import TimingError
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.realtime.pacer import START_UP, Pacer
-from hil_bench.realtime.statistics import TickStatistics
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.pacer import START_UP, Pacer
+from hil_bench.outside.realtime.statistics import TickStatistics
 
 MS = 1_000_000
 

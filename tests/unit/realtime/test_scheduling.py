@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from hil_bench.config import RealtimeConfig, RealtimePolicy
-from hil_bench.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
+from hil_bench.bench.configuration import RealtimeConfig, RealtimePolicy
+from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
 
 
 @pytest.fixture(autouse=True)
@@ -70,9 +70,11 @@ def make_kernel(monkeypatch):
 
     def make(*refused, may_lock=True):
         kernel = Kernel(refused)
-        monkeypatch.setattr("hil_bench.realtime.scheduling.linux", kernel)
-        monkeypatch.setattr("hil_bench.realtime.scheduling.may_lock_memory", lambda: may_lock)
-        monkeypatch.setattr("hil_bench.realtime.scheduling.IS_LINUX", True)
+        monkeypatch.setattr("hil_bench.outside.realtime.scheduling.linux", kernel)
+        monkeypatch.setattr(
+            "hil_bench.outside.realtime.scheduling.may_lock_memory", lambda: may_lock
+        )
+        monkeypatch.setattr("hil_bench.outside.realtime.scheduling.IS_LINUX", True)
         return kernel
 
     return make
@@ -178,7 +180,7 @@ def test_memory_is_not_locked_below_a_limit(make_kernel, caplog):
 def test_elsewhere_the_loop_runs_without_it(make_kernel, monkeypatch, caplog):
     everything = ("timer_slack", "processors", "set_processors", "lock_memory", "policy_restorer")
     make_kernel(*everything, "limit_spinning")
-    monkeypatch.setattr("hil_bench.realtime.scheduling.IS_LINUX", False)
+    monkeypatch.setattr("hil_bench.outside.realtime.scheduling.IS_LINUX", False)
     with undisturbed(FIFO, 1_000_000):
         pass
     assert caplog.messages == [

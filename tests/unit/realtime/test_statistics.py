@@ -4,7 +4,7 @@ import pickle
 import numpy as np
 import pytest
 
-from hil_bench.realtime.statistics import DurationHistogram, TickStatistics
+from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics
 
 
 def histogram_of(*durations_us):

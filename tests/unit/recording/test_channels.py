@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import Channel, ChannelRecorder, recording_channels
+from hil_bench.outside.recording.channels import Channel, ChannelRecorder, recording_channels
 
 CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
 

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import (
+from hil_bench.outside.recording.channels import (
     Channel,
     ChannelRecorder,
     Recording,
     recording_channels,
     recording_dtype,
 )
-from hil_bench.recording.files import RecordingFile, read_recording
+from hil_bench.outside.recording.files import RecordingFile, read_recording
 
 CHANNELS = (Channel("axis1.position", "m"), Channel("axis1.spool_position", "-"))
 

@@ -10,8 +10,8 @@ from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.recording.frames import SUFFIXES, FrameFile, read_frames
-from hil_bench.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.frames import SUFFIXES, FrameFile, read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
 

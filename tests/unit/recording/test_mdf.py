@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import TIME, Channel, recording_channels, recording_dtype
-from hil_bench.recording.files import read_recording
-from hil_bench.recording.frames import read_frames
-from hil_bench.recording.logged_frame import LoggedFrame
-from hil_bench.recording.mdf_reader import read_mdf
-from hil_bench.recording.mdf_writer import MdfFile
+from hil_bench.outside.recording.channels import TIME, Channel, recording_channels, recording_dtype
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.mdf_reader import read_mdf
+from hil_bench.outside.recording.mdf_writer import MdfFile
 
 CHANNELS = (TIME, Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
 FRAMES = [

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 
 from hil_bench.errors import ConfigError
-from hil_bench.recording import plot
-from hil_bench.recording.channels import Channel, ChannelRecorder, Recording
+from hil_bench.outside.recording import plot
+from hil_bench.outside.recording.channels import Channel, ChannelRecorder, Recording
 
 QUANTITIES = {
     "position_setpoint": "m",

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil_bench.config.records import FaultConfig
+from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.faults.kinds import FaultKind
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import (
     Controller,

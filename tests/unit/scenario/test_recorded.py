@@ -8,7 +8,7 @@ import pytest
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.recording.channels import Channel, recording_dtype
+from hil_bench.outside.recording.channels import Channel, recording_dtype
 from hil_bench.scenario.recorded import lay_on_ticks
 
 HEAD = "time,axis1.P_A\ns,Pa\n"

@@ -6,12 +6,12 @@ from concurrent.futures import CancelledError
 
 import pytest
 
-from hil_bench.config import load_config
+from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.session.commands import BeginFault, ClearFault, SetObject, SetPlant
 from hil_bench.session.door import MOST_WAITING
 from hil_bench.session.session import open_session
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 TICK = 1_000_000
 

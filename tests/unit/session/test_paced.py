@@ -2,12 +2,13 @@
 
 import pytest
 
+from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.config import load_config
 from hil_bench.errors import BusError
-from hil_bench.realtime.clock import VirtualClock
-from hil_bench.realtime.pacer import Pacer
-from hil_bench.recording.frames import read_frames
+from hil_bench.outside.realtime.clock import VirtualClock
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.recording.frames import read_frames
+from hil_bench.outside.transports.transport import TransportCounters
 from hil_bench.session.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,
@@ -16,7 +17,6 @@ from hil_bench.session.paced import (
 )
 from hil_bench.session.recording import RecordingWish, recorded
 from hil_bench.session.session import open_session
-from hil_bench.transports.transport import TransportCounters
 
 TICK = 1_000_000
 

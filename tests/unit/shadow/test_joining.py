@@ -6,8 +6,8 @@ import can
 import pytest
 from support.machine_life import BY_EVENT, SYNCHRONOUS, commanded_blindly, motion, whole_life
 
-from hil_bench.config import BenchConfig, load_config
-from hil_bench.shadow import Shadow, Window, fit_limits, widening
+from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.machine.shadow import Shadow, Window, fit_limits, widening
 
 BUILT_IN = load_config()
 HORIZON = 0.2

@@ -4,9 +4,11 @@ import can
 import pytest
 
 from drivers import Network, PositionSensor, ProportionalValve
-from hil_bench.config import BenchConfig, load_config
+from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.errors import ParameterError
-from hil_bench.plant import (
+from hil_bench.machine.shadow import Shadow, Window
+from hil_bench.outside.recording.frames import message_of
+from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
     PlantState,
@@ -14,9 +16,7 @@ from hil_bench.plant import (
     Solver,
     paper_parameters,
 )
-from hil_bench.recording.frames import message_of
-from hil_bench.shadow import Shadow, Window
-from hil_bench.virtual_bench import VirtualBench
+from hil_bench.session.virtual_bench import VirtualBench
 
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke
 

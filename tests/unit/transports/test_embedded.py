@@ -2,7 +2,7 @@ import can
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.transports.embedded import LONGEST_WAIT, EmbeddedBus
+from hil_bench.outside.transports.embedded import LONGEST_WAIT, EmbeddedBus
 
 MS = 1_000_000
 

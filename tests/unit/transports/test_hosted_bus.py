@@ -15,10 +15,10 @@ from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports import hosted_bus
-from hil_bench.transports.hosted_bus import MAX_CLIENTS, HostedBus
-from hil_bench.transports.socketcand_protocol import MAX_COMMAND
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.transports import hosted_bus
+from hil_bench.outside.transports.hosted_bus import MAX_CLIENTS, HostedBus
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
+from hil_bench.outside.transports.transport import TransportCounters
 
 
 class Client:

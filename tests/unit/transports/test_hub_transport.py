@@ -11,10 +11,10 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import frame_bits
-from hil_bench.transports import hub_transport
-from hil_bench.transports.hub_process import HubProcess
-from hil_bench.transports.hub_transport import HubTransport
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.transports import hub_transport
+from hil_bench.outside.transports.hub_process import HubProcess
+from hil_bench.outside.transports.hub_transport import HubTransport
+from hil_bench.outside.transports.transport import TransportCounters
 
 FRAMES = [
     Frame(0x000, b"\x01\x00"),

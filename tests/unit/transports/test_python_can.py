@@ -5,8 +5,8 @@ import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports.python_can import PythonCanTransport, frame_of, message_of
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.transports.python_can import PythonCanTransport, frame_of, message_of
+from hil_bench.outside.transports.transport import TransportCounters
 
 
 class ScriptedBus(can.BusABC):

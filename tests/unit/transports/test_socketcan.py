@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.transports.socketcan import (
+from hil_bench.outside.transports.socketcan import (
     RETRY_LIMIT,
     SocketCanTransport,
     pack_filters,
     pack_frame,
     unpack_frame,
 )
-from hil_bench.transports.transport import TransportCounters
+from hil_bench.outside.transports.transport import TransportCounters
 
 # linux/can.h: EFF, RTR and ERR are bits 31, 30 and 29 of can_id; struct can_frame is can_id (4),
 # length (1), padding (3), data (8); struct canfd_frame is 72 byte long.
@@ -267,7 +267,9 @@ def test_a_lost_bus_is_said_when_receiving(code, text):
 def interface(monkeypatch):
     """What the kernel says of the interface."""
     state = {"is_up": False}
-    monkeypatch.setattr("hil_bench.transports.socketcan.is_up", lambda _name: state["is_up"])
+    monkeypatch.setattr(
+        "hil_bench.outside.transports.socketcan.is_up", lambda _name: state["is_up"]
+    )
     return state
 
 
@@ -365,7 +367,7 @@ def test_a_refused_filter_is_a_lost_bus(wire):
 )
 def test_a_small_receive_buffer_is_told(monkeypatch, caplog, granted, warnings):
     monkeypatch.setattr(
-        "hil_bench.transports.socketcan._enlarge_receive_buffer", lambda _socket: granted
+        "hil_bench.outside.transports.socketcan._enlarge_receive_buffer", lambda _socket: granted
     )
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     SocketCanTransport(FakeBus(near), "vcan0").close()

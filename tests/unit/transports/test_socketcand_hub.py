@@ -10,8 +10,8 @@ import re
 import pytest
 
 from hil_bench.errors import BusError
-from hil_bench.transports import socketcand_hub
-from hil_bench.transports.socketcand_hub import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
+from hil_bench.outside.transports import socketcand_hub
+from hil_bench.outside.transports.socketcand_hub import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
 
 TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")
 

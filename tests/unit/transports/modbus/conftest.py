@@ -4,11 +4,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from hil_bench.modbus.data_types import DATA_TYPES
-from hil_bench.modbus.mailbox import Mailbox
-from hil_bench.modbus.register_map import Access, Identification, Register, RegisterMap, Table
-from hil_bench.modbus.unit_image import UnitImage
-from hil_bench.transports.modbus.register_server import RegisterServer
+from hil_bench.outside.modbus.data_types import DATA_TYPES
+from hil_bench.outside.modbus.mailbox import Mailbox
+from hil_bench.outside.modbus.register_map import (
+    Access,
+    Identification,
+    Register,
+    RegisterMap,
+    Table,
+)
+from hil_bench.outside.modbus.unit_image import UnitImage
+from hil_bench.outside.transports.modbus.register_server import RegisterServer
 
 MAP = RegisterMap(
     "map.toml",

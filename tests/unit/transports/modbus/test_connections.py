@@ -7,8 +7,8 @@ import struct
 
 import pytest
 
-from hil_bench.transports.modbus import connections
-from hil_bench.transports.modbus.connections import ConnectionPool
+from hil_bench.outside.transports.modbus import connections
+from hil_bench.outside.transports.modbus.connections import ConnectionPool
 
 READ = bytes.fromhex("0001 0000 0006 01 04 0000 0002")
 ANSWER = bytes.fromhex("0001 0000 0007 01 04 04 0001 0002")

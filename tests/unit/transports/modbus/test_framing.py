@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.transports.modbus.framing import (
+from hil_bench.outside.transports.modbus.framing import (
     Frame,
     FramingError,
     RtuFraming,

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.transports.modbus.connections import ConnectionPool
-from hil_bench.transports.modbus.framing import crc16
-from hil_bench.transports.modbus.session import BACKLOG, serial_session, tcp_session
+from hil_bench.outside.transports.modbus.connections import ConnectionPool
+from hil_bench.outside.transports.modbus.framing import crc16
+from hil_bench.outside.transports.modbus.session import BACKLOG, serial_session, tcp_session
 
 READ = bytes.fromhex("04 0000 0002")
 ANSWER = bytes.fromhex("04 04 0001 0002")

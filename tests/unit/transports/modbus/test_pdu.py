@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from hil_bench.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.modbus.register_map import Identification, Table
-from hil_bench.transports.modbus.pdu import (
+from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
+from hil_bench.outside.modbus.register_map import Identification, Table
+from hil_bench.outside.transports.modbus.pdu import (
     Request,
     _is_well_formed,
     decode_request,

@@ -13,7 +13,7 @@ from support.modbus_loop import make_binding, ticking
 from support.patience import GUARD
 
 from hil_bench.errors import BusError
-from hil_bench.transports.modbus.process import ModbusProcess
+from hil_bench.outside.transports.modbus.process import ModbusProcess
 
 READ = bytes.fromhex("0001 0000 0006 02 04 0000 0004")
 
@@ -133,10 +133,10 @@ def test_ctrl_c_is_left_to_the_parent(tmp_path):
 
 PARENT = """
 import sys
-from hil_bench.assembly import build_bench
-from hil_bench.config import load_config
-from hil_bench.modbus_binding import ModbusBinding
-from hil_bench.transports.modbus.process import ModbusProcess
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.modbus_binding import ModbusBinding
+from hil_bench.outside.transports.modbus.process import ModbusProcess
 
 if __name__ == "__main__":
     config = load_config(sys.argv[1])

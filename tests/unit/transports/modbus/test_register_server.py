@@ -2,9 +2,13 @@
 
 import pytest
 
-from hil_bench.modbus.assignment import Assignment
-from hil_bench.modbus.mailbox import SLOTS
-from hil_bench.transports.modbus.register_server import ANSWER_TIMEOUT, MOST_WAITING, RegisterServer
+from hil_bench.outside.modbus.assignment import Assignment
+from hil_bench.outside.modbus.mailbox import SLOTS
+from hil_bench.outside.transports.modbus.register_server import (
+    ANSWER_TIMEOUT,
+    MOST_WAITING,
+    RegisterServer,
+)
 
 READ = bytes.fromhex("04 0000 0002")
 WRITE = bytes.fromhex("06 0000 FFFE")

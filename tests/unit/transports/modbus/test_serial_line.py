@@ -7,10 +7,10 @@ import tty
 import pytest
 
 from hil_bench.errors import BusError
-from hil_bench.modbus.server_config import Parity, SerialConfig
-from hil_bench.transports.modbus import serial_line
-from hil_bench.transports.modbus.framing import crc16
-from hil_bench.transports.modbus.serial_line import SerialLine, open_serial
+from hil_bench.outside.modbus.server_config import Parity, SerialConfig
+from hil_bench.outside.transports.modbus import serial_line
+from hil_bench.outside.transports.modbus.framing import crc16
+from hil_bench.outside.transports.modbus.serial_line import SerialLine, open_serial
 
 READ = bytes.fromhex("01 04 0000 0002")
 ANSWER = bytes.fromhex("01 04 04 0001 0002")

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hil_bench.transports.modbus.framing import crc16
-from hil_bench.transports.modbus.session import BACKLOG, serial_session, tcp_session
+from hil_bench.outside.transports.modbus.framing import crc16
+from hil_bench.outside.transports.modbus.session import BACKLOG, serial_session, tcp_session
 
 
 def tcp(transaction, unit_id, pdu):

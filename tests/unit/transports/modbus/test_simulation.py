@@ -7,13 +7,13 @@ runs more seeds.
 
 from support.modbus_world import World, run_seeds
 
-from hil_bench.modbus.mailbox import Mailbox
-from hil_bench.transports.modbus import register_server
-from hil_bench.transports.modbus.connections import _Connection
-from hil_bench.transports.modbus.framing import FramingError
-from hil_bench.transports.modbus.register_server import RegisterServer
-from hil_bench.transports.modbus.session import ModbusSession
-from hil_bench.transports.socketcand_hub import _Client
+from hil_bench.outside.modbus.mailbox import Mailbox
+from hil_bench.outside.transports.modbus import register_server
+from hil_bench.outside.transports.modbus.connections import _Connection
+from hil_bench.outside.transports.modbus.framing import FramingError
+from hil_bench.outside.transports.modbus.register_server import RegisterServer
+from hil_bench.outside.transports.modbus.session import ModbusSession
+from hil_bench.outside.transports.socketcand_hub import _Client
 
 
 def faults(reports):

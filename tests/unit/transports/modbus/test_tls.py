@@ -17,10 +17,10 @@ from drivers import BusLostError, DriverTimeoutError
 from drivers.errors import ModbusExceptionError
 from drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
 from hil_bench.errors import BusError
-from hil_bench.modbus.server_config import TlsConfig
-from hil_bench.transports.modbus.connections import ConnectionPool
-from hil_bench.transports.modbus.process import ModbusProcess
-from hil_bench.transports.modbus.tls import role_of, server_context
+from hil_bench.outside.modbus.server_config import TlsConfig
+from hil_bench.outside.transports.modbus.connections import ConnectionPool
+from hil_bench.outside.transports.modbus.process import ModbusProcess
+from hil_bench.outside.transports.modbus.tls import role_of, server_context
 
 OPERATOR = b"\x0c\x08operator"  # UTF8String, length, text
 

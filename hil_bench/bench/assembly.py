@@ -1,0 +1,185 @@
+"""Builds a bench from its configuration: plants, nodes and the devices that join them.
+
+>>> bus = embedded_bus()                         # the built-in bench, virtual time
+>>> bus = embedded_bus(load_config("bench.toml"))
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
+from hil_bench.bench.fault_points import find_fault_points, schedule_faults
+from hil_bench.bench.switchboard import Switchboard
+from hil_bench.canopen_device.agenda import Agenda
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.file_storage import FileStorage
+from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.canopen_device.periods import find_short_periods, limit_periods
+from hil_bench.config.objects import name_object, named_serial_number, override_defaults
+from hil_bench.config.values import quote
+from hil_bench.devices.axis import Axis, Fitting, Measurement
+from hil_bench.devices.faults.faults import Faults
+from hil_bench.errors import ConfigError, EdsError
+from hil_bench.kinds.bindings import build_source, find_bound
+from hil_bench.kinds.registry import KINDS
+from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.outside.transports.embedded import EmbeddedBus
+
+logger = logging.getLogger(__name__)
+
+
+def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
+    """Return a bus, the first, with a powered-on bench at its other end, in the caller's thread.
+
+    Bench time advances only while the caller waits in `recv`.
+
+    Args:
+        config: the bench; without it the built-in one of one axis.
+    """
+    config = config or load_config()
+    bench = build_bench(config)
+    bench.start(0)
+    return EmbeddedBus(bench.tick, config.tick_ns)
+
+
+def build_bench(config: BenchConfig) -> Bench:
+    """Return the bench that `config` describes, not yet powered on."""
+    agenda = Agenda()
+    nodes = {node.name: build_node(node, agenda) for node in config.nodes}
+    for member in config.nodes:
+        limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
+    surroundings = Surroundings(
+        config.tick_ns,
+        config.seed,
+        {axis.name: axis for axis in config.axes},
+        {axis.name: config.full_scale(axis) for axis in config.axes},
+    )
+    fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
+    axes = [build_axis(axis, config.dt, list(fittings.values())) for axis in config.axes]
+    buses = number_buses(config)
+    faults = Faults(
+        find_fault_points(axes, nodes, fittings, buses),
+        tick_ns=config.tick_ns,
+        seed=config.seed,
+    )
+    schedule_faults(faults, config.faults)
+    return Bench(
+        axes,
+        Switchboard({nodes[name]: number for name, number in buses.items()}, agenda),
+        steps=config.steps_per_tick,
+        faults=faults,
+        fittings=list(fittings.values()),
+        sensors=order_sensors(axes, fittings, config),
+    )
+
+
+def number_buses(config: BenchConfig) -> dict[str, int]:
+    """Return the number of the bus of each node, by the node's name."""
+    numbers = {name: number for number, name in enumerate(config.buses)}
+    return {node.name: numbers[node.bus] for node in config.nodes}
+
+
+def build_node(config: NodeConfig, agenda: Agenda | None = None) -> Node:
+    """Return the CANopen node of one device, made from its EDS and what it has stored.
+
+    Args:
+        config: of the device.
+        agenda: that of all nodes of the bench; see `Switchboard`.
+    """
+    object_dictionary = load_objects(config)
+    storage = FileStorage(config.storage / f"{config.name}.parameters") if config.storage else None
+    return Node(object_dictionary, config.node_id, storage, agenda)
+
+
+def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -> None:
+    """Let a device refuse periods shorter than a tick, and say which it has already.
+
+    Raises:
+        ConfigError: the configuration gives one.
+    """
+    limit_periods(od, tick_ns)
+    for variable in find_short_periods(od, tick_ns):
+        key = variable.index, variable.subindex
+        what = f"{name_object(*key)} {quote(variable.name)} is {variable.value}"
+        tick = f"a tick of {tick_ns // 1000} us"
+        if key in config.objects:
+            right = "give a longer one, 0 for none, or a shorter tick_us"
+            raise ConfigError(f"{config.place}.objects: {what}, shorter than {tick}; {right}")
+        logger.warning("%s: %s, shorter than %s: it will be each tick", config.place, what, tick)
+
+
+def load_objects(config: NodeConfig) -> ObjectDictionary:
+    """Return the objects of one device with what they hold at power-on."""
+    object_dictionary = load_eds(config.eds, config.node_id)
+    set_serial_number(object_dictionary, config)
+    override_defaults(
+        object_dictionary, config.objects, place=f"{config.place}.objects", node_id=config.node_id
+    )
+    for binding in config.bindings:
+        find_bound(object_dictionary, binding)
+    return object_dictionary
+
+
+def set_serial_number(object_dictionary: ObjectDictionary, config: NodeConfig) -> None:
+    """Give a device a serial number of its own, which no change of its node-ID changes.
+
+    Raises:
+        EdsError: the configuration gives one, and the device has no object for it.
+    """
+    variable = object_dictionary.find(0x1018, 4)
+    if variable is None and config.serial_number is not None:
+        raise EdsError(
+            f"{object_dictionary.source}: object 0x1018.04, the serial number, is missing"
+        )
+    if variable is None or not isinstance(variable.default, int):
+        return
+    serial_number = config.serial_number
+    if serial_number is None:
+        of_its_own = 0 if variable.base is not None else variable.default
+        serial_number = of_its_own or named_serial_number(config.name)
+    variable.base = None
+    variable.default = variable.value = serial_number
+
+
+def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitting:
+    """Return what the device of a node does, its objects that show quantities behind the rest."""
+    fitting = config.kind.fit(config, node, surroundings)
+    sources = tuple(
+        (source.axis, build_source(source, f"{config.name}.{source.name}", node, surroundings))
+        for source in config.sources
+    )
+    return replace(fitting, sources=sources)
+
+
+def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis:
+    """Return one plant with its drive, its sensors and the objects bound to it."""
+    drives = [drive for fitting in fittings for drive in fitting.drives]
+    sensors = [sensor for fitting in fittings for sensor in fitting.sensors]
+    sources = [source for fitting in fittings for source in fitting.sources]
+    return Axis(
+        name=axis.name,
+        plant=axis.kind.build(axis, dt),
+        valve=next(drive.device for drive in drives if drive.axis == axis.name),
+        sensors=tuple(sensor for name, sensor in (*sensors, *sources) if name == axis.name),
+        quantities=axis.kind.quantities,
+        influences=axis.influences,
+        follower=axis.kind.follower.output or 0,
+    )
+
+
+def order_sensors(
+    axes: Sequence[Axis], fittings: Mapping[str, Fitting], config: BenchConfig
+) -> list[Measurement]:
+    """Return all sensors as a recording has them: kind by kind, each axis by axis."""
+    kinds = list(KINDS.built_in.values())
+    ranks = {
+        sensor.name: kinds.index(node.kind) if node.kind in kinds else len(kinds)
+        for node in config.nodes
+        for _, sensor in fittings[node.name].sensors
+    }
+    own = (sensor for each in fittings.values() for axis, sensor in each.sensors if axis is None)
+    found = [*(sensor for axis in axes for sensor in axis.sensors), *own]
+    return sorted(found, key=lambda sensor: ranks.get(sensor.name, len(kinds)))

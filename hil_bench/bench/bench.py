@@ -1,0 +1,118 @@
+"""One tick of the bench: frames and a time in, frames out.
+
+The order inside a tick is fixed, as in the real-time thread of a CANopen device:
+
+1. received frames, in the order they came: NMT, SYNC and RPDO act at once, SDO requests wait; where
+   several SYNCs share a tick, each is answered by PDOs of its own: those of the last by 4., those
+   of the others when the next SYNC comes, with the values that the tick has found;
+2. deadlines that have passed: RPDO time-outs, lost heartbeats, SDO time-outs;
+3. for each axis: the valve's command, the plant's sub-steps, the sensors' new values;
+4. TPDOs that are due;
+5. what has time: boot-up, SDO answers, EMCY, heartbeats.
+
+A frame that one node of the bench sends is heard by the other nodes of the bench in the next tick,
+as on a wire.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from hil_bench.bench.switchboard import Switchboard
+from hil_bench.canopen_device.frame import Frame, Handler
+from hil_bench.devices.axis import Axis, Fitting, Measurement
+from hil_bench.devices.faults.faults import Faults
+
+
+class Bench:
+    """All axes and nodes, on one bus or more: a frame says by its number on which.
+
+    Args:
+        axes: the cylinders, at least one.
+        switchboard: every CANopen node, and its bus.
+        steps: plant steps in one tick, one or more.
+        faults: what may go wrong; without it nothing can.
+        fittings: what the device of each node does, in the order of the nodes.
+        sensors: what is recorded of them, in that order.
+
+    Attributes:
+        nodes: every CANopen node.
+        commands: what each axis was commanded in the last tick [SI].
+        is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        switchboard: Switchboard,
+        *,
+        steps: int,
+        faults: Faults | None = None,
+        fittings: Sequence[Fitting] = (),
+        sensors: Sequence[Measurement] = (),
+    ) -> None:
+        self.axes = tuple(axes)
+        self.nodes = switchboard.nodes
+        self.faults = faults or Faults()
+        self.is_timeless = switchboard.is_timeless
+        self.commands = [0.0] * len(self.axes)
+        self.fittings = tuple(fittings)
+        self.sensors = tuple(sensors)
+        self._acts = [each.advance for each in self.fittings if each.advance is not None]
+        self._switchboard = switchboard
+        self._steps = steps
+        switchboard.lay(self.faults.lines)
+
+    def start(self, now: int) -> None:
+        """Power all nodes on at `now` [ns]; each boots up in the first tick."""
+        self._switchboard.start(now)
+        self.faults.start(now)
+
+    @property
+    def routes(self) -> Mapping[int, tuple[Handler, ...]]:
+        """Every COB-ID that some node listens to, by `address_of`; a new object after a change."""
+        return self._switchboard.routes
+
+    @property
+    def unrouted(self) -> int:
+        """The number of received frames that no node listens to."""
+        return self._switchboard.unrouted
+
+    def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+        """Move the whole bench on by one tick.
+
+        Args:
+            frames: what arrived since the last tick, oldest first.
+            now: scheduled time of this tick [ns].
+
+        Returns:
+            The frames that the nodes send, in the order they would reach the bus.
+        """
+        switchboard = self._switchboard
+        if now >= self.faults.due:
+            self.faults.advance(now)
+            switchboard.lay(self.faults.lines)
+        switchboard.receive(frames, now, switchboard.ports)
+        for hold in self.faults.holds:
+            hold()
+        for number, axis in enumerate(self.axes):
+            self.commands[number] = axis.advance(now, self._steps)
+        for act in self._acts:
+            act(now)
+        for babble in self.faults.babbles:
+            babble(switchboard.emit)
+        return switchboard.send(now, switchboard.ports)
+
+    def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+        """Do what a tick does, but leave plant and devices where they are: no time passes.
+
+        Set-points that come so act in the next tick.
+
+        Args:
+            frames: what arrived, oldest first.
+            now: the time, that of the last tick or later, before the next [ns].
+
+        Returns:
+            The frames that the nodes send, in the order they would reach the bus.
+        """
+        ports = self._switchboard.concerned(frames)
+        self._switchboard.receive(frames, now, ports)
+        return self._switchboard.send(now, ports)

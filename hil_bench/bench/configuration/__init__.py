@@ -1,0 +1,35 @@
+"""`bench.toml` to frozen records: read, checked and converted to SI once."""
+
+from hil_bench.bench.configuration.load import CONFIG_VARIABLE, SEED_VARIABLE, load_config
+from hil_bench.bench.configuration.records import (
+    BenchConfig,
+    BusConfig,
+    FaultConfig,
+    ModbusConfig,
+    ModbusUnitConfig,
+)
+from hil_bench.config.settings import Origin, Setting
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.kind import NodeConfig
+from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimeConfig, RealtimePolicy
+from hil_bench.plants.kind import AxisConfig
+
+__all__ = [
+    "CONFIG_VARIABLE",
+    "SEED_VARIABLE",
+    "AxisConfig",
+    "BenchConfig",
+    "BusConfig",
+    "FaultConfig",
+    "ModbusConfig",
+    "ModbusUnitConfig",
+    "NodeConfig",
+    "Origin",
+    "OverrunPolicy",
+    "RealtimeConfig",
+    "RealtimePolicy",
+    "Setting",
+    "SinkConfig",
+    "SourceConfig",
+    "load_config",
+]

@@ -1,0 +1,104 @@
+"""The tables ``[bus]`` and ``[buses.NAME]``: the buses that the nodes are on."""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+
+from hil_bench.bench.configuration.choices import FIRST_BUS
+from hil_bench.bench.configuration.keys import BUS_KEYS
+from hil_bench.bench.configuration.records import BusConfig
+from hil_bench.config.document import Document, read_named_sections, read_section
+from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
+from hil_bench.config.values import bus_option, describe
+
+MOST_BUSES = 8
+"""More than any machine has; a recording has room for 32."""
+
+_KNOWN = tuple(key.name for key in BUS_KEYS)
+
+
+def read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
+    """Return the settings of ``[bus]``, which the command line may override."""
+    given = read_section(document, FIRST_BUS, problems)
+    if overrides["interface"] is not None:
+        # The further keys are for the bus class of the file's interface; another would refuse them.
+        given = {key: value for key, value in given.items() if key in _KNOWN}
+    for key, value in overrides.items():
+        if value is not None:
+            place = f"--{key}" if key in _KNOWN else f"--bus-kwargs {key}"
+            given[key] = Given(value, Origin.COMMAND_LINE, place)
+    return _read(FIRST_BUS, given, problems)
+
+
+def read_further_buses(document: Document, problems: Problems) -> dict[str, Settings]:
+    """Return the settings of each ``[buses.NAME]`` by its name."""
+    if "buses" not in document:
+        return {}
+    buses = {}
+    for name, given in read_named_sections(document, "buses", problems).items():
+        if name == FIRST_BUS:
+            wrong = f"[{FIRST_BUS}] is the first bus; give a further one another name"
+            problems.add(problems.place(f"buses.{name}"), wrong)
+            continue
+        buses[name] = _read(f"buses.{name}", given, problems)
+    return buses
+
+
+def check_buses(
+    bus: Settings,
+    further: Mapping[str, Settings],
+    nodes: Mapping[str, Settings],
+    problems: Problems,
+) -> None:
+    """Note nodes on a bus that is not there, buses without nodes, and two that are one."""
+    known = {FIRST_BUS: bus, **further}
+    used = set()
+    for name, node in nodes.items():
+        wanted = node["bus"].value
+        used.add(wanted)
+        if wanted not in known:
+            wrong = f"there is no bus {describe(wanted)}; give one of {', '.join(known)}"
+            problems.add(problems.place(f"nodes.{name}", "bus"), wrong)
+    for name in further:
+        if name not in used:
+            wrong = f'no node is on it; give one bus = "{name}", or leave the table out'
+            problems.add(problems.place(f"buses.{name}"), wrong)
+    if len(known) > MOST_BUSES:
+        wrong = f"{len(known)} buses with [{FIRST_BUS}]; give at most {MOST_BUSES}"
+        problems.add(problems.place("buses"), wrong)
+    _check_channels(known, problems)
+
+
+def build_bus(bus: Settings) -> BusConfig:
+    """Return the record of a checked bus."""
+    known = {name: bus[name].value for name in _KNOWN}
+    options = {name: setting.value for name, setting in bus.items() if name not in known}
+    return BusConfig(**known, options=options)
+
+
+def _read(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
+    # Bus classes swallow keywords that they do not know, so a slip of the pen would go unseen.
+    options = [
+        Key(name, bus_option)
+        for name in given
+        if name.isascii()
+        and name.isidentifier()
+        and not get_close_matches(name, _KNOWN, cutoff=0.85)
+    ]
+    return read_table(table, given, (*BUS_KEYS, *options), problems)
+
+
+def _check_channels(buses: Mapping[str, Settings], problems: Problems) -> None:
+    """Note two tables that name one and the same bus."""
+    owners: dict[tuple[object, ...], str] = {}
+    for name, bus in buses.items():
+        if bus["channel"].value is None:
+            continue
+        settings = tuple(
+            sorted((key, str(setting.value)) for key, setting in bus.items() if key != "bitrate")
+        )
+        owner = owners.setdefault(settings, name)
+        if owner != name:
+            other = owner if owner == FIRST_BUS else f"buses.{owner}"
+            place = problems.place(f"buses.{name}", "channel")
+            wrong = f"{describe(bus['channel'].value)} is that of [{other}] too"
+            problems.add(place, f"{wrong}; give each bus a channel of its own")

@@ -1,0 +1,103 @@
+"""The keys of `[[faults]]`, by the kind of the fault."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from hil_bench.config.settings import Key
+from hil_bench.config.values import choice, integer, number, text, zero_or
+from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.units import (
+    BAR,
+    BAR_PER_SECOND,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    MILLISECOND,
+    PERCENT,
+    SECOND,
+    Unit,
+)
+
+KIND_KEY: Final = Key("kind", choice(FaultKind), example='"freeze"')
+
+_LARGEST = 1e6
+_SHORTEST_MS = 1e-3
+
+COMMON_KEYS: Final = (
+    KIND_KEY,
+    Key("target", text, example='"pressure_a"'),
+    Key("at_s", number(SECOND, low=0.0, high=_LARGEST), 0.0, SECOND, "at"),
+    Key("for_s", number(SECOND, low=0.0, high=_LARGEST), None, SECOND, "duration"),
+)
+
+
+def _amount(name: str, unit: Unit, field: str, low: float = -_LARGEST) -> Key:
+    return Key(name, number(unit, low=low, high=_LARGEST), None, unit, field)
+
+
+_DIRECTION = Key("direction", choice(Direction))
+_CAN_ID = Key("can_id", integer(0, 0x7FF))
+
+OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
+    {
+        FaultKind.FREEZE: (),
+        FaultKind.OFFSET: (
+            _amount("offset_bar", BAR, "amount"),
+            _amount("offset_mm", MILLIMETRE, "amount"),
+        ),
+        FaultKind.DRIFT: (
+            _amount("drift_bar_s", BAR_PER_SECOND, "rate"),
+            _amount("drift_mm_s", MILLIMETRE_PER_SECOND, "rate"),
+        ),
+        FaultKind.NOISE: (
+            _amount("noise_bar", BAR, "rms", low=0.0),
+            _amount("noise_mm", MILLIMETRE, "rms", low=0.0),
+        ),
+        FaultKind.BREAK_WIRE: (Key("reads", choice(Reading), Reading.NOTHING),),
+        FaultKind.SLOW: (
+            Key(
+                "time_constant_ms",
+                number(MILLISECOND, low=_SHORTEST_MS, high=_LARGEST),
+                None,
+                MILLISECOND,
+                "time_constant",
+                "100",
+            ),
+        ),
+        FaultKind.STICK: (),
+        FaultKind.INVERT: (),
+        FaultKind.DISABLE: (),
+        FaultKind.DROP_SUPPLY: (
+            Key(
+                "pressure_bar",
+                number(BAR, low=-_LARGEST, high=_LARGEST),
+                None,
+                BAR,
+                "pressure",
+                "20",
+            ),
+        ),
+        FaultKind.SILENCE: (),
+        FaultKind.RESET: (),
+        FaultKind.LOSE: (
+            Key("share_percent", number(PERCENT, low=0.0, high=100.0), 100.0, PERCENT, "share"),
+            _DIRECTION,
+            _CAN_ID,
+        ),
+        FaultKind.DELAY: (
+            Key(
+                "delay_ms",
+                zero_or(number(MILLISECOND, low=_SHORTEST_MS, high=_LARGEST)),
+                None,
+                MILLISECOND,
+                "time",
+                "5",
+            ),
+            _DIRECTION,
+            _CAN_ID,
+        ),
+        FaultKind.TRUNCATE: (Key("length", integer(0, 8), example="4"), _DIRECTION, _CAN_ID),
+        FaultKind.BABBLE: (Key("frames_per_tick", integer(1, 1000), 4), _CAN_ID),
+    }
+)
+"""What each kind has beside the common keys."""

@@ -1,0 +1,179 @@
+"""The tables ``[[faults]]``: what goes wrong by itself, and when."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from hil_bench.bench.configuration.axes import Axes
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
+from hil_bench.bench.configuration.records import FaultConfig
+from hil_bench.config.document import Document, give
+from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
+from hil_bench.config.values import describe, quote
+from hil_bench.devices.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
+from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.registry import kind_of
+from hil_bench.units import BAR, MILLIMETRE, Unit
+
+Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
+
+_UNITS = {"Pa": BAR, "m": MILLIMETRE}
+"""In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
+
+
+class Targets(NamedTuple):
+    """What may have faults, by name.
+
+    Attributes:
+        sensors: with the unit of their amounts; None where `[[faults]]` has no key for it.
+        valves: with whether they have an enable input.
+        axes: those with a supply, with the least pressure that it can have [bar].
+        nodes: names.
+    """
+
+    sensors: Mapping[str, Unit | None]
+    valves: Mapping[str, bool]
+    axes: Mapping[str, float]
+    nodes: Sequence[str]
+
+    def of(self, kind: FaultKind) -> tuple[str, Sequence[str]]:
+        """Return what a fault of a kind may befall: what it is called, and the names."""
+        if kind in SENSOR_KINDS:
+            return "sensor", list(self.sensors)
+        if kind is FaultKind.DISABLE:
+            names = [name for name, has_input in self.valves.items() if has_input]
+            return "valve with an enable input", names
+        if kind in VALVE_KINDS:
+            return "valve", list(self.valves)
+        if kind is FaultKind.SLOW:
+            return "sensor or valve", [*self.sensors, *self.valves]
+        if kind is FaultKind.DROP_SUPPLY:
+            return "axis", list(self.axes)
+        return "node", self.nodes
+
+
+def read_faults(
+    document: Document, overrides: Sequence[Mapping[str, object]], problems: Problems
+) -> list[Settings]:
+    """Return the settings of each fault of the file, then of those of the command line."""
+    found = []
+    for number, (given, origin, place) in enumerate(_find(document, overrides, problems), 1):
+        table = f"faults[{number}]"
+        if isinstance(given, dict):
+            values = give(table, given, origin, problems)
+            if origin is Origin.COMMAND_LINE:
+                values = {
+                    key: Given(value, origin, f"{place} {key}") for key, value in given.items()
+                }
+            found.append(_read_fault(table, values, problems))
+        else:
+            problems.add(place, f"{describe(given)} is not a table; write it as [[faults]]")
+    return found
+
+
+def find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
+    """Return what of a bench may have faults."""
+    sensors: dict[str, Unit | None] = {}
+    valves: dict[str, bool] = {}
+    for name, node in nodes.items():
+        kind = kind_of(node["profile"].value)
+        signals = kind.signals(name, node)
+        sensors |= {signal: _UNITS.get(unit) for signal, unit in signals.items()}
+        if kind.is_drive:
+            valves[name] = kind.has_enable_input
+        bound = bindings.get(name, ())
+        sources = [each for each in bound if isinstance(each, SourceConfig)]
+        sinks = [each for each in bound if isinstance(each, SinkConfig)]
+        units = {
+            f"{name}.{each.name}": _UNITS.get(axes[each.axis].kind.by_name[each.quantity].unit)
+            for each in sources
+        }
+        sensors |= units
+        valves |= {f"{name}.{each.name}": False for each in sinks}
+        if len(sources) == 1:
+            sensors.setdefault(name, next(iter(units.values())))
+        if len(sinks) == 1:
+            valves.setdefault(name, False)
+    lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
+    supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
+    return Targets(sensors, valves, supplies, list(nodes))
+
+
+def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
+    """Note faults of what is not there, and amounts that are missing or in another unit."""
+    for fault in faults:
+        kind, target = fault["kind"].value, fault["target"].value
+        table = fault["kind"].table
+        what, names = targets.of(kind)
+        if target not in names:
+            right = f"give one of {', '.join(names)}" if names else "this bench has none"
+            place = problems.place(table, "target")
+            problems.add(place, f"{quote(target)} is no {what}; {right}")
+        elif kind in SENSOR_KINDS:
+            _check_amount(fault, targets.sensors[target], problems)
+        elif kind is FaultKind.DROP_SUPPLY:
+            _check_pressure(fault, targets.axes[target], problems)
+
+
+def build_fault(fault: Settings) -> FaultConfig:
+    """Return the record of a checked fault."""
+    kind = fault["kind"].value
+    common = convert(fault, COMMON_KEYS)
+    values: dict[str, Any] = {}
+    for key in OWN_KEYS[kind]:
+        if fault[key.name].value is not None:
+            values |= convert(fault, (key,))
+    return FaultConfig(**common, values=values)
+
+
+def _find(
+    document: Document, overrides: Sequence[Mapping[str, object]], problems: Problems
+) -> Iterator[tuple[object, Origin, str]]:
+    """Yield each fault with who gave it and how messages name its place."""
+    tables = document.get("faults", [])
+    if isinstance(tables, list):
+        for number, table in enumerate(tables, 1):
+            yield table, Origin.FILE, problems.place(f"faults[{number}]")
+    else:
+        right = "write each fault as [[faults]]"
+        problems.add(problems.place("faults"), f"{describe(tables)} is no list; {right}")
+    for override in overrides:
+        name = " ".join(str(override[key]) for key in ("kind", "target") if key in override)
+        yield override, Origin.COMMAND_LINE, f"--fault {name}"
+
+
+def _read_fault(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:
+    kind = given.get("kind")
+    try:
+        keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(str(kind.value if kind else None))])
+    except ValueError:
+        # Which other keys are right depends on the kind, so the message about it must do.
+        given = {"kind": kind} if kind else {}
+        keys = (KIND_KEY,)
+    return read_table(table, given, keys, problems)
+
+
+def _check_pressure(fault: Settings, tank: float, problems: Problems) -> None:
+    pressure = fault["pressure_bar"]
+    if pressure.value < tank:
+        wrong = f"{pressure.value:g} is below tank_pressure_bar = {tank:g}"
+        place = problems.place(pressure.table, "pressure_bar")
+        problems.add(place, f"{wrong}; give that or more")
+
+
+def _check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> None:
+    """Note where not the one amount is given that is in the unit of the sensor."""
+    kind, table = fault["kind"].value, fault["kind"].table
+    amounts = [key.name for key in OWN_KEYS[kind] if key.name.startswith(f"{kind}_")]
+    if not amounts:
+        return
+    if unit is None:
+        problems.add(problems.place(table, "kind"), f'"{kind}" is for pressures and positions')
+        return
+    (right,) = (name for name in amounts if unit.suffix in name)
+    for name in amounts:
+        if name != right and fault[name].value is not None:
+            wrong = "is not what this sensor measures"
+            problems.add(problems.place(table, name), f"{wrong}; give {right}")
+            return
+    if fault[right].value is None:
+        problems.add(problems.place(table, right), f"missing; give {right} = 1, for example")

@@ -1,0 +1,173 @@
+"""The resolved configuration: frozen records, SI inside, checked while they were loaded."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from hil_bench.bench.configuration.choices import (
+    FIRST_BUS,
+)
+from hil_bench.config.settings import Setting
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.kind import NodeConfig
+from hil_bench.outside.modbus.data_types import WordOrder
+from hil_bench.outside.modbus.register_map import Holes, RegisterMap
+from hil_bench.outside.modbus.server_config import ServerConfig
+from hil_bench.outside.realtime.policy import RealtimeConfig
+from hil_bench.plants.kind import AxisConfig
+
+
+@dataclass(frozen=True, slots=True)
+class BusConfig:
+    """A CAN bus as python-can opens it; what is None is left to python-can's own configuration.
+
+    Attributes:
+        interface: python-can's name of the interface, as in ``socketcan``.
+        channel: the channel of that interface, as in ``vcan0``.
+        bitrate: bit rate [bit/s].
+        options: further keyword arguments of that interface's bus class.
+    """
+
+    interface: str | None = None
+    channel: str | int | None = None
+    bitrate: int | None = None
+    options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusUnitConfig:
+    """One device as Modbus clients see it.
+
+    Attributes:
+        name: the unit, as in ``[modbus.units.NAME]``.
+        node: the name of the node that it shows.
+        unit_id: its address, 1 to 247.
+        register_map: what stands where.
+        commands: whether clients may command the device.
+        word_order: takes the place of the map's own, None where it does not.
+        watchdog: of a valve, longest time between two commands at power-on [s]; 0 for any.
+        holes: what an address is where the map has nothing.
+    """
+
+    name: str
+    node: str
+    unit_id: int
+    register_map: RegisterMap
+    commands: bool
+    word_order: WordOrder | None
+    watchdog: float
+    holes: Holes
+
+
+@dataclass(frozen=True, slots=True)
+class ModbusConfig:
+    """The Modbus server.
+
+    Attributes:
+        server: where it is found.
+        units: the devices, each with its unit-ID.
+    """
+
+    server: ServerConfig
+    units: tuple[ModbusUnitConfig, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FaultConfig:
+    """A fault that happens by itself.
+
+    Attributes:
+        kind: what goes wrong.
+        target: with what.
+        at: when, in bench time [s].
+        duration: for how long [s]; None for ever.
+        values: what the kind needs to know, by parameter of its verb, in SI.
+    """
+
+    kind: FaultKind
+    target: str
+    at: float
+    duration: float | None
+    values: Mapping[str, float | int | str]
+
+
+@dataclass(frozen=True, slots=True)
+class BenchConfig:
+    """A whole bench.
+
+    Attributes:
+        path: the file that it came from; None for the built-in bench.
+        tick_ns: period of the loop [ns], an integer multiple of `step_ns`.
+        step_ns: step of the plant's solver [ns].
+        sync_period_ns: how far each SYNC moves a bench in lock-step [ns], an integer multiple of
+            `tick_ns`.
+        seed: seed of every random generator of the bench.
+        bus: the first CAN bus, and mostly the only one.
+        axes: the axes, in the order of the file.
+        nodes: the nodes, in the order of the file.
+        modbus: the Modbus server, None for none.
+        faults: the faults, in the order of the file, those of the command line last.
+        further_buses: the other buses by their names, in the order of the file.
+        settings: every value as a person writes it, with its origin.
+        realtime: how the loop runs where it is paced.
+    """
+
+    path: Path | None
+    tick_ns: int
+    step_ns: int
+    sync_period_ns: int
+    seed: int
+    bus: BusConfig
+    axes: tuple[AxisConfig, ...]
+    nodes: tuple[NodeConfig, ...]
+    modbus: ModbusConfig | None
+    settings: tuple[Setting, ...]
+    realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
+    faults: tuple[FaultConfig, ...] = ()
+    further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
+
+    @property
+    def buses(self) -> dict[str, BusConfig]:
+        """All buses by their names; a frame has the number of its bus in this order."""
+        return {FIRST_BUS: self.bus, **self.further_buses}
+
+    @property
+    def first_axis(self) -> AxisConfig:
+        """The first axis.
+
+        Raises:
+            ConfigError: the bench has none.
+        """
+        if not self.axes:
+            place = f"{self.path}:plant" if self.path else "plant"
+            raise ConfigError(f"{place}: the bench has no axis; give it one, as [plant.axis1]")
+        return self.axes[0]
+
+    def seen_from(self, bus: str) -> "BenchConfig":
+        """Return what is to be found on one of the buses: that bus alone, with its nodes."""
+        nodes = tuple(node for node in self.nodes if node.bus == bus)
+        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={})
+
+    def full_scale(self, axis: AxisConfig) -> float:
+        """Return the command that stands for 1 in a recording, of a spool the position [m]."""
+        for node in self.nodes:
+            scales = node.kind.full_scales(node)
+            if axis.name in scales:
+                return scales[axis.name]
+        return axis.full_scale
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Plant steps in one tick."""
+        return self.tick_ns // self.step_ns
+
+    @property
+    def ticks_per_sync(self) -> int:
+        """Ticks from SYNC to SYNC in lock-step."""
+        return self.sync_period_ns // self.tick_ns
+
+    @property
+    def dt(self) -> float:
+        """Step of the plant's solver [s]."""
+        return self.step_ns * 1e-9

@@ -1,0 +1,157 @@
+"""Joins a bench with its Modbus units: what stands behind each register.
+
+The loop's part of Modbus is `ModbusBinding.exchange`, at the end of each tick: one row of values is
+published, then at most one write request is obeyed.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
+from hil_bench.bench.configuration.register_maps import UNITS
+from hil_bench.canopen_device.node import Node
+from hil_bench.config.objects import parse_object
+from hil_bench.devices.quantities import RegisterValue, object_quantity
+from hil_bench.errors import ConfigError
+from hil_bench.outside.modbus.exchange import Entry, Exchange
+from hil_bench.outside.modbus.mailbox import Mailbox
+from hil_bench.outside.modbus.register_map import Access, Register
+from hil_bench.outside.modbus.server_config import ServerConfig
+from hil_bench.outside.modbus.unit_image import UnitImage
+from hil_bench.outside.processes.snapshot import Snapshot
+
+_SAMPLE = "sample"
+_WATCHDOG = "watchdog"
+_SAMPLES = 1 << 32
+_OBJECT_PREFIX = "0x"
+_CONTROL = (0x604F, 0)
+
+
+class ModbusPlan(NamedTuple):
+    """What a server needs to know of a bench; it can be handed to another process.
+
+    Attributes:
+        server: where it is found.
+        units: by unit-ID.
+        rows: the newest row of values.
+        mailbox: where writes go.
+    """
+
+    server: ServerConfig
+    units: Mapping[int, UnitImage]
+    rows: Snapshot
+    mailbox: Mailbox
+
+
+class ModbusBinding:
+    """The loop's end of Modbus.
+
+    Args:
+        config: a bench with a Modbus server.
+        bench: made from that configuration.
+
+    Attributes:
+        plan: what the server needs.
+
+    Raises:
+        ConfigError: the configuration has no Modbus server, or a register map asks for what its
+            device has not.
+    """
+
+    def __init__(self, config: BenchConfig, bench: Bench) -> None:
+        if config.modbus is None:
+            raise ConfigError("modbus: there is no such table; give [modbus]")
+        self._sample = 0
+        names = [node.name for node in config.nodes]
+        nodes = dict(zip(names, bench.nodes, strict=True))
+        fittings = dict(zip(names, bench.fittings, strict=True))
+        entries: list[Entry] = []
+        units: dict[int, UnitImage] = {}
+        for unit in config.modbus.units:
+            registers, first = unit.register_map, len(entries)
+            node = nodes[unit.node]
+            known = dict(fittings[unit.node].registers())
+            watchdog = known.get(_WATCHDOG)
+            if watchdog is not None and watchdog.write is not None:
+                watchdog.write(unit.watchdog, 0)
+            known[_SAMPLE] = RegisterValue("-", lambda: float(self._sample % _SAMPLES))
+            entries += _entries(unit, bind_registers(unit, known, node))
+            units[unit.unit_id] = UnitImage(
+                registers, first, commands=unit.commands, holes=unit.holes
+            )
+        self.plan = ModbusPlan(config.modbus.server, units, Snapshot(len(entries)), Mailbox())
+        self._exchange = Exchange(entries, self.plan.rows, self.plan.mailbox)
+
+    def exchange(self, now: int) -> None:
+        """Publish the values of this tick, and obey a write that waits.
+
+        Args:
+            now: time of the tick [ns].
+        """
+        self._sample += 1
+        self._exchange.exchange(now)
+
+
+def bind_registers(
+    unit: ModbusUnitConfig, known: Mapping[str, RegisterValue], node: Node
+) -> list[RegisterValue]:
+    """Return the quantity behind each register of a unit, in the map's order.
+
+    Raises:
+        ConfigError: registers whose source is not there or does not fit, a line each.
+    """
+    quantities, problems = [], []
+    for register in unit.register_map.registers:
+        try:
+            quantities.append(_bind(register, known, node))
+        except ConfigError as error:
+            place = f"{unit.register_map.source}:{register.table}.{register.name}"
+            problems.append(f"{place}{error}")
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return quantities
+
+
+def _entries(unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]) -> Iterator[Entry]:
+    """Yield what stands behind each register of a unit."""
+    for register, quantity in zip(unit.register_map.registers, quantities, strict=True):
+        source = register.source
+        place = parse_object(source) if source.startswith(_OBJECT_PREFIX) else None
+        yield Entry(
+            register,
+            quantity.read,
+            None if register.access is Access.READ else quantity.write,
+            is_setting=place is not None,
+            is_first=place == _CONTROL,
+        )
+
+
+def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) -> RegisterValue:
+    """Return what a register shows.
+
+    Raises:
+        ConfigError: which key does not fit, and why.
+    """
+    source = register.source
+    if source.startswith(_OBJECT_PREFIX):
+        try:
+            quantity = object_quantity(node.object_dictionary, *parse_object(source))
+        except ConfigError as error:
+            raise ConfigError(f".source: {error}") from None
+    elif source in known:
+        quantity = known[source]
+    else:
+        raise ConfigError(
+            f'.source: "{source}" is unknown; give an object or one of {_list(known)}'
+        )
+    if register.unit not in UNITS[quantity.unit]:
+        right = ", ".join(f'"{unit.symbol}"' for unit in UNITS[quantity.unit])
+        raise ConfigError(f'.unit: "{register.unit.symbol}" does not fit; give one of {right}')
+    if register.access is not Access.READ and quantity.write is None:
+        raise ConfigError(f'.access: "{source}" cannot be written; give "r"')
+    return quantity
+
+
+def _list(names: Mapping[str, RegisterValue]) -> str:
+    return ", ".join(f'"{name}"' for name in names)

@@ -1,0 +1,216 @@
+"""Connects the nodes of a bench with each other and with its buses.
+
+A frame from a bus, or from a node of the bench, goes to every node that listens to its COB-ID on
+its bus. A frame that a node sends goes out to the node's bus, and in the next round to the other
+nodes of the bench, as on a wire. A line with a fault lies between a node and its bus.
+
+One round is `receive`, then `send`; a tick of the bench is one, and so is what it serves between
+two ticks.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+from hil_bench.canopen_device.agenda import Agenda
+from hil_bench.canopen_device.frame import Emit, Frame, Handler, Routes, make_frame
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.faults.line import Line
+from hil_bench.frame import BUS_SHIFT, address_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Port:
+    """The place where a node is plugged in.
+
+    Attributes:
+        node: that node.
+        emit: takes the frames that the node sends.
+        release: sends the late frames whose time has come; None where the line has no fault.
+    """
+
+    node: Node
+    emit: Emit
+    release: Callable[[], None] | None
+
+
+class Switchboard:
+    """All nodes of a bench, each on its bus.
+
+    Args:
+        buses: the number of the bus of each node.
+        agenda: the one that all these nodes bring forward.
+
+    Attributes:
+        nodes: all of them.
+        ports: those of all nodes, in the same order.
+        routes: every COB-ID that some node listens to, by `address_of`; a new object after a
+            change.
+        unrouted: the number of received frames that no node listens to.
+        emit: takes a frame that is sent in this round, from no node.
+    """
+
+    def __init__(self, buses: Mapping[Node, int], agenda: Agenda) -> None:
+        self.nodes = tuple(buses)
+        self.unrouted = 0
+        self._buses = dict(buses)
+        self._agenda = agenda
+        self._lines: Mapping[Node, Line] = {}
+        self._heard: list[Frame] = []
+        self._sent: list[Frame] = []
+        self.emit: Emit = self._sent.append
+        self._synchronised_at: int | None = None
+        self._plug_in()
+
+    def start(self, now: int) -> None:
+        """Power all nodes on at `now` [ns]; each boots up in the first round."""
+        for node in self.nodes:
+            node.start(now)
+        self._follow_routes(self.ports)
+
+    def lay(self, lines: Mapping[Node, Line]) -> None:
+        """Let the frames of these nodes go by lines that have a fault, those of others directly."""
+        if lines is not self._lines:
+            self._lines = lines
+            self._plug_in()
+
+    def is_timeless(self, frame: Frame) -> bool:
+        """Return whether a frame may be served between two ticks: an SDO request, or for nobody.
+
+        None may while a frame that one of our nodes has sent waits for the next round to be heard
+        by another one, since nothing is to overtake it.
+        """
+        if self._heard:
+            return False
+        address = frame.can_id | frame.bus << BUS_SHIFT
+        return frame.is_extended or address in self._timeless or address not in self.routes
+
+    def concerned(self, frames: Sequence[Frame]) -> Sequence[Port]:
+        """Return the ports of the nodes that may have something to do after these frames."""
+        if len(frames) != 1 or self._heard or self._lines:
+            return self.ports
+        (frame,) = frames
+        address = frame.can_id | frame.bus << BUS_SHIFT
+        return () if frame.is_extended else self._listeners.get(address, ())
+
+    def receive(self, frames: Sequence[Frame], now: int, ports: Sequence[Port]) -> None:
+        """Hand the nodes what came from the buses and from each other; act on deadlines.
+
+        Args:
+            frames: what arrived since the last round, oldest first.
+            now: the time [ns].
+            ports: those of the nodes that may have something to do.
+        """
+        for deliver in self._deliveries:
+            deliver(now)
+        routes = self.routes
+        for frame in chain(self._heard, frames):
+            address = frame.can_id | frame.bus << BUS_SHIFT
+            handlers = None if frame.is_extended else routes.get(address)
+            if handlers is None:
+                self.unrouted += 1
+                continue
+            for handle in handlers:
+                handle(frame, now)
+        if now >= self._agenda.due:
+            for port in ports:
+                port.node.expire(now)
+
+    def send(self, now: int, ports: Sequence[Port]) -> list[Frame]:
+        """Return what is sent in this round: PDOs that are due, then what has time.
+
+        Args:
+            now: the time [ns].
+            ports: those of the nodes that may have something to do.
+        """
+        for release in self._releases:
+            release()
+        for port in ports:
+            port.node.transmit_pdos(now, port.emit)
+        if now >= self._agenda.due:
+            for port in ports:
+                port.node.serve(now, port.emit)
+            self._look_ahead(ports)
+        sent = self._sent.copy()
+        self._sent.clear()
+        self._heard = self._overheard_of(sent) if sent else []
+        return sent
+
+    def _overheard_of(self, sent: Sequence[Frame]) -> list[Frame]:
+        """Return those frames of our nodes that another one listens to."""
+        overheard = self._overheard
+        return [frame for frame in sent if frame.can_id | frame.bus << BUS_SHIFT in overheard]
+
+    def _settle(self, frame: Frame, now: int) -> None:
+        """Before a SYNC acts that is not the round's first: send the PDOs of the one before."""
+        if now == self._synchronised_at and not frame.is_remote:
+            for port in self._listeners[frame.can_id | frame.bus << BUS_SHIFT]:
+                if port.release is not None:
+                    port.release()
+                port.node.settle_pdos(now, port.emit)
+        self._synchronised_at = now
+
+    def _look_ahead(self, ports: Sequence[Port]) -> None:
+        """Follow these nodes' identifiers, and find the next deadline once all have been served.
+
+        As long as some have not, the last one stands: it may be too early, never too late.
+        """
+        self._follow_routes(ports)
+        if ports is self.ports:
+            self._agenda.due = min(node.deadline for node in self.nodes)
+
+    def _follow_routes(self, ports: Sequence[Port]) -> None:
+        if any(port.node.routes is not self._merged[port.node] for port in ports):
+            self._merge_routes()
+
+    def _plug_in(self) -> None:
+        """Give each node its way to the bus, and find the nodes' listeners anew."""
+        self.ports = tuple(self._port(node, bus) for node, bus in self._buses.items())
+        self._deliveries = [line.deliver for line in self._lines.values()]
+        self._releases = [port.release for port in self.ports if port.release is not None]
+        self._merge_routes()
+
+    def _port(self, node: Node, bus: int) -> Port:
+        emit = _numbered(self.emit, bus) if bus else self.emit
+        line = self._lines.get(node)
+        if line is None:
+            return Port(node, emit, None)
+        return Port(node, line.sender(emit), lambda: line.release(emit))
+
+    def _merge_routes(self) -> None:
+        """Join the nodes' routes into one table of COB-ID to all that listen to it."""
+        self._merged: dict[Node, Routes] = {node: node.routes for node in self.nodes}
+        routes: dict[int, list[Handler]] = {}
+        listeners: dict[int, list[Port]] = {}
+        requests, syncs = set[int](), set[int]()
+        for port in self.ports:
+            node, bus = port.node, self._buses[port.node]
+            line = self._lines.get(node)
+            for can_id, handler in node.routes.items():
+                address = address_of(can_id, bus)
+                taker = handler if line is None else line.guard(handler)
+                routes.setdefault(address, []).append(taker)
+                listeners.setdefault(address, []).append(port)
+            requests |= {address_of(can_id, bus) for can_id in node.sdo_ids}
+            if node.sync_id is not None:
+                syncs.add(address_of(node.sync_id, bus))
+        self.routes: Mapping[int, tuple[Handler, ...]] = {
+            address: (self._settle, *handlers) if address in syncs else tuple(handlers)
+            for address, handlers in routes.items()
+        }
+        self._listeners = {address: tuple(ports) for address, ports in listeners.items()}
+        # A node routes what it sends itself too, so a second handler is another node's.
+        self._overheard = frozenset(
+            address for address, handlers in routes.items() if len(handlers) > 1
+        )
+        self._timeless = frozenset(requests - self._overheard)
+
+
+def _numbered(emit: Emit, bus: int) -> Emit:
+    """Return what writes the number of its bus on a frame before `emit` takes it."""
+
+    def number(frame: Frame) -> None:
+        can_id, data, is_remote, is_extended, _ = frame
+        emit(make_frame((can_id, data, is_remote, is_extended, bus)))
+
+    return number

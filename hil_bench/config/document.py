@@ -1,0 +1,92 @@
+"""The TOML file: its text to tables, and its tables to values that know where they stand."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+from hil_bench.config.settings import Given, Origin, Problems
+from hil_bench.config.values import describe, find_nearest
+from hil_bench.errors import ConfigError
+
+Document = Mapping[str, object]
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+_POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+
+
+def read_document(path: Path) -> Document:
+    """Return the tables of a TOML file.
+
+    Raises:
+        ConfigError: the file cannot be read or is no TOML.
+    """
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise ConfigError(f"{path}: cannot be read: {reason}; give a TOML file") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(_explain_syntax(path, str(error))) from None
+
+
+def merge(document: Document, tables: Document) -> Document:
+    """Return a document with the keys of other tables in place of its own, table by table."""
+    merged = dict(document)
+    for name, value in tables.items():
+        old = merged.get(name)
+        both = isinstance(old, Mapping) and isinstance(value, Mapping)
+        merged[name] = merge(old, value) if both else value  # type: ignore[arg-type]
+    return merged
+
+
+def read_section(document: Document, name: str, problems: Problems) -> dict[str, Given]:
+    """Return what the file gives in the table `name`."""
+    value = document.get(name, {})
+    if isinstance(value, dict):
+        return give(name, value, Origin.FILE, problems)
+    problems.add(problems.place(name), f"{describe(value)} is not a table; write it as [{name}]")
+    return {}
+
+
+def read_named_sections(
+    document: Document, name: str, problems: Problems
+) -> dict[str, dict[str, Given]]:
+    """Return what the file gives in each table ``[name.X]``, by X."""
+    sections = {}
+    for key, (value, _, place) in read_section(document, name, problems).items():
+        if not _NAME.fullmatch(key):
+            right = "give at most 32 letters, digits, _ or -"
+            problems.add(problems.place(name), f"{describe(key)} is no good as a name; {right}")
+        elif not isinstance(value, dict):
+            problems.add(place, f"{describe(value)} is not a table; write it as [{name}.NAME]")
+        else:
+            sections[key] = give(f"{name}.{key}", value, Origin.FILE, problems)
+    return sections
+
+
+def give(
+    table: str, values: Mapping[str, object], origin: Origin, problems: Problems
+) -> dict[str, Given]:
+    """Return `values` with their place in `table`."""
+    return {key: Given(value, origin, problems.place(table, key)) for key, value in values.items()}
+
+
+def check_tables(document: Document, known: tuple[str, ...], problems: Problems) -> None:
+    """Note every table that is not known."""
+    for name in document:
+        if name not in known:
+            nearest = find_nearest(name, known)
+            problems.add(problems.place(name), f"unknown table; the nearest known is [{nearest}]")
+
+
+def _explain_syntax(path: Path, reason: str) -> str:
+    position = _POSITION.search(reason)
+    wrong = _POSITION.sub("", reason)
+    if position is None:
+        return f"{path}: is not valid TOML: {wrong}; see https://toml.io"
+    if position[1] is None:
+        return f"{path}: is not valid TOML: {wrong} at the end of the file; see https://toml.io"
+    return f"{path}:{position[1]}: is not valid TOML: {wrong} in column {position[2]}; see https://toml.io"

@@ -1,0 +1,149 @@
+"""Tables of keys: what a table may hold, and where each of its values came from."""
+
+import re
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+from hil_bench.config.values import Reader, Value, find_nearest, quote
+from hil_bench.errors import ConfigError
+from hil_bench.units import ONE, Unit
+
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
+
+
+class Origin(StrEnum):
+    """Where a value came from, the weakest first."""
+
+    DEFAULT = "default"
+    FILE = "file"
+    ENVIRONMENT = "environment"
+    COMMAND_LINE = "command line"
+
+
+class Key(NamedTuple):
+    """One key of a table.
+
+    Attributes:
+        name: the key, which ends in its unit's suffix.
+        read: the reader that checks its value.
+        default: the value where nobody gives one.
+        unit: its unit.
+        field: the attribute of the record that it fills, where that has another name.
+        example: a value for the message about a missing key; only a key that must be given has one.
+    """
+
+    name: str
+    read: Reader
+    default: Value = None
+    unit: Unit = ONE
+    field: str = ""
+    example: str = ""
+
+
+class Setting(NamedTuple):
+    """One value as a person writes it, and where it came from.
+
+    Attributes:
+        table: the table, as in ``plant.axis1``.
+        key: the key in that table.
+        value: the value in the key's own unit; None where python-can is left to decide.
+        origin: who gave the value.
+    """
+
+    table: str
+    key: Key
+    value: Value
+    origin: Origin
+
+
+Settings = dict[str, Setting]  # by the name of the key
+
+
+class Given(NamedTuple):
+    """A value that somebody gave, not yet checked.
+
+    Attributes:
+        value: the value as it came.
+        origin: who gave it.
+        place: how a message names the place where it stands.
+    """
+
+    value: object
+    origin: Origin
+    place: str
+
+
+class Problems:
+    """The problems of one configuration, told together, one line each.
+
+    Attributes:
+        source: how messages name the file.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self._lines: list[str] = []
+
+    def place(self, table: str, key: str = "") -> str:
+        """Return how a message names a key of a table in the file; TOML allows any text as both."""
+        return f"{self.source}:{'.'.join(quote_name(name) for name in (table, key) if name)}"
+
+    def add(self, place: str, what: object) -> None:
+        """Note one problem; `what` says what is wrong and what would be right."""
+        self._lines.append(f"{place}: {what}")
+
+    def raise_any(self) -> None:
+        """End the loading if there is a problem.
+
+        Raises:
+            ConfigError: all problems so far, one line each.
+        """
+        if self._lines:
+            raise ConfigError("\n".join(self._lines))
+
+
+def quote_name(name: str) -> str:
+    """Return the name of a table or key as a message shows it."""
+    return name if _PLAIN_NAME.fullmatch(name) else quote(name)
+
+
+def read_table(
+    table: str, given: Mapping[str, Given], keys: Sequence[Key], problems: Problems
+) -> Settings:
+    """Return the settings of a table by key; one with a problem is noted and left out."""
+    known = [key.name for key in keys]
+    for name in given:
+        if name not in known:
+            nearest = find_nearest(name, known)
+            problems.add(given[name].place, f"unknown key; the nearest known key is {nearest}")
+    settings = (_read_key(table, given.get(key.name), key, problems) for key in keys)
+    return {setting.key.name: setting for setting in settings if setting is not None}
+
+
+def convert(settings: Settings, keys: Sequence[Key]) -> dict[str, Any]:
+    """Return the SI values of some keys, by the attribute of the record that each one fills."""
+    return {key.field or key.name: _to_si(settings[key.name].value, key.unit) for key in keys}
+
+
+def _read_key(table: str, given: Given | None, key: Key, problems: Problems) -> Setting | None:
+    if given is None and key.example:
+        place = problems.place(table, key.name)
+        problems.add(place, f"missing; give for example {key.name} = {key.example}")
+        return None
+    if given is None:
+        return Setting(table, key, key.default, Origin.DEFAULT)
+    try:
+        value = key.read(given.value)
+    except ConfigError as error:
+        problems.add(given.place, error)
+        return None
+    return Setting(table, key, value, given.origin)
+
+
+def _to_si(value: Value, unit: Unit) -> Value:
+    if isinstance(value, float):
+        return unit.to_si(value)
+    if isinstance(value, tuple) and not any(isinstance(part, tuple) for part in value):
+        return tuple(unit.to_si(bound) for bound in value)
+    return value  # points are in SI as they are given

@@ -1,0 +1,215 @@
+"""One axis of the bench: what commands it, its plant, and what measures it.
+
+A kind of device says by a `Fitting` what its device does: it commands axes by `Drive`s, measures
+them by `Measurement`s, acts in each tick, and offers numbers to other buses.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import NamedTuple, Protocol
+
+from hil_bench.devices.faults.effects import Enabled
+from hil_bench.devices.faults.signal_path import SignalPath, Stage
+from hil_bench.devices.quantities import RegisterValue
+from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import Influence, Quantity
+
+
+class Rate(NamedTuple):
+    """The rate of change that a sensor shows beside its quantity.
+
+    Attributes:
+        name: as in ``NODE.measured_NAME`` of a recording.
+        quantity: of the plant.
+        stages: what it passes on its way, after the quantity.
+    """
+
+    name: str
+    quantity: Quantity
+    stages: Iterable[Stage] = ()
+
+
+class Measurement:
+    """What hands a quantity, and its rate where there is one, to a device or an object.
+
+    Args:
+        publish: takes quantity, then rate if any, and the time of the tick [ns].
+        quantity: which of the plant's.
+        stages: what the quantity passes on its way; without any the sensor is ideal.
+        name: of the sensor, for recordings and faults.
+        rate: what else it shows.
+        full: of a quantity that counts in full scales, the full scale [SI].
+
+    Attributes:
+        name: as passed in.
+        path: the way of the quantity.
+        rate_path: the way of the rate, None without one.
+        measured: what was published last [SI]; of a share, before the division by `full`.
+        measured_rate: the rate that was published last.
+        full: as passed in.
+        channels: what is recorded: name and unit of `measured` / `full` and `measured_rate`.
+    """
+
+    def __init__(
+        self,
+        publish: Callable[..., None],
+        quantity: Quantity,
+        stages: Iterable[Stage] = (),
+        *,
+        name: str = "",
+        rate: Rate | None = None,
+        full: float = 1.0,
+    ) -> None:
+        self.name = name
+        self.path = SignalPath(stages)
+        self.rate_path = None if rate is None else SignalPath(rate.stages)
+        self.measured = self.measured_rate = math.nan
+        self.channels = [(f"{name}.measured", quantity.unit)]
+        self._publish = publish
+        self._place = quantity.output or 0
+        self._rate_place = 0
+        self.full = full
+        if rate is not None:
+            self._rate_place = rate.quantity.output or 0
+            self.channels.append((f"{name}.measured_{rate.name}", rate.quantity.unit))
+
+    def __call__(self, output: Sequence[float], now: int) -> None:
+        """Publish what the plant shows in this tick [ns]."""
+        value = output[self._place]
+        for stage in self.path.stages:
+            value = stage(value)
+        self.measured = value
+        if self.rate_path is None:
+            self._publish(value, now)
+            return
+        rate = output[self._rate_place]
+        for stage in self.rate_path.stages:
+            rate = stage(rate)
+        self.measured_rate = rate
+        self._publish(value, rate, now)
+
+
+class Command(Protocol):
+    """What commands an axis, such as a valve its spool."""
+
+    @property
+    def full_opening(self) -> float:
+        """The command of 100 %, of a spool the position [m]."""
+
+    def command(self, now: int) -> float:
+        """Return the command at `now` [ns], in SI."""
+
+    def publish(self, answer: float, now: int) -> None:
+        """Take what follows the command, such as the spool position, at `now` [ns]."""
+
+
+class Drive(NamedTuple):
+    """A device, or an object of one, that commands an axis.
+
+    Attributes:
+        name: for faults.
+        axis: which it commands.
+        device: gives the command.
+        enable: its enable input, None where it has none.
+    """
+
+    name: str
+    axis: str
+    device: Command
+    enable: Enabled | None = None
+
+
+def _no_registers() -> Mapping[str, RegisterValue]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class Fitting:
+    """What one device does on the bench, beside the CANopen services of its node.
+
+    Attributes:
+        drives: by which it commands axes.
+        sensors: by which it measures, each with the name of its axis; None for what the device
+            measures itself and hands on in `advance`.
+        sources: the objects that are bound to quantities, in the same way.
+        advance: called in each tick [ns], after the axes; None where it has nothing to do.
+        registers: returns the numbers that another bus may read and write, by name.
+        state: returns the state of the device in a word; None where it has none.
+    """
+
+    drives: tuple[Drive, ...] = ()
+    sensors: tuple[tuple[str | None, Measurement], ...] = ()
+    sources: tuple[tuple[str, Measurement], ...] = ()
+    advance: Callable[[int], None] | None = None
+    registers: Callable[[], Mapping[str, RegisterValue]] = _no_registers
+    state: Callable[[], str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One plant with what commands it and what measures it.
+
+    Attributes:
+        name: as in the configuration.
+        plant: what moves.
+        valve: the device that commands it.
+        sensors: what to call with the plant's outputs, one a sensor.
+        quantities: of the plant.
+        influences: what may act on the plant from outside.
+        follower: place of the output that follows the command.
+        command_path: what the command passes between device and plant.
+        recorded: the quantities of `row`.
+    """
+
+    name: str
+    plant: Plant
+    valve: Command
+    sensors: tuple[Measurement, ...]
+    quantities: tuple[Quantity, ...]
+    influences: tuple[Influence, ...]
+    follower: int
+    command_path: SignalPath = field(default_factory=SignalPath)
+    recorded: tuple[Quantity, ...] = field(init=False, repr=False)
+    _pick: Callable[[Sequence[float]], tuple[float, ...]] = field(init=False, repr=False)
+    _shares: tuple[int, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        recorded = tuple(quantity for quantity in self.quantities if quantity.is_recorded)
+        object.__setattr__(self, "recorded", recorded)
+        # The command stands behind the outputs.
+        places = tuple(-1 if quantity.output is None else quantity.output for quantity in recorded)
+        object.__setattr__(self, "_pick", _picker(places))
+        shares = tuple(place for place, quantity in enumerate(recorded) if quantity.is_share)
+        object.__setattr__(self, "_shares", shares)
+
+    def row(self, commanded: float) -> list[float]:
+        """Return the present values of the recorded quantities.
+
+        Args:
+            commanded: what `advance` returned last.
+        """
+        row = list(self._pick((*self.plant.output, commanded)))
+        full = self.valve.full_opening
+        for place in self._shares:
+            row[place] /= full
+        return row
+
+    def advance(self, now: int, steps: int) -> float:
+        """Move the axis on by `steps` plant steps and return what is commanded [SI]."""
+        commanded = u = self.valve.command(now)
+        for stage in self.command_path.stages:
+            u = stage(u)
+        output = self.plant.drive(u, steps)
+        self.valve.publish(output[self.follower], now)
+        for publish in self.sensors:
+            publish(output, now)
+        return commanded
+
+
+def _picker(places: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Return what picks the values at these places."""
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda values: tuple(values[place] for place in places)

@@ -1,0 +1,201 @@
+"""The effects of faults on the parts of a bench."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.faults.line import Babble, Line, Meeting, silence
+from hil_bench.devices.faults.sensor_stages import SensorStage
+from hil_bench.devices.faults.signal_path import SignalPath, Stage
+from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import SUPPLY
+
+_RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
+
+
+class SensorPoint(NamedTuple):
+    """Where a fault gets at a sensor.
+
+    Attributes:
+        value: the way of what it measures.
+        rate: the way of its rate of change, None where it shows none.
+    """
+
+    value: SignalPath
+    rate: SignalPath | None = None
+
+
+class Enabled(Protocol):
+    """A valve with an enable input.
+
+    Attributes:
+        enable_input: whether the input is on.
+    """
+
+    enable_input: bool
+
+
+class SpoolPoint(NamedTuple):
+    """Where a fault gets at a valve.
+
+    Attributes:
+        command: the way of the spool's set-point [m].
+        position: returns where the spool is [m].
+        device: the valve's electronics, None where they have no enable input.
+    """
+
+    command: SignalPath
+    position: Callable[[], float]
+    device: Enabled | None = None
+
+
+class SupplyPoint(NamedTuple):
+    """Where a fault gets at the supply of an axis.
+
+    Attributes:
+        plant: of the axis.
+        lowest: the least pressure at which the supply can be held [Pa].
+    """
+
+    plant: Plant
+    lowest: float
+
+
+class SensorEffect:
+    """A stage behind everything else that a sensor's signal passes."""
+
+    def __init__(self, point: SensorPoint, make: Callable[[], SensorStage]) -> None:
+        self._point, self._make = point, make
+        self._stage: SensorStage | None = None
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Put the stage in."""
+        self._stage = self._make()
+        self._point.value.add(self._stage.value)
+        if self._point.rate is not None:
+            self._point.rate.add(self._stage.rate)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Take the stage out."""
+        if self._stage is not None:
+            self._point.value.remove(self._stage.value)
+            if self._point.rate is not None:
+                self._point.rate.remove(self._stage.rate)
+
+
+class SpoolEffect:
+    """A stage between a valve's electronics and its spool.
+
+    Args:
+        point: the valve.
+        make: makes the stage from the spool's position [m] at that time.
+    """
+
+    def __init__(self, point: SpoolPoint, make: Callable[[float], Stage]) -> None:
+        self._point, self._make = point, make
+        self._stage: Stage | None = None
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Put the stage in."""
+        self._stage = self._make(self._point.position())
+        self._point.command.add(self._stage)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Take the stage out."""
+        if self._stage is not None:
+            self._point.command.remove(self._stage)
+
+
+class EnableEffect:
+    """The enable input of a valve is off."""
+
+    def __init__(self, device: Enabled) -> None:
+        self._device = device
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Switch it off."""
+        self._device.enable_input = False
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Switch it on."""
+        self._device.enable_input = True
+
+
+class SupplyEffect:
+    """The supply pressure of an axis is held at another value.
+
+    Args:
+        plant: of the axis.
+        pressure: that value [Pa].
+        holds: what is called before each tick of the plants.
+    """
+
+    def __init__(self, plant: Plant, pressure: float, holds: list[Callable[[], None]]) -> None:
+        self._plant, self._pressure, self._holds = plant, pressure, holds
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Hold the pressure."""
+        self._holds.append(self._hold)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let go of it."""
+        self._holds.remove(self._hold)
+        self._plant.influence(SUPPLY, None)
+
+    def _hold(self) -> None:
+        self._plant.influence(SUPPLY, self._pressure)
+
+
+class LineEffect:
+    """A rule for the frames of a node."""
+
+    def __init__(self, line: Line, meeting: Meeting) -> None:
+        self._line, self._meeting = line, meeting
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let the rule count."""
+        self._line.meetings.append(self._meeting)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let it count no more."""
+        self._line.meetings.remove(self._meeting)
+
+
+class ResetEffect:
+    """A node is without power, and then starts anew."""
+
+    def __init__(self, node: Node, line: Line) -> None:
+        self._node = node
+        self._off = LineEffect(line, Meeting(silence))
+
+    def begin(self, now: int) -> None:
+        """Lose everything that is not stored, and say nothing."""
+        self._node.receive(_RESET, now)
+        self._off.begin(now)
+
+    def end(self, now: int) -> None:
+        """Start: the boot-up message follows."""
+        self._off.end(now)
+        self._node.receive(_RESET, now)
+
+
+class BabbleEffect:
+    """A node sends what nobody asked for, in every tick.
+
+    Args:
+        babble: sends it.
+        babbles: what is called in each tick.
+    """
+
+    def __init__(self, babble: Babble, babbles: list[Babble]) -> None:
+        self._babble, self._babbles = babble, babbles
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Begin to send."""
+        self._babbles.append(self._babble)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Stop."""
+        self._babbles.remove(self._babble)

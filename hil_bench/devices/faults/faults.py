@@ -1,0 +1,256 @@
+"""The faults of a bench: `bench.faults.freeze("pressure_a")`.
+
+Each verb makes one fault and returns it. It begins with the next tick, or `at` a bench time; it
+lasts until it is cleared, or for `duration`::
+
+    with bench.faults.freeze("pressure_a"):            # for the block
+        bench.run(0.5)
+    fault = bench.faults.offset("pressure_a", 20e5)    # until fault.clear()
+    bench.faults.silence("valve", at=2.0, duration=1.0)
+
+Amounts and times are in SI. Whatever makes no sense is refused with a `ConfigError`.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Unpack
+
+from numpy.random import Generator
+
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.faults.checks import bounded, choose, count, find, identifier, to_ns
+from hil_bench.devices.faults.effects import (
+    BabbleEffect,
+    EnableEffect,
+    LineEffect,
+    ResetEffect,
+    SensorEffect,
+    SensorPoint,
+    SpoolEffect,
+    SpoolPoint,
+    SupplyEffect,
+    SupplyPoint,
+)
+from hil_bench.devices.faults.fault import Fault
+from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.devices.faults.line import (
+    Babble,
+    Line,
+    Meeting,
+    Rule,
+    babble,
+    delay,
+    loss,
+    silence,
+    truncation,
+)
+from hil_bench.devices.faults.schedule import FaultSchedule, When
+from hil_bench.devices.faults.sensor_stages import (
+    Broken,
+    Frozen,
+    Lag,
+    Noisy,
+    SensorStage,
+    Shifted,
+    Slowed,
+)
+from hil_bench.devices.measurement.noise import normal_numbers, random_stream
+from hil_bench.errors import ConfigError
+
+_SHORTEST_LAG = 1e-6
+_LONGEST_LAG = 1e6
+_MOST_FRAMES = 1000
+
+
+class Which(When, total=False):
+    """Which frames of a node a fault meets, and when.
+
+    Attributes:
+        direction: "sent", "received" or "both", seen from the node.
+        can_id: their identifier; without it, all.
+    """
+
+    direction: Direction | str
+    can_id: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class FaultPoints:
+    """What of a bench may have faults, by name.
+
+    Attributes:
+        sensors: nodes that measure.
+        valves: nodes that command a spool.
+        supplies: axes with a supply.
+        nodes: nodes on the bus.
+        buses: the number of the bus of each node; without it all are on bus 0.
+    """
+
+    sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
+    valves: Mapping[str, SpoolPoint] = field(default_factory=dict)
+    supplies: Mapping[str, SupplyPoint] = field(default_factory=dict)
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    buses: Mapping[str, int] = field(default_factory=dict)
+
+
+class Faults(FaultSchedule):
+    """The faults of one bench.
+
+    Args:
+        points: what may have faults.
+        tick_ns: time between two ticks [ns].
+        seed: of what happens at random.
+
+    Attributes:
+        lines: connections that have or had a fault, by node; a new object whenever one comes in.
+        holds: to be called before each tick of the plants.
+        babbles: to be called in each tick, with where to send to.
+    """
+
+    def __init__(
+        self, points: FaultPoints | None = None, *, tick_ns: int = 1_000_000, seed: int = 0
+    ) -> None:
+        super().__init__()
+        self.lines: Mapping[Node, Line] = {}
+        self.holds: list[Callable[[], None]] = []
+        self.babbles: list[Babble] = []
+        self._points = points or FaultPoints()
+        self._tick = tick_ns * 1e-9
+        self._seed = seed
+        self._streams: Counter[str] = Counter()
+
+    def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
+        """Let a sensor show one value for ever."""
+        return self._measure(FaultKind.FREEZE, sensor, Frozen, when)
+
+    def offset(self, sensor: str, amount: float, **when: Unpack[When]) -> Fault:
+        """Let a sensor show too much by an amount [Pa or m]."""
+        make = partial(Shifted, bounded("amount", amount), 0.0, self._tick)
+        return self._measure(FaultKind.OFFSET, sensor, make, when)
+
+    def drift(self, sensor: str, rate: float, **when: Unpack[When]) -> Fault:
+        """Let a sensor show more and more too much, by a rate [Pa/s or m/s]."""
+        make = partial(Shifted, 0.0, bounded("rate", rate), self._tick)
+        return self._measure(FaultKind.DRIFT, sensor, make, when)
+
+    def noise(self, sensor: str, rms: float, **when: Unpack[When]) -> Fault:
+        """Add noise of an RMS [Pa or m] to what a sensor shows."""
+        draw = normal_numbers(self._stream(sensor))
+        make = partial(Noisy, bounded("rms", rms, low=0.0), draw)
+        return self._measure(FaultKind.NOISE, sensor, make, when)
+
+    def break_wire(
+        self, sensor: str, reads: Reading | str = Reading.NOTHING, **when: Unpack[When]
+    ) -> Fault:
+        """Let a sensor measure "nothing", or what is beyond its range: "low" or "high"."""
+        make = partial(Broken, choose("reads", Reading, reads))
+        return self._measure(FaultKind.BREAK_WIRE, sensor, make, when)
+
+    def slow(self, target: str, time_constant: float, **when: Unpack[When]) -> Fault:
+        """Let a sensor, or the spool of a valve, lag behind by a time constant [s]."""
+        lag = bounded("time_constant", time_constant, low=_SHORTEST_LAG, high=_LONGEST_LAG)
+        if target not in self._points.valves:
+            known = {**self._points.sensors, **self._points.valves}
+            find("sensor or valve", target, known)
+            return self._measure(FaultKind.SLOW, target, partial(Slowed, lag, self._tick), when)
+        point = self._points.valves[target]
+        effect = SpoolEffect(point, lambda position: Lag(lag, self._tick, position).follow)
+        return self.add(FaultKind.SLOW, target, effect, when)
+
+    def stick(self, valve: str, **when: Unpack[When]) -> Fault:
+        """Let the spool of a valve stay where it is."""
+        point = find("valve", valve, self._points.valves)
+        effect = SpoolEffect(point, lambda position: lambda _setpoint: position)
+        return self.add(FaultKind.STICK, valve, effect, when)
+
+    def invert(self, valve: str, **when: Unpack[When]) -> Fault:
+        """Let the spool of a valve go the other way, as with crossed wires."""
+        point = find("valve", valve, self._points.valves)
+        effect = SpoolEffect(point, lambda _position: lambda setpoint: -setpoint)
+        return self.add(FaultKind.INVERT, valve, effect, when)
+
+    def disable(self, valve: str, **when: Unpack[When]) -> Fault:
+        """Switch the enable input of a valve off.
+
+        Raises:
+            ConfigError: it has none.
+        """
+        device = find("valve", valve, self._points.valves).device
+        if device is None:
+            raise ConfigError(f"faults: {valve} has no enable input; give a valve that has one")
+        return self.add(FaultKind.DISABLE, valve, EnableEffect(device), when)
+
+    def drop_supply(self, axis: str, pressure: float, **when: Unpack[When]) -> Fault:
+        """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
+        point = find("axis", axis, self._points.supplies)
+        bounded("pressure", pressure, low=point.lowest)
+        effect = SupplyEffect(point.plant, pressure, self.holds)
+        return self.add(FaultKind.DROP_SUPPLY, axis, effect, when)
+
+    def silence(self, node: str, **when: Unpack[When]) -> Fault:
+        """Cut a node off the bus, as when it is bus-off: it neither sends nor hears."""
+        effect = LineEffect(self._line(node), Meeting(silence))
+        return self.add(FaultKind.SILENCE, node, effect, when)
+
+    def reset(self, node: str, **when: Unpack[When]) -> Fault:
+        """Take the power from a node, and let it boot at the end; without a duration, at once."""
+        effect = ResetEffect(find("node", node, self._points.nodes), self._line(node))
+        when.setdefault("duration", 0.0)
+        return self.add(FaultKind.RESET, node, effect, when)
+
+    def lose(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
+        """Lose a share of a node's frames, 0 to 1, at random."""
+        bounded("share", share, low=0.0, high=1.0)
+        rule = loss(share, self._stream(node))
+        return self._disturb(FaultKind.LOSE, node, rule, which)
+
+    def delay(self, node: str, time: float, **which: Unpack[Which]) -> Fault:
+        """Let a node's frames be late by `time` [s], rounded up to ticks."""
+        return self._disturb(FaultKind.DELAY, node, delay(to_ns("time", time)), which)
+
+    def truncate(self, node: str, length: int, **which: Unpack[Which]) -> Fault:
+        """Let a node's data frames have `length` bytes, 0 to 8, whatever they should have.
+
+        Without a direction, those that it sends.
+        """
+        rule = truncation(count("length", length, 0, 8))
+        which.setdefault("direction", Direction.SENT)
+        return self._disturb(FaultKind.TRUNCATE, node, rule, which)
+
+    def babble(
+        self,
+        node: str,
+        frames_per_tick: int = 4,
+        *,
+        can_id: int = 0x001,
+        **when: Unpack[When],
+    ) -> Fault:
+        """Let a node flood the bus with frames of an identifier."""
+        find("node", node, self._points.nodes)
+        frames = count("frames_per_tick", frames_per_tick, 1, _MOST_FRAMES)
+        send = babble(identifier(can_id) or 0, frames, self._points.buses.get(node, 0))
+        return self.add(FaultKind.BABBLE, node, BabbleEffect(send, self.babbles), when)
+
+    def _measure(
+        self, kind: FaultKind, sensor: str, make: Callable[[], SensorStage], when: When
+    ) -> Fault:
+        point = find("sensor", sensor, self._points.sensors)
+        return self.add(kind, sensor, SensorEffect(point, make), when)
+
+    def _disturb(self, kind: FaultKind, node: str, rule: Rule, which: Which) -> Fault:
+        direction = choose("direction", Direction, which.pop("direction", Direction.BOTH))
+        meeting = Meeting(rule, direction, identifier(which.pop("can_id", None)))
+        return self.add(kind, node, LineEffect(self._line(node), meeting), which)
+
+    def _line(self, name: str) -> Line:
+        node = find("node", name, self._points.nodes)
+        if node not in self.lines:
+            self.lines = {**self.lines, node: Line(node)}
+        return self.lines[node]
+
+    def _stream(self, target: str) -> Generator:
+        """Return the random stream of the target's next fault that needs one."""
+        self._streams[target] += 1
+        return random_stream(self._seed, target, f"fault {self._streams[target]}")

@@ -1,0 +1,164 @@
+"""A node's connection to the bus, and what may happen to frames on it."""
+
+import heapq
+from collections.abc import Callable
+from typing import NamedTuple
+
+from numpy.random import Generator
+
+from hil_bench.canopen_device.frame import Emit, Frame, Handler
+from hil_bench.canopen_device.node import Node
+from hil_bench.devices.faults.kinds import Direction
+
+
+class Passage(NamedTuple):
+    """How a frame gets through.
+
+    Attributes:
+        frame: what arrives.
+        delay: how much later [ns].
+    """
+
+    frame: Frame
+    delay: int = 0
+
+
+Rule = Callable[[Frame], Passage | None]
+"""What one fault does to a frame that it meets: how that gets through, None where it is lost."""
+
+
+class Meeting(NamedTuple):
+    """Which frames a rule meets.
+
+    Attributes:
+        rule: what happens to them.
+        direction: seen from the node.
+        can_id: their identifier, None for any.
+    """
+
+    rule: Rule
+    direction: Direction = Direction.BOTH
+    can_id: int | None = None
+
+    def concerns(self, frame: Frame, direction: Direction) -> bool:
+        """Whether the rule meets a frame that goes in this direction."""
+        return self.direction in {Direction.BOTH, direction} and self.can_id in {
+            None,
+            frame.can_id,
+        }
+
+
+class Line:
+    """The connection of one node.
+
+    Attributes:
+        meetings: the faults of this line, in the order in which a frame meets them.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.meetings: list[Meeting] = []
+        self._node = node
+        self._now = 0
+        self._late: dict[Direction, list[tuple[int, int, Frame]]] = {
+            Direction.SENT: [],
+            Direction.RECEIVED: [],
+        }
+        self._number = 0  # of late frames: those of one time keep their order
+
+    def sender(self, emit: Emit) -> Emit:
+        """Return what takes the frames that the node sends; `emit` gets those not lost or late."""
+
+        def send(frame: Frame) -> None:
+            passed = self._pass(frame, Direction.SENT, self._now)
+            if passed is not None:
+                emit(passed)
+
+        return send
+
+    def release(self, emit: Emit) -> None:
+        """Emit the frames that the node has sent and that were late until now."""
+        for frame in self._due(Direction.SENT, self._now):
+            emit(frame)
+
+    def guard(self, handle: Handler) -> Handler:
+        """Return what takes received frames in place of a handler of the node."""
+
+        def take(frame: Frame, now: int) -> None:
+            passed = self._pass(frame, Direction.RECEIVED, now)
+            if passed is not None:
+                handle(passed, now)
+
+        return take
+
+    def deliver(self, now: int) -> None:
+        """Begin a round at `now` [ns]: hand the node the frames that were late until then."""
+        self._now = now
+        for frame in self._due(Direction.RECEIVED, now):
+            self._node.receive(frame, now)
+
+    def _pass(self, frame: Frame, direction: Direction, now: int) -> Frame | None:
+        """Return what gets through at once; what is late waits."""
+        late = 0
+        for meeting in self.meetings:
+            if meeting.concerns(frame, direction):
+                passage = meeting.rule(frame)
+                if passage is None:
+                    return None
+                frame, delay = passage
+                late += delay
+        if not late:
+            return frame
+        heapq.heappush(self._late[direction], (now + late, self._number, frame))
+        self._number += 1
+        return None
+
+    def _due(self, direction: Direction, now: int) -> list[Frame]:
+        late, due = self._late[direction], []
+        while late and late[0][0] <= now:
+            due.append(heapq.heappop(late)[2])
+        return due
+
+
+def silence(_frame: Frame) -> Passage | None:
+    """Return None: no frame gets through."""
+    return None
+
+
+def loss(share: float, stream: Generator) -> Rule:
+    """Return the rule by which a share of the frames is lost."""
+
+    def lose(frame: Frame) -> Passage | None:
+        return None if stream.random() < share else Passage(frame)
+
+    return lose
+
+
+def delay(time: int) -> Rule:
+    """Return the rule by which frames are late by `time` [ns]."""
+    return lambda frame: Passage(frame, time)
+
+
+def truncation(length: int) -> Rule:
+    """Return the rule by which data frames have `length` bytes: cut off, or filled with zeros."""
+
+    def truncate(frame: Frame) -> Passage:
+        if frame.is_remote:
+            return Passage(frame)
+        return Passage(frame._replace(data=frame.data[:length].ljust(length, b"\0")))
+
+    return truncate
+
+
+Babble = Callable[[Emit], None]
+"""Sends what a babbling node sends in one tick."""
+
+
+def babble(can_id: int, count: int, bus: int = 0) -> Babble:
+    """Return what sends `count` frames of eight bytes each tick, on the bus of that number."""
+    frames = (Frame(can_id, bytes.fromhex("5555555555555555"), bus=bus),) * count
+
+    def send(emit: Emit) -> None:
+        for frame in frames:
+            emit(frame)
+
+    return send

@@ -1,0 +1,125 @@
+"""When faults begin and end."""
+
+from collections import deque
+from typing import NamedTuple, TypedDict
+
+from hil_bench.devices.faults.checks import to_ns
+from hil_bench.devices.faults.fault import Effect, Fault
+from hil_bench.devices.faults.kinds import FaultKind
+
+NEVER = 1 << 63
+
+_KEPT_EVENTS = 1000
+
+
+class When(TypedDict, total=False):
+    """When a fault is there.
+
+    Attributes:
+        at: bench time at which it begins [s]; without it, the next tick.
+        duration: how long it lasts [s]; without it, until it is cleared.
+    """
+
+    at: float | None
+    duration: float | None
+
+
+class FaultEvent(NamedTuple):
+    """A fault began or ended.
+
+    Attributes:
+        time: bench time [ns].
+        kind: of the fault.
+        target: of the fault.
+        is_begin: whether it began.
+    """
+
+    time: int
+    kind: FaultKind
+    target: str
+    is_begin: bool
+
+
+class FaultSchedule:
+    """The faults that are there or are to come; past ones are in `events` only.
+
+    Attributes:
+        due: when `advance` has something to do [ns]: in each tick while a fault is there, since
+            somebody may clear it after any of them, which is then its end.
+        events: what began and ended last, oldest first.
+    """
+
+    def __init__(self) -> None:
+        self.due = NEVER
+        self.events: deque[FaultEvent] = deque(maxlen=_KEPT_EVENTS)
+        self._origin = self._now = 0
+        self._faults: list[Fault] = []
+
+    @property
+    def active(self) -> tuple[Fault, ...]:
+        """The faults that are there now."""
+        return tuple(fault for fault in self._faults if fault.is_active)
+
+    def start(self, now: int) -> None:
+        """Let bench time begin at `now` [ns]."""
+        self._origin = self._now = now
+        self._set_due()
+
+    def advance(self, now: int) -> None:
+        """End and begin what is due at `now` [ns]."""
+        self._now = now
+        time = now - self._origin
+        for fault in self.active:
+            if fault.ends is not None and fault.ends <= time:
+                self._end(fault)
+        for fault in self._faults:
+            if not fault.is_active and (fault.begins is None or fault.begins <= time):
+                self._begin(fault, time)
+        self._set_due()
+
+    def clear(self, fault: Fault | None = None) -> None:
+        """End one fault, or all, those that are to come included."""
+        for each in list(self._faults) if fault is None else [fault]:
+            if each in self._faults:
+                self._end(each)
+        self._set_due()
+
+    def add(self, kind: FaultKind, target: str, effect: Effect, when: When) -> Fault:
+        """Return a new fault, which begins by itself.
+
+        Raises:
+            TypeError: `when` has a key that is none.
+        """
+        if unknown := set(when) - set(When.__annotations__):
+            raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'")
+        at, duration = when.get("at"), when.get("duration")
+        fault = Fault(
+            kind,
+            target,
+            effect,
+            begins=None if at is None else to_ns("at", at),
+            duration=None if duration is None else to_ns("duration", duration),
+            clear=self.clear,
+        )
+        self._faults.append(fault)
+        self._set_due()
+        return fault
+
+    def _begin(self, fault: Fault, time: int) -> None:
+        if fault.begins is None:
+            fault.begins = time
+        fault.effect.begin(self._now)
+        fault.is_active = True
+        self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=True))
+
+    def _end(self, fault: Fault) -> None:
+        self._faults.remove(fault)
+        if fault.is_active:
+            fault.is_active = False
+            fault.effect.end(self._now)
+            time = self._now - self._origin
+            self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=False))
+
+    def _set_due(self) -> None:
+        times = [0 if fault.is_active else fault.begins or 0 for fault in self._faults]
+        self.due = min((self._origin + time for time in times), default=NEVER)

@@ -1,0 +1,44 @@
+"""The nodes of the axis that is commissioned."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.encoder_406 import EncoderConfig
+from hil_bench.kinds.pressure_404 import PressureConfig
+from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.kinds.valve_408 import ValveConfig
+from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
+
+
+class Members(NamedTuple):
+    """The nodes of an axis."""
+
+    valve: ValveConfig
+    position: EncoderConfig
+    pressure_a: PressureConfig
+    pressure_b: PressureConfig
+
+
+def find_members(config: BenchConfig, axis: str) -> Members:
+    """Return the nodes of an axis: valve, position sensor, pressure transducers at A and B."""
+    nodes = [node for node in config.nodes if node.axis == axis]
+
+    def find(what: str, wanted: Callable[[NodeConfig], bool]) -> Any:  # noqa: ANN401 - of its type
+        for node in nodes:
+            if wanted(node):
+                return node
+        raise ConfigError(f"plant.{axis}: no node is its {what}; commissioning needs one")
+
+    return Members(
+        find(VALVE.name, lambda node: isinstance(node, ValveConfig)),
+        find(ENCODER.name, lambda node: isinstance(node, EncoderConfig)),
+        *(
+            find(
+                f"{PRESSURE.name} at {port}",
+                lambda node, port=port: node.kind.measured(node) == port,  # type: ignore[misc]
+            )
+            for port in PORTS
+        ),
+    )

@@ -1,0 +1,51 @@
+"""The short pieces into which a record is cut."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.machine.identification.record import AxisRecord
+
+_KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
+
+
+class Pieces(NamedTuple):
+    """Which pieces of a record.
+
+    Attributes:
+        rows: where each starts, ascending.
+        length: rows of each.
+    """
+
+    rows: npt.NDArray[np.int64]
+    length: int
+
+    def share(self, share: float) -> "Pieces":
+        """Return some of the pieces, spread evenly by chance; the same at each call."""
+        count = max(1, round(share * len(self.rows)))
+        chosen = np.random.default_rng(3).permutation(len(self.rows))[:count]
+        return Pieces(np.sort(self.rows[chosen]), self.length)
+
+    def chosen(self, which: npt.NDArray[np.bool_]) -> "Pieces":
+        """Return the pieces that are marked."""
+        return Pieces(self.rows[which], self.length)
+
+
+def cut_pieces(
+    record: AxisRecord, parts: Sequence[range], length: int, stroke_end: float
+) -> Pieces:
+    """Return the pieces of parts of a record that stay clear of the end stops.
+
+    Args:
+        record: what to cut.
+        parts: the rows that may be used, without gaps in each.
+        length: of each piece, in rows.
+        stroke_end: position of the stops [m].
+    """
+    starts = np.concatenate(
+        [np.arange(part.start, part.stop - length, length, dtype=np.int64) for part in parts]
+    )
+    reach = [np.abs(record.measured[row : row + length + 1, 0]).max() for row in starts]
+    return Pieces(starts[np.array(reach, dtype=np.float64) < stroke_end - _KEPT_OFF], length)

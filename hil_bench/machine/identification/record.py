@@ -1,0 +1,259 @@
+"""The part of a recording that identification reads, checked: one axis, SI units, even steps."""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.channels import TIME, Recording
+
+Values = npt.NDArray[np.float64]
+
+NEEDED = ("position", "P_A", "P_B", "spool_setpoint")
+"""Quantities of an axis that a recording must have."""
+
+SIGNALS = ("position", "P_A", "P_B")
+"""Quantities that the model is held against, in the order of every array of them."""
+
+_FLOORS = (0.3e-6, 1e3, 1e3)  # [m], [Pa]: below these nothing is gained
+_SHORTEST = 3.0  # [s]
+_SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
+_UNEVEN = 0.2  # of a row: a step that is off by more is a gap
+_LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
+_SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
+_FITTED = 0.8  # of each stretch; the rest is for the trial
+_ORDER = 8  # of the differences that show noise
+_BLOCK = 32  # rows over which their power is averaged
+_QUIET = 0.1  # of these blocks
+_QUIET_POWER = 0.480  # that quantile for white noise of power 1, from 10^8 normal numbers
+_MULTIPLE, _NEARLY_ALL = 0.01, 0.9  # how close to one, and of the steps
+_MOTION = 1e-3  # [m]
+_PACE = 50  # rows between two positions of which the way is counted: noise adds up less
+_ONE_WAY = 0.05  # of the way: less back than that is one way only
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisRecord:
+    """What was recorded of one axis; nothing in it reaches across a gap in time.
+
+    Attributes:
+        axis: its name.
+        times: of each row, shape (rows,) [s].
+        interval: between two rows, but for gaps [s].
+        stretches: the rows between two gaps.
+        full_opening: spool position that a set-point of 1 stood for [m].
+        setpoints: of the spool, each held over the interval that its row ends, shape (rows,) [m].
+        measured: position [m], P_A and P_B [Pa], shape (rows, 3).
+        spool: position of the spool [m], shape (rows,); None where it was not recorded.
+        noise: standard deviation of each of `measured`, shape (3,).
+    """
+
+    axis: str
+    times: Values
+    interval: float
+    stretches: tuple[range, ...]
+    full_opening: float
+    setpoints: Values
+    measured: Values
+    spool: Values | None
+    noise: Values
+
+    def __len__(self) -> int:
+        return len(self.setpoints)
+
+    @property
+    def fitted(self) -> list[range]:
+        """The rows for the fit, by stretch."""
+        return [range(rows.start + _SETTLED, _split(rows)) for rows in self.stretches]
+
+    @property
+    def tried(self) -> list[range]:
+        """The rows for the trial, by stretch."""
+        return [range(_split(rows), rows.stop) for rows in self.stretches]
+
+    @property
+    def moves_both_ways(self) -> bool:
+        """Whether the piston goes each way for a twentieth of all its way, and more than noise."""
+        ways = [
+            np.diff(self.measured[part.start : part.stop : _PACE, 0]) for part in self.stretches
+        ]
+        way = np.concatenate(ways)
+        forth, back = way[way > 0.0].sum(), -way[way < 0.0].sum()
+        return bool(min(forth, back) > max(_ONE_WAY * (forth + back), _MOTION))
+
+    def with_noise(self, noise: Values) -> Self:
+        """Return the record with a noise that is known better, above the floors."""
+        return replace(self, noise=np.maximum(noise, _FLOORS))
+
+    def rows_in(self, duration: float) -> int:
+        """Return how many rows span a duration [s], 10 at least."""
+        return max(10, round(duration / self.interval))
+
+    @classmethod
+    def of(cls, recording: Recording, axis: str, full_opening: float) -> Self:
+        """Return the record of an axis.
+
+        Args:
+            recording: has the `NEEDED` quantities of the axis.
+            axis: its name.
+            full_opening: spool position that a set-point of 1 stands for [m].
+        """
+        _check_columns(recording, axis)
+        times = recording[TIME.name]
+        interval = _check_times(times)
+        spool = f"{axis}.spool_position"
+        names = [f"{axis}.{quantity}" for quantity in NEEDED]
+        if spool in (recording.dtype.names or ()):
+            names.append(spool)
+        _check_finite(recording, names)
+        measured = np.column_stack([recording[f"{axis}.{name}"] for name in SIGNALS])
+        _check_motion(measured[:, 0], axis)
+        return cls(
+            axis=axis,
+            times=np.asarray(times, dtype=np.float64),
+            interval=interval,
+            stretches=_find_stretches(times, interval),
+            full_opening=full_opening,
+            setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
+            measured=measured,
+            spool=full_opening * recording[spool] if spool in names else None,
+            noise=np.array(
+                [estimate_noise(*pair) for pair in zip(measured.T, _FLOORS, strict=True)]
+            ),
+        )
+
+
+def estimate_noise(values: Values, floor: float) -> float:
+    """Return the standard deviation of a signal's noise.
+
+    Eighth differences leave little of what goes on smoothly from row to row, and of oscillations up
+    to a third of the sampling rate. Stiff oil rings after each step of the valve, so the quietest
+    tenth of the signal counts: of white noise, the power there is a known part of the mean.
+
+    Args:
+        values: of the signal.
+        floor: at least this, and at least the rounding of the sensor's smallest step.
+    """
+    return max(_quiet_noise(values), floor, _rounding(values))
+
+
+def _rounding(values: Values) -> float:
+    """Return the standard deviation of rounding to the smallest step between a signal's values.
+
+    It counts only where nearly all steps are multiples of the smallest one: the steps of an axis
+    that never rests are large, too.
+    """
+    steps = np.diff(np.unique(values))
+    if not len(steps):
+        return 0.0
+    multiples = steps / steps.min()
+    is_multiple = np.abs(multiples - np.rint(multiples)) < _MULTIPLE
+    return float(steps.min()) / math.sqrt(12.0) if is_multiple.mean() > _NEARLY_ALL else 0.0
+
+
+def _quiet_noise(values: Values) -> float:
+    """Return the standard deviation of noise in the quietest tenth of a signal."""
+    powers = np.square(np.diff(values, n=_ORDER)) / math.comb(2 * _ORDER, _ORDER)
+    blocks = len(powers) // _BLOCK
+    if not blocks:
+        return 0.0
+    means = powers[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)
+    return float(np.sqrt(np.quantile(means, _QUIET) / _QUIET_POWER))
+
+
+def _check_columns(recording: Recording, axis: str) -> None:
+    """Refuse a recording that lacks a quantity.
+
+    Raises:
+        ConfigError: it does; the message says which, and which axes it has.
+    """
+    names = recording.dtype.names or ()
+    lacking = [f"{axis}.{name}" for name in NEEDED if f"{axis}.{name}" not in names]
+    if not lacking:
+        return
+    axes = {name.rpartition(".")[0] for name in names if name.endswith(".spool_setpoint")}
+    has = f"it has {', '.join(sorted(axes))}" if axes else "it has no axis with a spool_setpoint"
+    raise ConfigError(
+        f"the recording lacks {', '.join(lacking)}, which identification needs; {has}"
+    )
+
+
+def _check_times(times: Values) -> float:
+    """Return the interval between two rows [s].
+
+    Raises:
+        ConfigError: there are too few rows, too rare ones, or gaps.
+    """
+    if len(times) < 2 or not np.isfinite(times).all() or times[-1] - times[0] < _SHORTEST:
+        span = times[-1] - times[0] if len(times) > 1 else 0.0
+        raise ConfigError(
+            f"the recording spans {span:g} s in {len(times)} rows; {_SHORTEST:g} s or more are "
+            "right"
+        )
+    steps = np.diff(times)
+    interval = float(np.median(steps))
+    if not 0.0 < interval <= _SLOWEST:
+        raise ConfigError(
+            f"the recording has a row each {interval * 1e3:g} ms; {_SLOWEST * 1e3:g} ms or less "
+            "are right"
+        )
+    return interval
+
+
+def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
+    """Return the rows between gaps, where these are long enough to serve.
+
+    Raises:
+        ConfigError: hardly any are.
+    """
+    steps = np.diff(times)
+    gaps = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
+    edges = [0, *(gaps + 1).tolist(), len(times)]
+    least = _LEAST_STRETCH / interval + _SETTLED
+    stretches = [range(*pair) for pair in itertools.pairwise(edges) if pair[1] - pair[0] >= least]
+    span = interval * sum(map(len, stretches))
+    if span < _SHORTEST - 2.0 * interval:
+        place = gaps[0]
+        raise ConfigError(
+            f"the recording has {len(gaps)} gaps in time, the first at {times[place]:g} s, of "
+            f"{steps[place] * 1e3:g} ms; {span:.3g} s of it are even for {_LEAST_STRETCH:g} s and "
+            f"more, {_SHORTEST:g} s are right"
+        )
+    return tuple(stretches)
+
+
+def _split(rows: range) -> int:
+    return rows.start + int(_FITTED * len(rows))
+
+
+def _check_finite(recording: Recording, names: list[str]) -> None:
+    """Refuse values that are no numbers.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for name in names:
+        wrong = np.flatnonzero(~np.isfinite(recording[name]))
+        if len(wrong):
+            raise ConfigError(
+                f"the recording's {name} is no number in {len(wrong)} rows, first at "
+                f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
+            )
+
+
+def _check_motion(position: Values, axis: str) -> None:
+    """Refuse a record of an axis at rest.
+
+    Raises:
+        ConfigError: it is one.
+    """
+    travel = float(np.ptp(position))
+    if travel < _MOTION:
+        raise ConfigError(
+            f"{axis} moves by {travel * 1e3:.3g} mm in this recording; {_MOTION * 1e3:g} mm or "
+            "more are right, in both directions"
+        )

@@ -1,0 +1,301 @@
+"""The model held against a record in short pieces, each started anew from the record.
+
+Over a whole record the model drifts off wherever the piston sticks and slips, so that far values
+of the parameters tell nothing of the near ones. Over a piece of some hundred milliseconds it does
+not. The four states at the start of each piece (piston position and velocity, both pressures) are
+unknowns too: they start at smoothed measurements, and what a change of them could explain is taken
+out of the residuals (variable projection: Kaufman 1975, BIT 15, 49-57).
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.machine.identification.loss import cost_of, pull_of
+from hil_bench.machine.identification.pieces import Pieces
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.smoothing import smooth_states
+from hil_bench.machine.identification.spool import recorded_spool
+from hil_bench.machine.identification.unknowns import Guess
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, run_starts, spread_setpoints
+
+Values = npt.NDArray[np.float64]
+Marks = npt.NDArray[np.bool_]
+
+_STEPS = np.array([1e-8, 1e-6, 10.0, 10.0])
+"""Longest steps of the start's states for the slopes [m, m/s, Pa, Pa]."""
+
+SMALL = 0.03
+"""Norm of a piece's change beyond which a step for slopes is shortened: small beside the noise.
+
+Where a slow piston is about to slip, a longer step gives a chord, not a slope, and the fit stops
+short of the optimum.
+"""
+
+_HAIR = 30.0  # times the median piece's: a start of which so much comes amplifies its own errors
+_SANE = 100.0  # times the spreads
+_LOST = 1.3  # times the median rms: a piece whose start may sit in a side minimum of its own
+
+_DAMPINGS = np.array([0.0, 1e-2, 1.0, 1e2, 1e4])  # that are tried, times that of the last step
+ROUNDING = 1e-12
+"""Damping of the same order as rounding, which keeps any matrix regular."""
+
+_LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
+_LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
+_AWFUL = 1e3  # stands for a residual that is no number
+
+
+@dataclass(slots=True)
+class Shooting:
+    """Pieces of a record beside the model's run of each.
+
+    Attributes:
+        record: the measurement.
+        options: of the plant.
+        pieces: of the record.
+        substeps: solver steps an interval of the record.
+        scale: what a residual of each signal counts in, shape (3,).
+        knee: of the loss under which starts settle, in multiples of the scale.
+        smoothed: the states of the whole record, as `smooth_states` gives them.
+        states: at the start of each piece, shape (pieces, 4) [m, m/s, Pa, Pa].
+        spreads: of the states about the smoothed measurements, shape (4,).
+        steps: of the states for slopes, shape (pieces, 4).
+        damping: of each piece's next step of its states, shape (pieces,).
+    """
+
+    record: AxisRecord
+    options: PlantOptions
+    pieces: Pieces
+    substeps: int
+    scale: Values
+    knee: float = np.inf
+    smoothed: tuple[Values, Values] | None = None
+    states: Values = field(init=False)
+    spreads: Values = field(init=False)
+    steps: Values = field(init=False)
+    damping: Values = field(init=False)
+    _smooth: Values = field(init=False)
+    _measured: Values = field(init=False)
+    _setpoints: list[Values] = field(init=False)
+    _basis: Values = field(init=False)
+    _sizes: Values = field(init=False)
+
+    def __post_init__(self) -> None:
+        if self.smoothed is None:
+            self.smoothed = smooth_states(self.record)
+        states, spreads = self.smoothed
+        self._smooth = states[self.pieces.rows]
+        self.spreads = _LOOSENESS * spreads
+        self.restart()
+        rows = self.pieces.rows[:, np.newaxis] + 1 + np.arange(self.pieces.length)
+        self._measured = self.record.measured[rows]
+        self._setpoints = [
+            spread_setpoints(np.repeat(block, self.substeps, axis=1))
+            for block in np.split(self.record.setpoints[rows], range(LANES, len(rows), LANES))
+        ]
+        size = 3 * self.pieces.length + 4
+        self._basis = np.zeros((len(rows), size, 4))
+        self._sizes = np.zeros((len(rows), 4))
+
+    def restart(self) -> None:
+        """Put the states back to the smoothed measurements."""
+        self.states = self._smooth.copy()
+        self.damping = np.full(len(self.states), _FIRST_DAMPING)
+        self.steps = np.tile(_STEPS, (len(self.states), 1))
+
+    @property
+    def starts(self) -> dict[int, Values]:
+        """The states by the rows at which the pieces start."""
+        return dict(zip(self.pieces.rows.tolist(), self.states, strict=True))
+
+    def resume(self, starts: Mapping[int, Values]) -> None:
+        """Begin with the states that are known of a row."""
+        for number, row in enumerate(self.pieces.rows.tolist()):
+            self.states[number] = starts.get(row, self.states[number])
+
+    def predict(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+        """Return what each guess, from the states that go with it, says of each piece.
+
+        Returns:
+            Position [m] and the pressures that the sensors show [Pa], shape (guesses, pieces, rows
+            of a piece, 3).
+        """
+        spools = [
+            recorded_spool(guess.parameters, self.record)[self.pieces.rows] for guess in guesses
+        ]
+        seen = np.empty((len(guesses), *self._measured.shape))
+        blocks = range(len(self._setpoints))
+        jobs = [(number, block) for number in range(len(guesses)) for block in blocks]
+
+        def show(job: tuple[int, int]) -> None:
+            number, block = job
+            pieces = slice(block * LANES, (block + 1) * LANES)
+            starts = np.hstack([states[number][pieces], spools[number][pieces]])
+            run = self._run(guesses[number].parameters, block, starts)
+            seen[number, pieces] = run[:, :, [0, 2, 3]]
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(show, jobs))
+        for number, guess in enumerate(guesses):
+            seen[number, :, :, 1:] += guess.offsets
+        return seen
+
+    def residuals(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+        """Return the residuals, in multiples of `scale`, less what other starts could explain.
+
+        Args:
+            guesses: the parameters.
+            states: for each guess, near those where the starts were settled.
+
+        Returns:
+            Shape (guesses, values).
+        """
+        raw = self.raw(guesses, states)
+        raw -= np.einsum("pvk,gpk->gpv", self._basis, np.einsum("pvk,gpv->gpk", self._basis, raw))
+        return raw.reshape(len(guesses), -1)
+
+    def settle(self, guess: Guess, enough: float = 1e-6, most: int = 12) -> None:
+        """Move the states to where they fit best, and find their slopes there.
+
+        Each piece by itself by Levenberg and Marquardt, several dampings at once.
+
+        Args:
+            guess: the parameters.
+            enough: relative gain of a step below which it is a piece's last.
+            most: steps at most.
+        """
+        moving = np.arange(len(self.states))
+        for _ in range(most):
+            part = self.part(moving)
+            gains = part.advance(guess)
+            self._take(part, moving)
+            moving = moving[gains > enough]
+            if not len(moving):
+                break
+        _, slopes = self.slopes(guess)
+        self._sizes = np.linalg.norm(slopes, axis=1)
+        self._basis, _ = np.linalg.qr(slopes)
+
+    def advance(self, guess: Guess) -> Values:
+        """Make a step of each piece's states, where one is for the better.
+
+        Returns:
+            By how much the cost of each piece has fallen, of what it was.
+        """
+        raw, slopes = self.slopes(guess)
+        weights = pull_of(raw, self.knee)
+        normal = slopes.transpose(0, 2, 1) @ (slopes * weights[..., np.newaxis])
+        pull = np.einsum("pvk,pv->pk", slopes, raw * weights)
+        scale = np.einsum("pkk->pk", normal)[:, :, np.newaxis] * np.eye(4)
+        dampings = np.maximum(self.damping * _DAMPINGS[:, np.newaxis], ROUNDING)
+        damped = normal + dampings[:, :, np.newaxis, np.newaxis] * scale
+        shifts = -np.linalg.solve(damped, pull[..., np.newaxis])[..., 0]
+        trials = np.concatenate([self.states[np.newaxis], self.states + shifts * self.spreads])
+        costs = self._costs(self.raw([guess] * len(trials), list(trials)))
+        best, pieces = np.argmin(costs, axis=0), np.arange(len(self.states))
+        self.states = trials[best, pieces]
+        # None is for the better: take up where the most careful trial ends.
+        factors = np.array([_DAMPINGS[-1], _DAMPINGS[1], *_DAMPINGS[1:]])[best]
+        self.damping = np.clip(self.damping * factors, _LEAST_DAMPING, _MOST_DAMPING)
+        return np.asarray(1.0 - costs[best, pieces] / np.maximum(costs[0], 1e-300))
+
+    def relay(self, guess: Guess) -> None:
+        """Settle pieces that fit badly anew, from where the run of the piece before has ended.
+
+        Where the piston sticks and slips, a smoothed start may be a whole cycle off.
+        """
+        misfits = self.misfits(guess)
+        follows = np.append(False, np.diff(self.pieces.rows) == self.pieces.length)
+        ends = np.roll(self._ends(guess), 1, axis=0)
+        # A wrong guess may diverge.
+        is_sane = (np.abs(ends - self._smooth) < _SANE * self.spreads).all(axis=1)
+        lost = np.flatnonzero((misfits > _LOST * np.median(misfits)) & follows & is_sane)
+        if not len(lost):
+            return
+        again = self.part(lost)
+        again.states = ends[lost]
+        again.settle(guess)
+        better = again.misfits(guess) < misfits[lost]
+        self.states[lost[better]] = again.states[better]
+
+    def slopes(self, guess: Guess) -> tuple[Values, Values]:
+        """Return the residuals, and their slopes by the states in their spreads.
+
+        The next steps for slopes are short enough for each piece.
+        """
+        moved = [self.states, *(self.states + self.steps * one for one in np.eye(4))]
+        raw = self.raw([guess] * 5, moved)
+        slopes = (raw[1:] - raw[0]).transpose(1, 2, 0) / self.steps[:, np.newaxis]
+        self.shorten(np.linalg.norm(slopes, axis=1))
+        return raw[0], slopes * self.spreads
+
+    def shorten(self, sizes: Values) -> None:
+        """Make the steps for slopes small beside the noise, by the norms of the slopes."""
+        self.steps = np.minimum(_STEPS, SMALL / np.maximum(sizes, 1e-9))
+
+    def copy(self) -> "Shooting":
+        """Return the same with states of its own."""
+        return self.part(np.arange(len(self.states)))
+
+    def part(self, which: npt.NDArray[np.int64]) -> "Shooting":
+        """Return some of the pieces, with their states."""
+        pieces = Pieces(self.pieces.rows[which], self.pieces.length)
+        part = replace(self, pieces=pieces)
+        part.states, part.steps = self.states[which], self.steps[which]
+        part.damping = self.damping[which]
+        return part
+
+    def _take(self, part: "Shooting", which: npt.NDArray[np.int64]) -> None:
+        """Take over the states of some of the pieces."""
+        self.states[which], self.steps[which] = part.states, part.steps
+        self.damping[which] = part.damping
+
+    def misfits(self, guess: Guess) -> Values:
+        """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
+        (raw,) = self.raw([guess], [self.states])
+        return np.asarray(np.sqrt(np.square(raw).mean(axis=1)))
+
+    def turns_on_a_hair(self) -> Marks:
+        """Return in which pieces the motion amplifies the slightest error of the settled start."""
+        return np.asarray((self._sizes > _HAIR * np.median(self._sizes, axis=0)).any(axis=1))
+
+    def deviations(self, guess: Guess, states: Values) -> Values:
+        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
+        return np.asarray(self.predict([guess], [states])[0] - self._measured)
+
+    def _costs(self, raw: Values) -> Values:
+        return np.asarray(cost_of(raw, self.knee).sum(axis=-1))
+
+    def _ends(self, guess: Guess) -> Values:
+        """Return the states that the model has at the end of each piece, shape (pieces, 4)."""
+        spool = recorded_spool(guess.parameters, self.record)[self.pieces.rows]
+        ends = np.empty_like(self.states)
+        for block in range(len(self._setpoints)):
+            part = slice(block * LANES, (block + 1) * LANES)
+            starts = np.hstack([self.states[part], spool[part]])
+            ends[part] = self._run(guess.parameters, block, starts)[:, -1, :4]
+        return ends
+
+    def _run(self, parameters: PlantParameters, block: int, starts: Values) -> Values:
+        """Return what a plant shows in the pieces of a block, as `run_starts` does."""
+        starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
+        return run_starts(
+            (parameters, self.options),
+            starts,
+            self._setpoints[block],
+            dt=self.record.interval / self.substeps,
+            every=self.substeps,
+        )
+
+    def raw(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+        """Return residuals of signals and then of the states, shape (guesses, pieces, values)."""
+        seen = (self.predict(guesses, states) - self._measured) / self.scale
+        seen = np.nan_to_num(seen, nan=_AWFUL, posinf=_AWFUL, neginf=-_AWFUL)
+        offsets = np.array([[0.0, 0.0, *guess.offsets] for guess in guesses])[:, np.newaxis]
+        starts = (np.array(states) + offsets - self._smooth) / self.spreads
+        return np.concatenate([seen.reshape(*seen.shape[:2], -1), starts], axis=2)

@@ -1,0 +1,99 @@
+"""The plant that was found, on the part of the record that the fit has not seen."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+from hil_bench.machine.identification.fit import Fitter
+from hil_bench.machine.identification.pieces import Pieces, cut_pieces
+from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.shooting import Shooting
+from hil_bench.machine.identification.stages import FINE, LENGTH
+from hil_bench.machine.identification.unknowns import Guess
+
+Values = npt.NDArray[np.float64]
+
+
+class Run(NamedTuple):
+    """One run of the plant that was found over a part of the record.
+
+    Attributes:
+        rows: of the record, shape (rows,).
+        model: position [m], P_A and P_B [Pa], shape (rows, 3).
+    """
+
+    rows: npt.NDArray[np.int64]
+    model: Values
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """The plant that was found, beside the part of the record that was not used for the fit.
+
+    Attributes:
+        rows: of each piece of the record, shape (pieces, rows of a piece).
+        model: position [m], P_A and P_B [Pa], started anew in each piece, shape (*rows.shape, 3).
+        residual: rms of model less record of each signal, as a multiple of its noise, shape (3,).
+        runs: over each part of the record that was not used, started once.
+    """
+
+    rows: npt.NDArray[np.int64]
+    model: Values
+    residual: Values
+    runs: tuple[Run, ...]
+
+
+def trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
+    """Return the pieces of the part that the fit does not see.
+
+    Raises:
+        ConfigError: there are none clear of the end stops.
+    """
+    pieces = cut_pieces(record, record.tried, record.rows_in(LENGTH), stroke_end)
+    if not len(pieces.rows):
+        raise ConfigError(
+            "the last fifth of the recording, on which the model is tried, has no piece of "
+            f"{LENGTH:g} s clear of the end stops; give a longer one, and check stroke_mm"
+        )
+    return pieces
+
+
+def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
+    """Return the trial of a guess on these pieces."""
+    shooting = fitter.shooting(FINE, pieces)
+    shooting.settle(guess)
+    deviations = shooting.deviations(guess, shooting.states)
+    rows = _rows(pieces)
+    return Trial(
+        rows=rows,
+        model=fitter.record.measured[rows] + deviations,
+        residual=np.sqrt(np.square(deviations).mean(axis=(0, 1))) / fitter.record.noise,
+        runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
+    )
+
+
+def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
+    """Return one run over a part, from the settled start of its first piece."""
+    first = int(np.searchsorted(settled.pieces.rows, part.start))
+    start = settled.pieces.rows[first : first + 1]
+    pieces = Pieces(start, part.stop - 1 - int(start[0]))
+    shooting = fitter.shooting(FINE, pieces)
+    deviations = shooting.deviations(guess, settled.states[first : first + 1])
+    (rows,) = _rows(pieces)
+    return Run(rows, fitter.record.measured[rows] + deviations[0])
+
+
+def _parts(record: AxisRecord, pieces: Pieces) -> list[range]:
+    """Return the parts for the trial that have pieces."""
+    return [
+        part
+        for part in record.tried
+        if ((pieces.rows >= part.start) & (pieces.rows < part.stop)).any()
+    ]
+
+
+def _rows(pieces: Pieces) -> npt.NDArray[np.int64]:
+    return np.asarray(pieces.rows[:, np.newaxis] + 1 + np.arange(pieces.length))

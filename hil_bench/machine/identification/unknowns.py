@@ -1,0 +1,166 @@
+"""What is sought: names, and the free variables that stand for them in the fit.
+
+A positive parameter is sought as the logarithm of its ratio to a reference, so that steps are
+relative and no step makes it negative. Dead-zone, leakage and F_s / F_c - 1 may be 0, and are
+sought as multiples of a scale.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, paper_parameters
+
+Values = npt.NDArray[np.float64]
+
+OFFSETS = ("offset_A", "offset_B")
+"""Errors of the pressure sensors: sought beside the parameters, and no part of the result."""
+
+_OFFSET_SCALE = 1e5  # [Pa]: the standard deviation that they are expected to have
+
+
+class Kind(NamedTuple):
+    """How one unknown is sought.
+
+    Attributes:
+        is_log: whether as a logarithm, or else as a multiple of the scale.
+        lowest: bound of the free variable.
+        highest: bound of the free variable.
+        spread: standard deviation that the free variable is expected to have about its start.
+        step: for the slopes.
+        told_within: standard deviation up to which a record tells it.
+    """
+
+    is_log: bool
+    lowest: float
+    highest: float
+    spread: float
+    step: float
+    told_within: float
+
+
+_RATIO = Kind(is_log=True, lowest=-3.0, highest=3.0, spread=1.0, step=2e-3, told_within=0.1)
+
+KINDS: Mapping[str, Kind] = {
+    "w": _RATIO,
+    "beta": Kind(is_log=False, lowest=0.0, highest=20.0, spread=1.0, step=2e-3, told_within=0.1),
+    "alpha": _RATIO,
+    "omega_0": _RATIO,
+    "xi": _RATIO,
+    # Air and pipes take the bulk modulus of good oil down by a factor of ten and more.
+    "E": _RATIO._replace(lowest=-4.0, highest=4.0, spread=3.0),
+    "F_c": _RATIO,
+    "F_s": Kind(is_log=False, lowest=0.0, highest=10.0, spread=1.0, step=2e-3, told_within=0.1),
+    "sigma": _RATIO,
+    "chi": _RATIO,
+    "C_L": Kind(is_log=False, lowest=0.0, highest=1e3, spread=30.0, step=0.05, told_within=1.0),
+    "m": _RATIO,
+}
+"""All unknowns, in the order of the report."""
+
+_OFFSET = Kind(is_log=False, lowest=-20.0, highest=20.0, spread=1.0, step=5e-3, told_within=np.inf)
+
+
+class Guess(NamedTuple):
+    """What a vector of free variables stands for.
+
+    Attributes:
+        parameters: of the plant.
+        offsets: errors of both pressure sensors, shape (2,) [Pa].
+    """
+
+    parameters: PlantParameters
+    offsets: Values
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """The free variables of a fit: one for each name, then the sensors' offsets.
+
+    Attributes:
+        known: what is configured; what is not sought stays as it is there.
+        names: the sought parameters, of `KINDS`.
+    """
+
+    known: PlantParameters
+    names: tuple[str, ...]
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """How each free variable is sought."""
+        return [*(KINDS[name] for name in self.names), *(_OFFSET for _ in OFFSETS)]
+
+    @property
+    def start(self) -> Values:
+        """The free variables of what is configured."""
+        return self.variables_of(Guess(self.known, np.zeros(2)))
+
+    @property
+    def bounds(self) -> tuple[Values, Values]:
+        """Lowest and highest of each free variable."""
+        lowest, highest = zip(*((kind.lowest, kind.highest) for kind in self.kinds), strict=True)
+        return np.array(lowest), np.array(highest)
+
+    @property
+    def spreads(self) -> Values:
+        """Expected standard deviation of each free variable about `start`."""
+        return np.array([kind.spread for kind in self.kinds])
+
+    @property
+    def steps(self) -> Values:
+        """Step of each free variable for the slopes."""
+        return np.array([kind.step for kind in self.kinds])
+
+    def guess(self, variables: Values) -> Guess:
+        """Return what the free variables stand for."""
+        values: dict[str, float] = {}
+        for name, variable in zip(self.names, variables.tolist(), strict=False):
+            scale = scale_of(name, self.known)
+            values[name] = scale * (np.exp(variable) if KINDS[name].is_log else variable)
+        F_c = values.get("F_c", self.known.F_c)  # noqa: N806 - the paper's symbol
+        sought = F_c * (1.0 + values["F_s"]) if "F_s" in values else self.known.F_s
+        values["F_s"] = max(sought, F_c)
+        for name in ("beta", "C_L"):
+            values[name] = max(values.get(name, getattr(self.known, name)), 0.0)
+        return Guess(replace(self.known, **values), _OFFSET_SCALE * variables[len(self.names) :])
+
+    def variables_of(self, guess: Guess) -> Values:
+        """Return the free variables that stand for a guess, within the bounds."""
+        variables = [self._variable(name, guess.parameters) for name in self.names]
+        lowest, highest = self.bounds
+        return np.asarray(np.clip([*variables, *(guess.offsets / _OFFSET_SCALE)], lowest, highest))
+
+    def without(self, names: Sequence[str]) -> "Unknowns":
+        """Return the unknowns less some of them."""
+        return Unknowns(self.known, tuple(name for name in self.names if name not in names))
+
+    def _variable(self, name: str, parameters: PlantParameters) -> float:
+        if name == "F_s":
+            return _excess(parameters)
+        ratio = getattr(parameters, name) / scale_of(name, self.known)
+        if not KINDS[name].is_log:
+            return float(ratio)
+        return float(np.log(ratio)) if ratio > 0.0 else 0.0
+
+
+def scale_of(name: str, known: PlantParameters) -> float:
+    """Return what a free variable of a parameter counts in.
+
+    It is the configured value, or Table I's where none is configured. Leakage counts in a
+    thousandth of what the fully open valve lets through at supply pressure; F_s in the excess over
+    F_c.
+    """
+    if name == "F_s":
+        return 1.0
+    if name == "C_L":
+        return float(1e-3 * known.K * known.alpha / np.sqrt(known.P_S - known.P_T))
+    return float(getattr(known, name) or getattr(paper_parameters(), name))
+
+
+def _excess(parameters: PlantParameters) -> float:
+    if not parameters.F_c:
+        return _excess(paper_parameters())
+    return parameters.F_s / parameters.F_c - 1.0

@@ -1,0 +1,22 @@
+"""The twin beside the machine: the bench's plant on the commands that the real valve gets.
+
+`decoder` reads what the machine's devices say off the bus, `sample_clock` when they measured it;
+`node_states` and `followed_valve` take over the states in which the machine is, so that the twin
+can join at any moment. `twin` runs the same plant on the frames that the controller sends,
+`axis_twin` sets both side by side. Nothing is ever sent.
+"""
+
+from hil_bench.machine.shadow.axis_twin import Correction, Window
+from hil_bench.machine.shadow.limits import fit_limits, widening
+from hil_bench.machine.shadow.residual import Residual
+from hil_bench.machine.shadow.twin import Sample, Shadow
+
+__all__ = [
+    "Correction",
+    "Residual",
+    "Sample",
+    "Shadow",
+    "Window",
+    "fit_limits",
+    "widening",
+]

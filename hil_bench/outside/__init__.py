@@ -1,0 +1,1 @@
+"""The world outside a bench: buses, files, clocks, and processes beside the loop."""

@@ -1,0 +1,37 @@
+"""How a paced loop runs: what is asked of the operating system, and what an overrun does."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class RealtimePolicy(StrEnum):
+    """How the operating system schedules a paced loop."""
+
+    OFF = "off"
+    FIFO = "fifo"
+    DEADLINE = "deadline"
+
+
+class OverrunPolicy(StrEnum):
+    """What a paced loop does after a tick that took longer than its period."""
+
+    COUNT = "count"
+    SKIP = "skip"
+    STOP = "stop"
+
+
+@dataclass(frozen=True, slots=True)
+class RealtimeConfig:
+    """How a paced loop runs.
+
+    Attributes:
+        policy: with which real-time policy.
+        priority: of SCHED_FIFO, 1 to 98.
+        cpu: the only processor on which it runs, None for any.
+        overrun: what it does after a tick that took too long.
+    """
+
+    policy: RealtimePolicy = RealtimePolicy.OFF
+    priority: int = 80
+    cpu: int | None = None
+    overrun: OverrunPolicy = OverrunPolicy.COUNT

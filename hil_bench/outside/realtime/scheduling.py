@@ -1,0 +1,160 @@
+"""What the process asks of the operating system so that the loop is not held up.
+
+Some of it needs no permission: the garbage collector is set aside, and the timer slack is 1 ns in
+place of 50 us. The rest is what `RealtimeConfig` wants: a real-time policy, locked memory, a
+processor. What the system refuses is left out, with one warning that says what to grant.
+
+A loop with a real-time policy that never waits would take its processor from everybody else. After
+`SPIN` without a wait it loses the policy, with a warning; where Python does not come to see to
+that, the kernel ends the process after `LONGEST_SPIN`.
+"""
+
+import gc
+import logging
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+
+from hil_bench.outside.realtime import linux
+from hil_bench.outside.realtime.permissions import (
+    GRANT_DEADLINE,
+    GRANT_MEMORY,
+    GRANT_PRIORITY,
+    IS_LINUX,
+    NOT_LINUX,
+    format_cpus,
+    may_lock_memory,
+)
+from hil_bench.outside.realtime.policy import RealtimeConfig, RealtimePolicy
+
+logger = logging.getLogger(__name__)
+
+TIMER_SLACK = 1
+"""How late the kernel may wake the loop [ns]."""
+
+DEADLINE_SHARE = 0.5
+"""Share of each period that SCHED_DEADLINE reserves for the loop, which is also all it gives."""
+
+SPIN = 1.0
+"""Longest time that a loop keeps its real-time policy without waiting [s]."""
+
+LONGEST_SPIN = 5.0
+"""Longest time that a process with a real-time policy lives without waiting [s]."""
+
+
+@contextmanager
+def undisturbed_by_garbage_collection() -> Iterator[None]:
+    """Keep the cyclic garbage collector out of a paced run.
+
+    What exists at the start is collected once and then set aside; until the end nothing is
+    searched. Reference counting still frees what the ticks use, as long as they build no cycles.
+    The collector is left as it was found, after an exception too.
+    """
+    was_enabled = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if was_enabled:
+            gc.enable()
+
+
+@contextmanager
+def undisturbed(realtime: RealtimeConfig, period: int) -> Iterator[None]:
+    """Let nothing hold up the paced loop of this thread, as far as the system permits.
+
+    All is as it was when the block ends.
+
+    Args:
+        realtime: what to ask for beyond what needs no permission.
+        period: time between ticks [ns].
+    """
+    with ExitStack() as stack:
+        stack.enter_context(undisturbed_by_garbage_collection())
+        _reduce_timer_slack(stack)
+        for take, what, grant in _wanted(realtime, period):
+            try:
+                take(stack)
+            except (OSError, OverflowError):
+                logger.warning("%s; %s", what, grant if IS_LINUX else NOT_LINUX)
+        yield
+
+
+_Take = Callable[[ExitStack], None]
+
+
+def _wanted(realtime: RealtimeConfig, period: int) -> Iterator[tuple[_Take, str, str]]:
+    """Yield what to take, what to say where it is refused, and what to grant.
+
+    Yields:
+        The three.
+    """
+    if realtime.cpu is not None:
+        permitted = f"this process may use {format_cpus(linux.processors())}" if IS_LINUX else ""
+        what = f"loop not tied to processor {realtime.cpu}"
+        yield partial(_take_processor, cpu=realtime.cpu), what, permitted
+    if realtime.policy is RealtimePolicy.OFF:
+        return
+    yield _lock_memory, "memory not locked", GRANT_MEMORY
+    if realtime.policy is RealtimePolicy.FIFO:
+        what = f"no SCHED_FIFO with priority {realtime.priority}"
+        yield partial(_take_fifo, priority=realtime.priority), what, GRANT_PRIORITY
+    else:
+        yield partial(_take_deadline, period=period), "no SCHED_DEADLINE", GRANT_DEADLINE
+
+
+def _reduce_timer_slack(stack: ExitStack) -> None:
+    with suppress(OSError):  # other systems have none
+        stack.callback(linux.set_timer_slack, linux.timer_slack())
+        linux.set_timer_slack(TIMER_SLACK)
+
+
+def _take_processor(stack: ExitStack, *, cpu: int) -> None:
+    before = linux.processors()
+    linux.set_processors({cpu})
+    stack.callback(linux.set_processors, before)
+
+
+def _lock_memory(stack: ExitStack) -> None:
+    if not may_lock_memory():
+        raise PermissionError
+    linux.lock_memory()
+    stack.callback(linux.unlock_memory)
+
+
+def _take_fifo(stack: ExitStack, *, priority: int) -> None:
+    _limit_spinning(stack)
+    restore = linux.policy_restorer()
+    linux.set_fifo_policy(priority)
+    stack.callback(restore)
+
+
+def _take_deadline(stack: ExitStack, *, period: int) -> None:
+    _limit_spinning(stack)
+    restore = linux.policy_restorer()
+    linux.set_deadline_policy(round(DEADLINE_SHARE * period), period)
+    stack.callback(restore)
+
+
+def _limit_spinning(stack: ExitStack) -> None:
+    """Have the kernel watch that the loop waits; only the main thread can hear of it."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+    stack.callback(linux.limit_spinning(SPIN, LONGEST_SPIN))
+    before = signal.signal(signal.SIGXCPU, _give_up_policy)
+    stack.callback(signal.signal, signal.SIGXCPU, before)
+
+
+def _give_up_policy(_signal: int, _frame: object) -> None:
+    """Answer SIGXCPU, which comes each second while the loop spins."""
+    linux.set_normal_policy()
+    logger.warning(
+        "the loop ran for %g s without waiting: it goes on at normal priority, so that this "
+        "machine can be used; give it less to do or a longer tick_us",
+        SPIN,
+    )

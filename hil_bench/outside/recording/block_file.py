@@ -1,0 +1,150 @@
+"""Files that are written in blocks while the bench runs."""
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from hil_bench.errors import ConfigError, RecordingError
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+
+
+class BlockFile(Protocol):
+    """A file of a recording; what its format has no place for, it leaves out.
+
+    After an `OSError` from any method the file ends with the last complete block.
+    """
+
+    path: Path
+
+    def write_rows(self, rows: Recording) -> None:
+        """Append rows of signals."""
+
+    def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
+        """Append frames."""
+
+    def flush(self, *, durable: bool) -> None:
+        """Put on the disk what was written; see `OutputFile.flush`."""
+
+    def close(self) -> None:
+        """Write what is left and close the file."""
+
+    def abandon(self) -> None:
+        """Close the file as it is, after an `OSError`."""
+
+
+class OutputFile:
+    """A file to append to, in which written bytes may be replaced later.
+
+    Args:
+        path: the file; one that is there is replaced.
+        head: what it begins with.
+
+    Attributes:
+        path: as passed in.
+        size: bytes in it.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+
+    def __init__(self, path: Path, head: bytes = b"") -> None:
+        self.path = path
+        self.size = 0
+        try:
+            self._file = path.open("wb", buffering=0)
+            self._begin(head)
+        except OSError as error:
+            raise ConfigError(why_unwritable(path, error)) from None
+
+    def _begin(self, head: bytes) -> None:
+        try:
+            self.append(head)
+        except OSError:
+            self.abandon()
+            raise
+
+    def append(self, data: bytes) -> int:
+        """Write at the end, and return the address.
+
+        Raises:
+            OSError: it could not be written whole; then none of it is in the file.
+        """
+        address = self.size
+        try:
+            self._write(address, data)
+        except OSError:
+            with contextlib.suppress(OSError):  # what is not there cannot be cut off either
+                self._file.truncate(address)
+            raise
+        self.size += len(data)
+        return address
+
+    def overwrite(self, address: int, data: bytes) -> None:
+        """Replace bytes."""
+        self._write(address, data)
+
+    def flush(self, *, durable: bool) -> None:
+        """Make sure that what was written is in a file with our name.
+
+        Args:
+            durable: have it on the disk, where a power cut leaves it, not only with the system.
+
+        Raises:
+            RecordingError: the file or its folder has vanished.
+        """
+        if not self._is_still_there():
+            raise RecordingError("the file or its folder has vanished")
+        if durable:
+            os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file, whatever the system says to that."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _write(self, address: int, data: bytes) -> None:
+        view = memoryview(data)
+        with naming(self.path):
+            self._file.seek(address)
+            while view:
+                written = self._file.write(view)
+                if not written:
+                    raise RecordingError("the file takes no more")
+                view = view[written:]
+
+    def _is_still_there(self) -> bool:
+        try:
+            return os.path.samestat(self.path.stat(), os.fstat(self._file.fileno()))
+        except (FileNotFoundError, NotADirectoryError):
+            return False
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Have an `OSError` of the block name the file: one of a full disk does not by itself.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        OSError: that of the block.
+    """
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
+def why_unwritable(path: Path, error: OSError) -> str:
+    """Return what to say of a file that cannot be opened for writing."""
+    if path.is_dir():
+        return f"{path}: is a directory; give the name of a file to write"
+    return f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"

@@ -1,0 +1,83 @@
+"""Which file a suffix stands for."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording import frames
+from hil_bench.outside.recording.block_file import BlockFile, why_unwritable
+from hil_bench.outside.recording.channels import TIME, Channel
+from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.mdf_writer import MdfFile
+from hil_bench.outside.recording.signal_csv import SignalCsvFile
+
+SIGNAL_SUFFIXES = (".csv", ".mf4")
+"""Formats with a place for signals."""
+
+FRAME_SUFFIXES = (*frames.SUFFIXES, ".mf4")
+"""Formats with a place for frames."""
+
+SUFFIXES = (".csv", *frames.SUFFIXES, ".mf4")
+"""All formats."""
+
+
+class Heading(NamedTuple):
+    """What a recording says of itself, in the formats with a place for it.
+
+    Attributes:
+        comment: in words.
+        started: date of time 0; None where time is virtual.
+    """
+
+    comment: str = ""
+    started: datetime | None = None
+
+
+NO_HEADING = Heading()
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file whose suffix stands for no format.
+
+    Raises:
+        ConfigError: it says which do.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigError(
+            f'{path}: no recording has the suffix "{path.suffix}"; give a file name that ends in '
+            ".mf4 (signals and frames), .csv (signals), .blf, .asc or .log (frames)"
+        )
+
+
+def open_block_file(
+    path: Path, channels: Sequence[Channel], heading: Heading = NO_HEADING
+) -> BlockFile:
+    """Return a new file of a recording.
+
+    Args:
+        path: the file; its suffix, one of `SUFFIXES`, is its format.
+        channels: the signals after `TIME`.
+        heading: what it says of itself.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    check_suffix(path)
+    try:
+        return _open(path, channels, heading)
+    except OSError as error:
+        raise ConfigError(why_unwritable(path, error)) from None
+
+
+def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFile:
+    match path.suffix.lower():
+        case ".csv":
+            return SignalCsvFile(path, (TIME, *channels))
+        case ".mf4":
+            return MdfFile(
+                path, (TIME, *channels), comment=heading.comment, started=heading.started
+            )
+        case _:
+            return FrameFile(path, heading.started)

@@ -1,0 +1,347 @@
+"""Bus traffic as a file, in the formats that CAN tools read."""
+
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any, Self
+
+import can
+from can.io.asc import ASCReader, ASCWriter
+from can.io.blf import BLFParseError, BLFReader, BLFWriter
+from can.io.canutils import CanutilsLogReader
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.block_file import OutputFile
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.mdf_reader import read_mdf
+
+SUFFIXES = (".asc", ".blf", ".log")
+"""Vector's ASC and BLF, candump's log."""
+
+_Reader = Callable[[Any], Iterable[can.Message]]
+
+_TEXT_READERS: dict[str, _Reader] = {
+    ".asc": ASCReader,
+    ".log": CanutilsLogReader,
+}
+
+_NO_DATE = datetime(1970, 1, 1)  # noqa: DTZ001 - the format has local time
+"""Of an ASC file in virtual time: the same bytes whenever it was written."""
+
+_EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
+"""An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
+
+_DIRECTIONS = (" R", " T")
+"""How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
+damaged, so ours end with the data, as those of candump do."""
+
+
+class FrameFile:
+    """A file of frames on the recording's time base, written block by block.
+
+    Args:
+        path: the file; its suffix, one of `SUFFIXES`, is its format.
+        started: date of time 0, for the format that has one; None where time is virtual.
+
+    Raises:
+        ConfigError: the suffix is unknown, or the file cannot be written.
+    """
+
+    def __init__(self, path: Path, started: datetime | None = None) -> None:
+        self.path = path
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
+            raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
+        self._sink: _CandumpSink | _AscSink | _BlfSink
+        match suffix:
+            case ".log":
+                self._sink = _CandumpSink(path)
+            case ".asc":
+                self._sink = _AscSink(path, started)
+            case _:
+                self._sink = _BlfSink(path)
+
+    def write_rows(self, rows: Recording) -> None:
+        """Leave signals out: the format has no place for them."""
+
+    def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
+        """Append frames."""
+        self._sink.write(frames)
+
+    def flush(self, *, durable: bool) -> None:
+        """Put on the disk what was written; see `OutputFile.flush`."""
+        self._sink.flush(durable=durable)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._sink.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._sink.abandon()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _CandumpSink:
+    """Appends lines as candump -L writes them."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = OutputFile(path)
+
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        self._file.append("".join(map(_candump_line, frames)).encode())
+
+    def flush(self, *, durable: bool) -> None:
+        self._file.flush(durable=durable)
+
+    def close(self) -> None:
+        self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
+
+
+def _candump_line(logged: LoggedFrame) -> str:
+    frame, (seconds, nanoseconds) = logged.frame, divmod(logged.now, 1_000_000_000)
+    digits = f"{frame.can_id:08X}" if frame.is_extended else f"{frame.can_id:03X}"
+    data = "R" if frame.is_remote else frame.data.hex().upper()
+    return f"({seconds}.{nanoseconds // 1000:06d}) can{frame.bus} {digits}#{data}\n"
+
+
+class _AscWriter(ASCWriter):
+    """Heads the file with the date of time 0, where python-can has that of writing."""
+
+    def __init__(self, text: "_Text", started: datetime | None) -> None:
+        self._started = started.astimezone() if started else _NO_DATE
+        super().__init__(text)
+
+    def _format_header_datetime(self, dt: datetime) -> str:  # noqa: ARG002 - python-can's
+        return super()._format_header_datetime(self._started)
+
+
+class _AscSink:
+    """Has python-can write lines into memory, and appends them to the file as one block."""
+
+    def __init__(self, path: Path, started: datetime | None) -> None:
+        self._file = OutputFile(path)
+        self._text = _Text()
+        self._writer = _AscWriter(self._text, started)
+        # Its times count from its first entry, and ours from the recording's start.
+        self._writer.log_event("Start of recording", 0.0)
+
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        for logged in frames:
+            self._writer(message_of(logged))
+        self._append()
+
+    def flush(self, *, durable: bool) -> None:
+        self._append()
+        self._file.flush(durable=durable)
+
+    def close(self) -> None:
+        self._writer.stop()
+        try:
+            self._append()
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
+
+    def _append(self) -> None:
+        text = self._text.getvalue()
+        self._text.seek(0)
+        self._text.truncate()
+        self._file.append(text.encode())
+
+
+class _Text(io.StringIO):
+    """Text that outlives the writer that closes it."""
+
+    def close(self) -> None:
+        """Stay open."""
+
+
+class _BlfSink:
+    """Has python-can write containers into memory, and appends them to the file as one block."""
+
+    def __init__(self, path: Path) -> None:
+        self._writer = _BlockBlfWriter()
+        self._file = OutputFile(path, self._writer.take_head(0))
+
+    def write(self, frames: Iterable[LoggedFrame]) -> None:
+        for logged in frames:
+            self._writer(message_of(logged))
+
+    def flush(self, *, durable: bool) -> None:
+        self._append()
+        self._file.flush(durable=durable)
+
+    def close(self) -> None:
+        try:
+            self._append()
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        self._file.abandon()
+
+    def _append(self) -> None:
+        self._file.append(self._writer.take_containers())
+        self._file.overwrite(0, self._writer.take_head(self._file.size))
+
+
+class _BlockBlfWriter(BLFWriter):
+    """python-can's writer, which by itself waits for 128 KiB and for its end."""
+
+    def __init__(self) -> None:
+        self._memory = io.BytesIO()
+        super().__init__(self._memory)
+        self.start_timestamp = 0.0  # ours count from the recording's start, not the first frame
+
+    def take_containers(self) -> bytes:
+        """Return what is to be appended."""
+        while self._buffer_size:
+            self._flush()
+        return self._take()
+
+    def take_head(self, size: int) -> bytes:
+        """Return the head of a file of that size."""
+        self._take()
+        self._write_header(size)
+        return self._take()
+
+    def _take(self) -> bytes:
+        content = self._memory.getvalue()
+        self._memory.seek(0)
+        self._memory.truncate()
+        return content
+
+
+def read_frames(path: Path) -> Iterator[LoggedFrame]:
+    """Yield the frames of a recording.
+
+    A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
+    are left out. A candump log says of no frame whether it was received, unless python-can wrote
+    it.
+
+    Yields:
+        The frames, in the order of the file.
+
+    Raises:
+        ConfigError: the file cannot be read, or holds no frames.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".mf4":
+        yield from read_mdf(path).frames
+        return
+    if suffix not in SUFFIXES:
+        right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
+        raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}; give a log of frames"
+        ) from None
+    with file:
+        if suffix == ".blf":
+            yield from map(logged_frame_of, _messages(path, _BlfReader, file))
+            return
+        lines = _CompleteLines(file, encoding="utf-8")
+        for message in _messages(path, _TEXT_READERS[suffix], lines):
+            logged = logged_frame_of(message)
+            is_silent = suffix == ".log" and not lines.says_direction
+            yield logged._replace(is_received=None) if is_silent else logged
+
+
+class _BlfReader(BLFReader):
+    """Ends at an object that claims no bytes at all: python-can would read it forever."""
+
+    def _parse_container(self, data: bytes) -> Iterator[can.Message]:
+        data, self._tail = self._tail + data, b""
+        empty = _EMPTY_OBJECT.search(data)
+        yield from super()._parse_container(data[: empty.start()] if empty else data)
+        if empty:
+            raise BLFParseError("an object of the file claims no bytes")
+
+
+class _CompleteLines(io.TextIOWrapper):
+    """Lines up to one that lacks its end, as a killed writer leaves it.
+
+    Attributes:
+        says_direction: whether the last line ends as one of python-can's candump logs.
+    """
+
+    says_direction = False
+
+    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
+        line = super().__next__()
+        if not line.endswith("\n"):
+            raise StopIteration
+        self.says_direction = line.rstrip().endswith(_DIRECTIONS)
+        return line
+
+
+def _messages(path: Path, reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+    """Yield messages until the end, or until what a killed writer left half written.
+
+    Yields:
+        Those of classical CAN.
+
+    Raises:
+        ConfigError: not one frame could be read.
+    """
+    messages, is_empty = _begin(reader, source), True
+    while True:
+        try:
+            message = next(messages)
+        except StopIteration:
+            return
+        except Exception as error:  # python-can's readers raise what their parsing meets
+            if is_empty:
+                reason = (str(error).splitlines() or [type(error).__name__])[0]
+                raise ConfigError(f"{path}: is no log of frames: {reason}") from None
+            return
+        is_empty = False
+        if not (message.is_error_frame or message.is_fd):
+            yield message
+
+
+def _begin(reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+    yield from reader(source)
+
+
+def logged_frame_of(message: can.Message) -> LoggedFrame:
+    """Return a message of python-can as a recording holds it."""
+    frame = Frame(
+        message.arbitration_id,
+        bytes(message.data),
+        is_remote=message.is_remote_frame,
+        is_extended=message.is_extended_id,
+    )
+    return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
+
+
+def message_of(logged: LoggedFrame) -> can.Message:
+    """Return a recorded frame as python-can's message; the channel of the first bus is "can0"."""
+    frame = logged.frame
+    return can.Message(
+        timestamp=logged.now * 1e-9,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.is_extended,
+        is_remote_frame=frame.is_remote,
+        data=frame.data,
+        is_rx=logged.is_received is not False,
+        channel=f"can{frame.bus}",
+    )

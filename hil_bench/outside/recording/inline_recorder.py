@@ -1,0 +1,72 @@
+"""A recording written by the one whose ticks it records: for virtual time, which can wait."""
+
+import struct
+from collections.abc import Sequence
+from typing import Protocol
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.recorder import BLOCK_PERIOD, Recorder, RecordingPlan, warn
+from hil_bench.outside.recording.report import RecordingReport
+
+
+class RecordingSink(Protocol):
+    """Takes what is to be recorded: `RecorderProcess` and `InlineRecorder`."""
+
+    @property
+    def report(self) -> RecordingReport:
+        """What the recording holds so far."""
+
+    def start(self) -> None:
+        """Open the files."""
+
+    def stop(self) -> None:
+        """Write what there is and close the files."""
+
+    def append_row(self, values: Sequence[float]) -> None:
+        """Record a row: time [s], then a value a channel in its SI unit."""
+
+    def append_frames(self, frames: Sequence[Frame], now: int, *, is_received: bool) -> None:
+        """Record frames at a time [ns] that we received, or else sent."""
+
+
+class InlineRecorder:
+    """A recorder in the caller's thread that writes a block each `BLOCK_PERIOD` of bench time.
+
+    Args:
+        plan: what to record.
+    """
+
+    def __init__(self, plan: RecordingPlan) -> None:
+        plan.check()
+        self._plan = plan
+        self._row = struct.Struct(f"<{1 + len(plan.channels)}d")
+        self._block_end = BLOCK_PERIOD
+
+    @property
+    def report(self) -> RecordingReport:
+        """What the recording holds so far."""
+        return self._recorder.report
+
+    def start(self) -> None:
+        """Open the files."""
+        self._recorder = Recorder(self._plan, durable=False, tell=warn)
+
+    def stop(self) -> None:
+        """Write what there is and close the files."""
+        self._recorder.close()
+
+    def append_row(self, values: Sequence[float]) -> None:
+        """Record a row: time [s], then a value a channel in its SI unit."""
+        self._recorder.append_row(self._row.pack(*values))
+        self._end_block(values[0])
+
+    def append_frames(self, frames: Sequence[Frame], now: int, *, is_received: bool) -> None:
+        """Record frames at a time [ns] that we received, or else sent."""
+        self._recorder.append_frames([LoggedFrame(frame, now, is_received) for frame in frames])
+        self._end_block(now * 1e-9)
+
+    def _end_block(self, time: float) -> None:
+        if time >= self._block_end:
+            self._block_end = time + BLOCK_PERIOD
+            self._recorder.write_block()

@@ -1,0 +1,178 @@
+"""Reads the MF4 files that `mdf_writer` writes; other tools' files have other layouts.
+
+Whatever an address or a length says is checked before it is used: a file may be damaged or made up.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording import mdf_blocks as mdf
+from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+
+_MOST_CHANNELS = 10_000
+_LINKS = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 7, b"##HL": 1, b"##DL": 1}
+"""Links that are followed, and so must be there, of each kind of block."""
+
+
+class MdfContent(NamedTuple):
+    """What an MF4 file holds.
+
+    Attributes:
+        signals: the signals; without rows where there are none.
+        frames: the frames in the order of time.
+    """
+
+    signals: Recording
+    frames: list[LoggedFrame]
+
+
+def read_mdf(path: Path) -> MdfContent:
+    """Return what an MF4 file holds.
+
+    Raises:
+        ConfigError: it cannot be read, or is no MF4 of ours.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
+    try:
+        return _Reader(content).read()
+    except _CutOffError:
+        raise ConfigError(
+            f"{path}: is cut off or damaged: it ends after {len(content)} bytes, where a block "
+            "should be; give the whole recording"
+        ) from None
+    except (ValueError, struct.error, zlib.error, OverflowError) as error:
+        raise ConfigError(
+            f"{path}: is no recording of hil-bench: {error}; asammdf reads and converts other MF4"
+        ) from None
+
+
+class _CutOffError(Exception):
+    """The file ends where a block should be."""
+
+
+class _Reader:
+    """The content of a file as blocks."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+
+    def read(self) -> MdfContent:
+        """Return what it holds.
+
+        Raises:
+            ValueError: it is no file of ours.
+        """
+        if not self._content.startswith(b"MDF     4."):
+            raise ValueError("it does not begin as MDF 4")
+        signals = np.zeros(0, dtype=recording_dtype([TIME]))
+        frames: list[LoggedFrame] = []
+        for group in self._chain(self._block(mdf.IDENTIFICATION_SIZE, b"##HD").links[0], b"##DG"):
+            cg = self._block(group.links[1], b"##CG")
+            _, _, flags, _, _, size, _ = mdf.CG_DATA.unpack_from(cg.data)
+            if flags & mdf.BUS_EVENT:
+                frames += self._frames(cg, group.links[2])
+            else:
+                channels = self._channels(cg.links[1], size)
+                dtype = recording_dtype(channels)
+                signals = self._records(group.links[2], dtype)
+        frames.sort(key=lambda logged: logged.now)
+        return MdfContent(signals, frames)
+
+    def _channels(self, address: int, size: int) -> list[Channel]:
+        channels = []
+        for number, cn in enumerate(self._chain(address, b"##CN")):
+            _, _, data_type, bit_offset, offset, bits, *_ = mdf.CN_DATA.unpack_from(cn.data)
+            if (data_type, bit_offset, offset, bits) != (mdf.FLOAT, 0, 8 * number, 64):
+                raise ValueError("a signal is not float64")
+            unit = self._text(cn.links[6]) if cn.links[6] else "-"
+            channels.append(Channel(self._text(cn.links[2]), unit))
+        if size != 8 * len(channels) or not channels or channels[0].name != TIME.name:
+            raise ValueError("its signals do not begin with the time")
+        return channels
+
+    def _frames(self, cg: mdf.Block, data: int) -> Iterator[LoggedFrame]:
+        time = self._block(cg.links[1], b"##CN")
+        name = self._text(self._block(time.links[0], b"##CN").links[2])
+        is_remote = name == mdf.REMOTE_FRAME
+        records = self._records(data, mdf.REMOTE_RECORD if is_remote else mdf.DATA_RECORD)
+        for seconds, channel, can_id, is_extended, _, length, direction, *raw in records.tolist():
+            payload = b"" if is_remote else bytes(raw[0])[: min(length, 8)]
+            frame = Frame(can_id, payload, is_remote, bool(is_extended), max(channel, 1) - 1)
+            yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
+
+    def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
+        """Return the records of a group."""
+        blocks: list[bytes] = []
+        if data:
+            header_list = self._block(data, b"##HL")
+            for data_list in self._chain(header_list.links[0], b"##DL"):
+                blocks += [
+                    self._unpacked(self._block(address, b"##DZ"), dtype.itemsize)
+                    for address in data_list.links[1:]
+                ]
+        return np.frombuffer(b"".join(blocks), dtype=dtype)
+
+    @staticmethod
+    def _unpacked(block: mdf.Block, record: int) -> bytes:
+        kind, packing, _, size, length, packed = mdf.DZ_DATA.unpack_from(block.data)
+        if (kind, packing, size) != (b"DT", mdf.TRANSPOSED, record) or length % record:
+            raise ValueError("a block of data is not packed as ours are")
+        # Never more than it says, whatever a made-up file would unfold to.
+        raw = zlib.decompressobj().decompress(
+            block.data[mdf.DZ_DATA.size : mdf.DZ_DATA.size + packed], length
+        )
+        if len(raw) != length:
+            raise ValueError("a block of data is shorter than it says")
+        columns = np.frombuffer(raw, dtype=np.uint8).reshape(record, -1)
+        return np.ascontiguousarray(columns.T).tobytes()
+
+    def _chain(self, address: int, kind: bytes) -> Iterator[mdf.Block]:
+        """Yield blocks that are linked by their first link.
+
+        Raises:
+            ValueError: they have no end.
+        """
+        seen: set[int] = set()
+        while address:
+            if address in seen or len(seen) > max(_MOST_CHANNELS, len(self._content) // 64):
+                raise ValueError("its blocks are linked in a circle")
+            seen.add(address)
+            block = self._block(address, kind)
+            yield block
+            address = block.links[0]
+
+    def _text(self, address: int) -> str:
+        return self._block(address, b"##TX").data.split(b"\0", 1)[0].decode("utf-8", "replace")
+
+    def _block(self, address: int, kind: bytes) -> mdf.Block:
+        """Return the block at an address.
+
+        Raises:
+            ValueError: there is another one, or none.
+            _CutOffError: the file ends before it does.
+        """
+        if not address:
+            raise ValueError(f"no {kind[2:].decode()} block where one should be")
+        if address > len(self._content) - mdf.HEADER.size:
+            raise _CutOffError
+        found, _, length, count = mdf.HEADER.unpack_from(self._content, address)
+        start = address + mdf.HEADER.size
+        end = address + length
+        if found != kind or start + 8 * count > end or count < _LINKS.get(kind, 0):
+            raise ValueError(f"no {kind[2:].decode()} block where one should be")
+        if end > len(self._content):
+            raise _CutOffError
+        links = struct.unpack_from(f"<{count}Q", self._content, start)
+        return mdf.Block(kind, links, self._content[start + 8 * count : end])

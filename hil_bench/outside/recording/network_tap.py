@@ -1,0 +1,41 @@
+"""Records what passes a bus as a controller sees it."""
+
+from collections.abc import Callable
+
+import can
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.recording.inline_recorder import RecordingSink
+
+
+class NetworkTap:
+    """What the drivers' `Network.observe` tells, as frames of a recording.
+
+    Args:
+        recording: what takes the frames; its time 0 is now.
+        clock: the network's time [s].
+
+    Attributes:
+        origin: time 0 of the recording on that clock [s].
+    """
+
+    def __init__(self, recording: RecordingSink, clock: Callable[[], float]) -> None:
+        self._recording = recording
+        self._clock = clock
+        self.origin = clock()
+
+    def now(self) -> float:
+        """Return the time on the recording's time base [s]."""
+        return self._clock() - self.origin
+
+    def observe(self, message: can.Message) -> None:
+        """Record a frame that the network received or sent."""
+        if message.is_error_frame or message.is_fd:
+            return
+        frame = Frame(
+            message.arbitration_id,
+            bytes(message.data),
+            is_remote=message.is_remote_frame,
+            is_extended=message.is_extended_id,
+        )
+        self._recording.append_frames([frame], round(self.now() * 1e9), is_received=message.is_rx)

@@ -1,0 +1,249 @@
+"""A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
+
+The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, ``.P_A``,
+``.P_B``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out. Each
+panel is in the display unit that belongs to its channels' SI unit.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError
+from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DISPLAY_UNITS = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
+"""In which unit a figure shows a quantity, by the symbol of the SI unit."""
+
+_SAME = 0.01  # of a panel's range: a sensor that errs by less is not drawn beside the actual value
+
+
+class _Curve(NamedTuple):
+    quantity: str
+    label: str
+    colour: str
+    minus: str = ""  # the quantity to subtract, where the curve is a difference
+    is_setpoint: bool = False
+    is_measured: bool = False
+
+
+class _Panel(NamedTuple):
+    label: str
+    curves: tuple[_Curve, ...]
+    share: float  # of the figure's height
+    measured: str = ""  # SI unit of the sensors that belong here
+
+
+class _Line(NamedTuple):
+    curve: _Curve
+    values: npt.NDArray[np.float64]  # in the display unit
+    unit: Unit
+
+
+_PANELS = (
+    _Panel(
+        "Position",
+        (
+            _Curve("position_setpoint", "set-point", GREY, is_setpoint=True),
+            _Curve("position", "actual", BLUE),
+        ),
+        share=1.5,
+        measured="m",
+    ),
+    _Panel(
+        "Tracking error",
+        (_Curve("position_setpoint", "", RED, minus="position"),),
+        share=0.8,
+    ),
+    _Panel(
+        "Pressure",
+        (_Curve(P_A, "$P_A$", ORANGE), _Curve(P_B, "$P_B$", GREEN)),
+        share=1.0,
+        measured="Pa",
+    ),
+    _Panel(
+        "Spool",
+        (
+            _Curve("spool_setpoint", "set-point", GREY, is_setpoint=True),
+            _Curve("spool_position", "actual", BLUE),
+        ),
+        share=1.0,
+    ),
+)
+
+
+class Span(NamedTuple):
+    """A time in which something was otherwise, such as a fault.
+
+    Attributes:
+        begin: [s].
+        end: [s].
+        label: what it was.
+    """
+
+    begin: float
+    end: float
+    label: str
+
+
+def plot_result(
+    recording: Recording, path: Path, *, title: str = "", spans: Sequence[Span] = ()
+) -> None:
+    """Write a recording as a picture; the suffix of `path` is its format.
+
+    Args:
+        recording: what to draw.
+        path: the picture.
+        title: above it.
+        spans: times to shade.
+
+    Raises:
+        ConfigError: the recording has nothing to draw.
+    """
+    if not has_axis(recording):
+        raise ConfigError(f"{path}: the recording has no axis to plot; record its channels")
+    save_figure(lambda: result_figure(recording, title=title, spans=spans), path)
+
+
+def save_figure(draw: Callable[[], "Figure"], path: Path) -> None:
+    """Draw a figure in our style and write it; the suffix of `path` is its format."""
+
+    def draw_and_write() -> "Figure":
+        figure = draw()
+        try:
+            figure.savefig(path, dpi=150)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ConfigError(f"{path}: cannot be written: {reason}; give a .png file") from None
+        return figure
+
+    styled(draw_and_write, what=f"{path}: a plot")
+
+
+def styled(draw: Callable[[], "Figure"], *, what: str = "a plot") -> "Figure":
+    """Return a figure, drawn in our style.
+
+    Args:
+        draw: draws it.
+        what: how the error names it.
+
+    Raises:
+        ConfigError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
+    except ImportError:
+        right = "install it with: pip install 'hil-bench[plot]'"
+        raise ConfigError(f"{what} needs matplotlib; {right}") from None
+    with mpl.rc_context(STYLE):
+        return draw()
+
+
+def has_axis(recording: Recording) -> bool:
+    """Return whether a recording has what `plot_result` draws."""
+    return bool(_axis_names(recording))
+
+
+def result_figure(recording: Recording, *, title: str = "", spans: Sequence[Span] = ()) -> "Figure":
+    """Return the motion of all axes as a figure; see `plot_result`."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - an extra, and slow to import
+
+    axes = _axis_names(recording)
+    panels = [panel for panel in _PANELS if any(_lines(recording, axis, panel) for axis in axes)]
+    width = 9.0 if len(axes) == 1 else 6.5 * len(axes)
+    height = 1.0 + 1.9 * sum(panel.share for panel in panels)
+    figure = Figure(figsize=(width, height), layout="constrained")
+    grid = figure.subplots(
+        len(panels),
+        len(axes),
+        sharex=True,
+        sharey="row",
+        squeeze=False,
+        height_ratios=[panel.share for panel in panels],
+    )
+    for column, axis in zip(grid.T, axes, strict=True):
+        for place, panel in zip(column, panels, strict=True):
+            _draw_panel(place, recording, axis, panel)
+            for span in spans:
+                place.axvspan(span.begin, span.end, color=RED, alpha=0.12, linewidth=0.0)
+        for span in spans:
+            column[0].annotate(
+                f" {span.label}",
+                (span.begin, 0.04),
+                xycoords=("data", "axes fraction"),
+                rotation=90.0,
+                fontsize=8,
+                color=RED,
+            )
+        column[0].set_title(axis if len(axes) > 1 else "", loc="left", fontweight="bold")
+    figure.align_ylabels()
+    figure.suptitle(title)
+    return figure
+
+
+def _draw_panel(place: "Axes", recording: Recording, axis: str, panel: _Panel) -> None:
+    lines = _lines(recording, axis, panel)
+    for curve, values, unit in lines:
+        place.plot(
+            recording[TIME.name],
+            values,
+            color=curve.colour,
+            label=curve.label,
+            linestyle="--" if curve.is_setpoint else ":" if curve.is_measured else "-",
+            # Wider than the actual value, or good tracking would hide it.
+            linewidth=2.6 if curve.is_setpoint else 1.0 if curve.is_measured else 1.3,
+            zorder=1.5 if curve.is_setpoint else 2.0,
+        )
+        place.set_ylabel(f"{panel.label} [{unit.symbol}]")
+    place.set_xlabel("Time [s]")
+    place.label_outer()
+    place.margins(x=0.01)
+    if len(lines) > 1:
+        place.legend(loc="lower right", bbox_to_anchor=(1.0, 0.96), ncols=2, borderaxespad=0.0)
+
+
+def _lines(recording: Recording, axis: str, panel: _Panel) -> list[_Line]:
+    """The lines of a panel for which the recording has the channels."""
+    units = {channel.name: channel.unit for channel in recording_channels(recording)}
+    lines = []
+    for curve in panel.curves:
+        names = [f"{axis}.{quantity}" for quantity in (curve.quantity, curve.minus) if quantity]
+        if all(name in units for name in names):
+            symbol = units[names[0]]
+            unit = DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
+            values = recording[names[0]] - (recording[names[1]] if curve.minus else 0.0)
+            lines.append(_Line(curve, values / unit.factor, unit))
+    if lines and panel.measured and len(_axis_names(recording)) == 1:
+        lines += _measured_lines(recording, lines, panel.measured)
+    return lines
+
+
+def _measured_lines(recording: Recording, shown: list[_Line], symbol: str) -> list[_Line]:
+    """The lines of the sensors that differ from what they measure; others would hide it."""
+    lines = []
+    for channel in recording_channels(recording):
+        if not channel.name.endswith(".measured") or channel.unit != symbol:
+            continue
+        values = recording[channel.name] / shown[0].unit.factor
+        apart = min(float(np.nanmax(np.abs(values - line.values))) for line in shown)
+        if not apart <= _SAME * max(float(np.ptp(line.values)) for line in shown):
+            label = channel.name.replace(".", " ")
+            curve = _Curve(channel.name, label, BLACK, is_measured=True)
+            lines.append(_Line(curve, values, shown[0].unit))
+    return lines
+
+
+def _axis_names(recording: Recording) -> list[str]:
+    quantities = {curve.quantity for panel in _PANELS for curve in panel.curves}
+    parts = [name.rpartition(".") for name in recording.dtype.names or ()]
+    return list(dict.fromkeys(axis for axis, _, quantity in parts if quantity in quantities))

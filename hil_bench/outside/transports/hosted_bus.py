@@ -1,0 +1,287 @@
+"""Buses that the bench's own thread hosts, for programs that join over TCP: socketcand's protocol.
+
+A frame reaches the bench without another process in between, and nothing happens but inside the
+calls of this transport. That suits a bench in lock-step; one in real time is better served by
+`hub_process`, which relays frames between clients while the bench is at work.
+"""
+
+import errno
+import selectors
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import BusError
+from hil_bench.outside.transports.socketcand_protocol import (
+    JOIN_DELAY,
+    MAX_COMMAND,
+    check_channel,
+    format_frame,
+    parse_send,
+)
+from hil_bench.outside.transports.transport import TransportCounters
+
+MAX_CLIENTS = 64
+MAX_BACKLOG = 8 * 1024 * 1024
+"""What may wait for a client [byte] before it is cut off."""
+
+_CHUNK = 65_536
+_QUICKACK = getattr(socket, "TCP_QUICKACK", None)
+
+
+class HostedBus:
+    """A transport that is itself the bus: clients connect to it, and hear the bench and each other.
+
+    Args:
+        host: address to listen on; "127.0.0.1" keeps the bus on this machine.
+        port: 0 takes a free one.
+        channels: the names that clients open, a bus each; a frame has the number of its bus.
+        clock: the time that frames are stamped with [ns].
+
+    Attributes:
+        host: as passed in.
+        port: the port it listens on.
+        description: the bus in words.
+        has_exact_wait: no, a wait counts milliseconds.
+
+    Raises:
+        BusError: the address cannot be had.
+    """
+
+    has_exact_wait = False
+
+    def __init__(
+        self,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        channels: Sequence[str] = ("can0",),
+        clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        for channel in channels:
+            check_channel(channel)
+        self._channels = [channel.encode() for channel in channels]
+        self._clock = clock
+        self._arrived: deque[Frame] = deque()
+        self._clients: list[_Client] = []
+        self._received = self._sent = self._refused = 0
+        self._selector = selectors.DefaultSelector()
+        try:
+            self._server = socket.create_server((host, port))
+        except OSError as error:
+            self._selector.close()
+            what = error.strerror or str(error)
+            if error.errno == errno.EADDRINUSE:
+                what = "the port is in use, by another hub?; port 0 takes a free one"
+            raise BusError(f"hub {host}:{port}: {what}") from error
+        self._server.setblocking(False)
+        self._selector.register(self._server, selectors.EVENT_READ, self._admit)
+        self.host, self.port = host, self._server.getsockname()[1]
+        self.description = f"hub {host}:{self.port} {' '.join(channels)}"
+
+    @property
+    def clients(self) -> int:
+        """How many programs are on the bus."""
+        return sum(client.is_on_bus for client in self._clients)
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return what has arrived, at most `limit` frames, without waiting."""
+        arrived = self._arrived
+        if not arrived:
+            self._serve(0.0)
+        frames = [arrived.popleft() for _ in range(min(limit, len(arrived)))]
+        self._received += len(frames)
+        return frames
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a frame has arrived, at most `timeout` [s]; return whether one has.
+
+        A client that connects, or says anything else, ends the wait early.
+        """
+        if not self._arrived:
+            self._serve(timeout)
+        return bool(self._arrived)
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames in order to all clients; the protocol has no remote frames."""
+        told = [frame for frame in frames if not frame.is_remote]
+        self._sent += len(told)
+        self._refused += len(frames) - len(told)
+        self._tell(told, None)
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Leave all frames through: the clients hear each other anyway."""
+
+    def counters(self) -> TransportCounters:
+        """Return what passed so far."""
+        return TransportCounters(
+            received=self._received, sent=self._sent, send_failures=self._refused
+        )
+
+    def close(self) -> None:
+        """Cut all clients off and stop listening; a second call does nothing."""
+        for client in tuple(self._clients):
+            client.close()
+        self._clients.clear()
+        self._server.close()
+        self._selector.close()
+
+    def _serve(self, timeout: float) -> None:
+        """Do what clients ask for, waiting at most `timeout` [s] until one asks anything."""
+        for client in self._clients:
+            if client.is_behind:
+                client.flush()
+        for key, _ in self._selector.select(timeout):
+            key.data()
+
+    def _admit(self) -> None:
+        """Take a client that connects, if there is room for it."""
+        try:
+            connection, _ = self._server.accept()
+        except OSError:
+            return  # it has gone again
+        if len(self._clients) >= MAX_CLIENTS:
+            connection.close()
+            return
+        client = _Client(connection, self._channels)
+        self._clients.append(client)
+        self._selector.register(connection, selectors.EVENT_READ, lambda: self._hear(client))
+
+    def _hear(self, client: "_Client") -> None:
+        """Take what a client says: its frames go to the bench and to the other clients."""
+        frames = client.read()
+        self._arrived.extend(frames)
+        self._tell(frames, client)
+        if client.is_closed:
+            self._forget(client)
+
+    def _tell(self, frames: Sequence[Frame], source: "_Client | None") -> None:
+        """Tell frames to all clients on their bus but the one that they come from."""
+        others = [other for other in self._clients if other.is_on_bus and other is not source]
+        if not frames or not others:
+            return
+        now = self._clock()
+        texts = [b""] * len(self._channels)
+        for frame in frames:
+            texts[frame.bus] += format_frame(frame, now)
+        for other in others:
+            other.tell(texts[other.bus])
+            if other.is_closed:
+                self._forget(other)
+
+    def _forget(self, client: "_Client") -> None:
+        """Let go of a client that is gone, once."""
+        if client not in self._clients:
+            return
+        self._selector.unregister(client.socket)
+        self._clients.remove(client)
+        client.close()
+
+
+class _Client:
+    """One connection: greeted, then on a channel, then in raw mode, which is on the bus."""
+
+    def __init__(self, connection: socket.socket, channels: Sequence[bytes]) -> None:
+        self.socket = connection
+        self.is_on_bus = False
+        self.is_closed = False
+        self.bus = 0
+        self._channels = channels
+        self._has_opened = False
+        self._rest = b""
+        self._unsent = b""
+        self._held_until: float | None = None
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._write(b"< hi >")
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether something waits to be sent to it."""
+        return bool(self._unsent)
+
+    def read(self) -> list[Frame]:
+        """Return the frames that it sends, and answer what else it says."""
+        try:
+            data = self.socket.recv(_CHUNK)
+        except BlockingIOError:
+            return []
+        except OSError:
+            data = b""
+        if not data:
+            self.is_closed = True
+            return []
+        *commands, self._rest = (self._rest + data).split(b">")
+        if len(self._rest) > MAX_COMMAND:
+            self.is_closed = True
+        elif _QUICKACK is not None:
+            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
+            self.socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+        frames = [frame for text in commands if (frame := self._obey(text.lstrip())) is not None]
+        return [frame._replace(bus=self.bus) for frame in frames] if self.bus else frames
+
+    def tell(self, text: bytes) -> None:
+        """Send it frames, or keep them while it is to read the answer to "rawmode" alone."""
+        if self._held_until is None:
+            self._write(text)
+        else:
+            self._unsent += text
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what waits, as far as it may and can be sent."""
+        if self._held_until is None or time.monotonic() >= self._held_until:
+            self._held_until = None
+            self._write(b"")
+
+    def close(self) -> None:
+        """End the connection."""
+        self.is_closed = True
+        self.is_on_bus = False
+        self.socket.close()
+
+    def _obey(self, command: bytes) -> Frame | None:
+        """Carry out a command, given without its ">"; return the frame that it sends, if any."""
+        if self.is_on_bus:
+            self._release()
+            frame = parse_send(command)
+            if frame is None:
+                self._write(b"< error unknown command >")
+            return frame
+        match command.split():
+            case [b"<", b"open", name] if not self._has_opened:
+                self._open(name)
+            case [b"<", b"rawmode"] if self._has_opened:
+                self._write(b"< ok >")
+                self.is_on_bus = True
+                self._held_until = time.monotonic() + JOIN_DELAY
+            case _:
+                self._write(b"< error unknown command >")
+        return None
+
+    def _release(self) -> None:
+        """Send what was held back: the client has read the answer to "rawmode"."""
+        if self._held_until is not None:
+            self._held_until = None
+            self._write(b"")
+
+    def _open(self, name: bytes) -> None:
+        self._has_opened = name in self._channels
+        if self._has_opened:
+            self.bus = self._channels.index(name)
+        refusal = b"< error could not open bus; this hub has " + b", ".join(self._channels) + b" >"
+        self._write(b"< ok >" if self._has_opened else refusal)
+
+    def _write(self, text: bytes) -> None:
+        """Send text behind what still waits; a client that does not keep up is to be cut off."""
+        unsent = self._unsent + text
+        try:
+            unsent = unsent[self.socket.send(unsent) :] if unsent else b""
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.is_closed = True
+        self._unsent = unsent
+        self.is_closed |= len(unsent) > MAX_BACKLOG

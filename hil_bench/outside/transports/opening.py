@@ -1,0 +1,194 @@
+"""Opens a bus by python-can's names for it, and says in one line why it could not be opened."""
+
+import difflib
+import errno
+import socket
+import sys
+from collections.abc import Mapping
+from typing import Any, cast
+
+import can
+
+from hil_bench.errors import BusError
+from hil_bench.outside.transports.python_can import PythonCanTransport
+from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport
+from hil_bench.outside.transports.transport import Transport
+
+_HUB_HINT = "'hil-bench run --hub' makes a bus that needs none"
+_ANSWER_TIMEOUT = 5.0
+_EXACT = frozenset({"socketcand"} if sys.platform != "win32" else ())  # it waits in select()
+
+
+def open_transport(
+    interface: str | None,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+) -> Transport:
+    """Open a bus; what is None comes from python-can's own configuration.
+
+    Args:
+        interface: python-can's name of the kind of bus: "socketcan", "pcan", "socketcand", ...
+        channel: the bus of that kind: "vcan0", ...
+        bitrate: [bit/s]; for SocketCAN the interface's own setting counts.
+        options: further keyword arguments of the python-can bus.
+
+    Returns:
+        The fast path for SocketCAN, else python-can's bus in a wrapper.
+
+    Raises:
+        BusError: the bus cannot be opened; one line says what, where and what would be right.
+    """
+    settings, what = _settle(interface, channel, bitrate, options)
+    bus = _open(settings, what)
+    if settings["interface"] != "socketcan":
+        has_exact_wait = settings["interface"] in _EXACT
+        return PythonCanTransport(bus, what, has_exact_wait=has_exact_wait)
+    try:
+        return SocketCanTransport(cast("RawCanBus", bus), str(settings["channel"]))
+    except BusError:
+        bus.shutdown()
+        raise
+
+
+def open_can_bus(
+    interface: str | None,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+) -> tuple[can.BusABC, str]:
+    """Open a bus as python-can has it, for a controller; arguments as for `open_transport`.
+
+    Returns:
+        The bus, and its name for people: "socketcan can0".
+    """
+    settings, what = _settle(interface, channel, bitrate, options)
+    return _open(settings, what), what
+
+
+def _settle(
+    interface: str | None,
+    channel: str | int | None,
+    bitrate: int | None,
+    options: Mapping[str, object],
+) -> tuple[dict[str, Any], str]:
+    """Return all settings, checked as far as that can be done before opening, and the bus' name."""
+    given = {"interface": interface, "channel": channel, "bitrate": bitrate, **options}
+    settings = _resolve({key: value for key, value in given.items() if value is not None})
+    what = f"{settings['interface']} {settings['channel']}"
+    _check(settings, what)
+    return settings, what
+
+
+def _resolve(given: dict[str, object]) -> dict[str, Any]:
+    """Return all settings, with those from the environment and can.conf filled in.
+
+    Raises:
+        BusError: the interface is unknown, or a setting is malformed.
+    """
+    try:
+        return dict(can.util.load_config(config=given))
+    except can.CanInterfaceNotImplementedError as error:
+        name = str(error).rpartition(' "')[2].rstrip('"')
+        raise BusError(_unknown_interface(name)) from error
+    except (ValueError, TypeError) as error:
+        raise BusError(f"python-can's configuration: {_first_line(error)}") from error
+
+
+def _unknown_interface(name: str) -> str:
+    if name == "None":
+        return (
+            "no CAN interface chosen; '-i socketcan -c vcan0', CAN_INTERFACE and CAN_CHANNEL, or a "
+            "can.conf name one"
+        )
+    known = sorted(can.VALID_INTERFACES)
+    near = difflib.get_close_matches(name, known) or known
+    return f"unknown CAN interface {name!r}; python-can has {', '.join(near)}"
+
+
+def _check(settings: dict[str, Any], what: str) -> None:
+    """Refuse what python-can would open silently or try for ten seconds.
+
+    Raises:
+        BusError: there is no channel for SocketCAN, or no socketcand at the address.
+    """
+    if settings["interface"] == "socketcan" and not settings["channel"]:
+        raise BusError("socketcan: no channel; '-c vcan0' names one")
+    if settings["interface"] == "socketcand":
+        # Small writes must not wait for the acknowledgement of the one before (Nagle's algorithm).
+        settings.setdefault("tcp_tune", True)
+        _check_socketcand(settings, what)
+
+
+def _check_socketcand(settings: dict[str, Any], what: str) -> None:
+    """Open the channel once to see the answer.
+
+    python-can tries to connect for ten seconds, logging each refusal, and leaves its socket open
+    where the channel is refused.
+
+    Raises:
+        BusError: the address is incomplete, nobody answers there, or there is no such channel.
+    """
+    if any(settings.get(key) is None for key in ("channel", "host", "port")):
+        raise BusError(
+            f"{what}: address incomplete; '-c can0 --bus-kwargs host=127.0.0.1 port=29536' is one"
+        )
+    address = f"{settings['host']}:{settings['port']}"
+    try:
+        answer = _answer_to_open(settings["host"], settings["port"], str(settings["channel"]))
+    except OSError as error:
+        raise BusError(
+            f"{what}: nobody answers at {address} ({_first_line(error)}); "
+            "'hil-bench run --hub' makes a bus there"
+        ) from error
+    if answer != "ok":
+        raise BusError(f"{what}: {answer}")
+
+
+def _answer_to_open(host: str, port: int, channel: str) -> str:
+    """Return what a socketcand says to "< open CHANNEL >", without its brackets."""
+    with socket.create_connection((host, port), timeout=_ANSWER_TIMEOUT) as probe:
+        probe.recv(256)  # the greeting
+        probe.sendall(f"< open {channel} >".encode("ascii", "replace"))
+        return ascii(probe.recv(256).decode("ascii", "replace").strip("<> "))[1:-1]
+
+
+def _open(settings: dict[str, Any], what: str) -> can.BusABC:
+    """Return the open bus.
+
+    Raises:
+        BusError: it cannot be opened.
+    """
+    try:
+        return can.Bus(**settings, ignore_config=True)
+    except Exception as error:  # backends raise what they like, NameError included
+        raise BusError(f"{what}: {_why(settings, error)}") from error
+
+
+def _why(settings: dict[str, Any], error: Exception) -> str:
+    """Return what is wrong, and what would be right where that is known."""
+    if settings["interface"] == "socketcan" and isinstance(error, OSError):
+        return _why_not_socketcan(str(settings["channel"]), error)
+    if isinstance(error, TypeError):
+        return f"options do not fit: {_first_line(error).rpartition('__init__() ')[2]}"
+    if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError, NameError)):
+        return (
+            f"its driver or Python package is missing ({_first_line(error)}); see 'CAN Interface "
+            "Modules' in the documentation of python-can"
+        )
+    return _first_line(error)
+
+
+def _why_not_socketcan(channel: str, error: OSError) -> str:
+    if error.errno in {errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT}:
+        return f"this kernel has no CAN sockets; 'modprobe can_raw' may load them, {_HUB_HINT}"
+    if error.errno == errno.ENODEV and channel.startswith("vcan"):
+        return f"no such device; 'ip link add dev {channel} type vcan' makes one"
+    if error.errno == errno.ENODEV:
+        return "no such CAN device; 'ip -brief link show type can' lists those there are"
+    return _first_line(error)
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).splitlines()
+    return lines[0] if lines else type(error).__name__

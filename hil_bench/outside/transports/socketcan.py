@@ -1,0 +1,316 @@
+"""Linux SocketCAN, read and written without a `can.Message` in between.
+
+python-can opens and configures the socket; from then on this transport alone reads and writes it.
+The kernel filters by identifier, so that traffic for others never wakes Python, and its drop
+counter is read with every frame, so that a loss is seen. Source: Documentation/networking/can.rst
+of the Linux kernel, and `linux/can.h`, `linux/can/raw.h`.
+"""
+
+import errno
+import logging
+import os
+import select
+import socket
+import struct
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+from hil_bench.canopen_device.frame import Frame, make_frame
+from hil_bench.errors import BusError
+from hil_bench.frame import FRAME_BITS
+from hil_bench.outside.transports.can_interfaces import is_up
+from hil_bench.outside.transports.transport import TransportCounters
+
+logger = logging.getLogger(__name__)
+
+RECEIVE_BUFFER = 8 * 1024 * 1024
+"""Receive buffer that is asked of the kernel [byte]; its default loses frames of a burst."""
+
+RETRY_LIMIT = 256
+"""Frames that wait for room in the transmit queue, before the oldest are given up."""
+
+# struct can_frame: identifier with flags, length, three bytes of padding, payload.
+_CAN_FRAME = struct.Struct("=IB3x8s")
+_LENGTH = 4  # where the length stands in it
+_CANFD_MTU = 72
+_DATA_MAX = 8
+
+_EFF_FLAG = 0x8000_0000
+_RTR_FLAG = 0x4000_0000
+_ERR_FLAG = 0x2000_0000
+_SFF_MASK = 0x7FF
+_EFF_MASK = 0x1FFF_FFFF
+
+_SOL_CAN_RAW = 101
+_CAN_RAW_FILTER = 1
+_CAN_RAW_FILTER_MAX = 512
+_CAN_FILTER = struct.Struct("=II")
+_ALL_FRAMES = _CAN_FILTER.pack(0, 0)
+
+# asm-generic/socket.h; Python's socket module has no names for them.
+_SO_RCVBUFFORCE = 33
+_SO_TIMESTAMPNS = 35
+_SO_RXQ_OVFL = 40
+_DROP_COUNTER = struct.Struct("=I")
+_ANCILLARY_SIZE = 64
+
+# Of sys/select.h. select() waits to the microsecond, poll() to the millisecond.
+_FD_SETSIZE = 1024
+
+# While the interface is down, who asks often is not to ask the kernel each time.
+_CALLS_PER_LOOK = 20
+_LONG_WAIT = 0.02  # [s]
+
+_TRY_LATER = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS})
+
+
+class RawCanBus(Protocol):
+    """What is used of python-can's `SocketcanBus`."""
+
+    socket: socket.socket
+
+    def shutdown(self) -> None:
+        """Close the socket."""
+
+
+def pack_frame(frame: Frame) -> bytes:
+    """Return the frame as `struct can_frame`."""
+    can_id = frame.can_id
+    if frame.is_extended:
+        can_id |= _EFF_FLAG
+    if frame.is_remote:
+        can_id |= _RTR_FLAG
+    return _CAN_FRAME.pack(can_id, len(frame.data), frame.data)
+
+
+def unpack_frame(raw: bytes) -> Frame | None:
+    """Return the frame in a `struct can_frame`, or None for CAN FD and error frames."""
+    if len(raw) != _CAN_FRAME.size:
+        return None
+    can_id, length, data = _CAN_FRAME.unpack(raw)
+    if can_id & _ERR_FLAG or length > _DATA_MAX:
+        return None
+    is_extended = can_id & _EFF_FLAG != 0
+    is_remote = can_id & _RTR_FLAG != 0
+    masked = can_id & (_EFF_MASK if is_extended else _SFF_MASK)
+    return make_frame((masked, b"" if is_remote else data[:length], is_remote, is_extended, 0))
+
+
+def pack_filters(can_ids: Iterable[int]) -> bytes:
+    """Return the filters that let exactly these 11-bit identifiers through.
+
+    More of them than the kernel takes (512) become one filter that lets everything through.
+    """
+    wanted = sorted(set(can_ids))
+    if len(wanted) > _CAN_RAW_FILTER_MAX:
+        return _ALL_FRAMES
+    return b"".join(_CAN_FILTER.pack(can_id, _SFF_MASK | _EFF_FLAG) for can_id in wanted)
+
+
+class SocketCanTransport:
+    """A transport over the raw CAN socket of one interface.
+
+    Args:
+        bus: the bus as python-can opened it; the transport shuts it down when it is closed.
+        channel: name of the interface, for messages.
+
+    Attributes:
+        description: the bus in words.
+        channel: as passed in.
+        receive_buffer: what the kernel granted [byte]; it counts its own overhead in.
+
+    Raises:
+        BusError: the interface is down.
+    """
+
+    def __init__(self, bus: RawCanBus, channel: str) -> None:
+        self.description = f"socketcan {channel}"
+        self.channel = channel
+        self._bus = bus
+        self._socket = bus.socket
+        self._pending: deque[bytes] = deque()
+        self._received = 0
+        self._sent = 0
+        self._ignored = 0
+        self._dropped = 0
+        self._drop_counter = 0
+        self._send_failures = 0
+        self._bits = 0.0
+        self._outages = 0
+        self._is_down = False
+        self._looks = 0
+        self._socket.setblocking(False)
+        self.receive_buffer = _enlarge_receive_buffer(self._socket)
+        if self.receive_buffer < RECEIVE_BUFFER:
+            logger.warning(
+                "%s: receive buffer of %d KiB, a flood may lose frames; "
+                "'sysctl -w net.core.rmem_max=%d' allows %d KiB",
+                self.description,
+                self.receive_buffer // 1024,
+                RECEIVE_BUFFER,
+                RECEIVE_BUFFER // 1024,
+            )
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 0)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        # Binding to an interface that is down succeeds and leaves the error behind.
+        pending_error = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if pending_error:
+            raise BusError(f"{self.description}: {_reason(pending_error, channel)}")
+
+    @property
+    def has_exact_wait(self) -> bool:
+        """Whether the socket is one that `select` takes."""
+        return self._socket.fileno() < _FD_SETSIZE
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor, for `select`."""
+        return self._socket.fileno()
+
+    def receive(self, limit: int) -> list[Frame]:
+        """Return what has arrived, reading at most `limit` frames, without waiting.
+
+        While the interface is down, nothing arrives.
+        """
+        frames: list[Frame] = []
+        if self._is_down:
+            self._looks += 1
+            if self._looks % _CALLS_PER_LOOK == 0:
+                self._look()
+        try:
+            for _ in range(limit):
+                raw, ancillary, _, _ = self._socket.recvmsg(_CANFD_MTU, _ANCILLARY_SIZE)
+                if ancillary:
+                    self._count_drops(ancillary)
+                frame = unpack_frame(raw)
+                if frame is None:
+                    self._ignored += 1
+                else:
+                    frames.append(frame)
+                    self._bits += FRAME_BITS[len(frame.data)]
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            self._give_up(error)
+        self._received += len(frames)
+        return frames
+
+    def wait(self, timeout: float) -> bool:
+        """Wait until a frame has arrived, at most `timeout` [s]; return whether one has.
+
+        An error of the interface ends the wait too; `receive` raises it.
+        """
+        has_come = self._select(timeout)
+        if self._is_down and not has_come and timeout >= _LONG_WAIT:
+            self._look()
+        return has_come
+
+    def _select(self, timeout: float) -> bool:
+        """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
+        if not self.has_exact_wait:
+            poll = select.poll()
+            poll.register(self._socket, select.POLLIN)
+            return bool(poll.poll(timeout * 1e3))
+        return bool(select.select([self._socket], [], [], timeout)[0])
+
+    def send(self, frames: Sequence[Frame]) -> None:
+        """Send frames in order, those that are still waiting first.
+
+        Where the transmit queue is full, frames wait for the next call; beyond `RETRY_LIMIT` the
+        oldest are given up and counted, since what they say is out of date. While the interface is
+        down, all are.
+        """
+        pending = self._pending
+        pending.extend(map(pack_frame, frames))
+        try:
+            while pending:
+                self._socket.send(pending[0])
+                self._bits += FRAME_BITS[pending.popleft()[_LENGTH]]
+                self._sent += 1
+        except OSError as error:
+            if error.errno not in _TRY_LATER:
+                self._give_up(error)
+        limit = 0 if self._is_down else RETRY_LIMIT
+        while len(pending) > limit:
+            pending.popleft()
+            self._send_failures += 1
+
+    def listen_to(self, can_ids: Iterable[int]) -> None:
+        """Let the kernel pass only these 11-bit identifiers, and error frames.
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        try:
+            self._socket.setsockopt(_SOL_CAN_RAW, _CAN_RAW_FILTER, pack_filters(can_ids))
+        except OSError as error:
+            raise BusError(self._lost(error)) from error
+
+    def counters(self) -> TransportCounters:
+        """Return what passed so far."""
+        return TransportCounters(
+            received=self._received,
+            sent=self._sent,
+            ignored=self._ignored,
+            dropped=self._dropped,
+            send_failures=self._send_failures,
+            outages=self._outages,
+            is_down=self._is_down,
+            bits=self._bits,
+        )
+
+    def close(self) -> None:
+        """Close the socket; a second call does nothing."""
+        self._bus.shutdown()
+
+    def _count_drops(self, ancillary: list[tuple[int, int, bytes]]) -> None:
+        """Add what has been lost since the last frame, by the socket's 32-bit drop counter."""
+        for level, kind, data in ancillary:
+            if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+                (counter,) = _DROP_COUNTER.unpack(data)
+                self._dropped += (counter - self._drop_counter) % 2**32
+                self._drop_counter = counter
+
+    def _give_up(self, error: OSError) -> None:
+        """Go on without an interface that is down, for it may come back.
+
+        Raises:
+            BusError: the bus is lost for another reason.
+        """
+        if error.errno != errno.ENETDOWN:
+            raise BusError(self._lost(error)) from error
+        if not self._is_down:
+            self._is_down = True
+            self._outages += 1
+            reason = _reason(error.errno, self.channel)
+            logger.warning("%s: %s; the bench goes on without it", self.description, reason)
+
+    def _look(self) -> None:
+        """Find out whether the interface is up again; its socket then works on."""
+        if is_up(self.channel):
+            self._is_down = False
+            logger.warning("%s: the interface is up again", self.description)
+
+    def _lost(self, error: OSError) -> str:
+        return f"{self.description}: bus lost: {_reason(error.errno, self.channel)}"
+
+
+def _reason(code: int | None, channel: str) -> str:
+    """Return what this errno says of the interface, and what brings it back where that is known."""
+    if code == errno.ENETDOWN:
+        return f"the interface is down; 'ip link set {channel} up' starts it"
+    if code in {errno.ENODEV, errno.ENXIO}:
+        return "the interface is gone"
+    return os.strerror(code or 0)
+
+
+def _enlarge_receive_buffer(raw_socket: socket.socket) -> int:
+    """Ask for `RECEIVE_BUFFER` and return what was granted [byte].
+
+    Only CAP_NET_ADMIN gets past net.core.rmem_max.
+    """
+    try:
+        raw_socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
+    except OSError:
+        raw_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+    return raw_socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)

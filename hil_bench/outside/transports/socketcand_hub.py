@@ -1,0 +1,356 @@
+"""A CAN bus between processes where the kernel has none: a hub that speaks the socketcand protocol.
+
+What a client sends goes to every other client of the same channel, in one order for all. The raw
+mode of the protocol is spoken as python-can's `socketcand` interface and socketcand itself have it.
+
+A client sends no more than a bus of the hub's bit rate carries. What is beyond that is not read, so
+it waits in the client's socket, and in the end the client waits. The hub's owner is not limited; it
+says who it is by `< owner TOKEN >` before it opens a channel.
+"""
+
+import asyncio
+import contextlib
+import errno
+import logging
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, cast
+
+from hil_bench.errors import BusError
+from hil_bench.frame import frame_bits
+from hil_bench.outside.transports.bus_load import bitrate_text
+from hil_bench.outside.transports.rate_limit import RateLimit
+from hil_bench.outside.transports.socketcand_protocol import (
+    JOIN_DELAY,
+    MAX_COMMAND,
+    check_channel,
+    format_frame,
+    parse_send,
+)
+
+DEFAULT_PORT = 29536
+"""socketcand's own port."""
+
+MAX_CLIENTS = 64
+MAX_BACKLOG = 8 * 1024 * 1024
+"""What may wait for a client [byte] before it is dropped: tens of seconds of a busy bus."""
+
+logger = logging.getLogger(__name__)
+
+_TOLD_AGAIN = 10_000_000_000
+"""Shortest time between two lines on clients that send too much [ns]."""
+
+_BITS_OF_OTHERS = frame_bits(8)
+"""What a command that is no frame counts."""
+
+_QUICKACK = getattr(socket, "TCP_QUICKACK", None)
+
+
+@dataclass(slots=True)
+class HubCounters:
+    """What passed a hub.
+
+    Attributes:
+        connections: clients that connected.
+        frames: frames that clients sent.
+        bad_commands: commands that were refused.
+        dropped_clients: clients that were cut off: too slow, or no end of a command in sight.
+        waits: how often a client had to wait since it had sent more than the bit rate carries.
+    """
+
+    connections: int = 0
+    frames: int = 0
+    bad_commands: int = 0
+    dropped_clients: int = 0
+    waits: int = 0
+
+
+class HubLimits(NamedTuple):
+    """How much clients may send.
+
+    Attributes:
+        bitrate: of each bus [bit/s]; None for no limit.
+        owner: the word by which a client is not limited; empty for none.
+    """
+
+    bitrate: float | None = None
+    owner: str = ""
+
+
+NO_LIMITS = HubLimits()
+
+
+class Hub:
+    """One bus a channel, for clients that connect over TCP.
+
+    Args:
+        channels: names that clients may open.
+        limits: how much they may send.
+        clock: time by which that is limited [ns].
+
+    Attributes:
+        counters: what passed so far.
+        limits: as passed in.
+        clock: as passed in.
+    """
+
+    def __init__(
+        self,
+        channels: Sequence[str] = ("can0",),
+        limits: HubLimits = NO_LIMITS,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        for channel in channels:
+            check_channel(channel)
+        self.counters = HubCounters()
+        self.limits = limits
+        self.clock = clock
+        self._tell_at = 0
+        self._buses: dict[str, list[_Client]] = {channel: [] for channel in channels}
+        self._clients: set[_Client] = set()
+
+    async def start(self, host: str, port: int) -> asyncio.Server:
+        """Listen; port 0 takes a free one.
+
+        Raises:
+            BusError: the address cannot be had.
+        """
+        loop = asyncio.get_running_loop()
+        try:
+            return await loop.create_server(lambda: _Client(self), host, port, backlog=1024)
+        except OSError as error:
+            what = f"hub {host}:{port}: "
+            if error.errno == errno.EADDRINUSE:
+                what += "the port is in use, by another hub?; port 0 takes a free one"
+            else:
+                what += error.strerror or str(error)
+            raise BusError(what) from error
+
+    def admit(self, client: "_Client") -> bool:
+        """Take a client that has just connected, if there is room for it."""
+        self.counters.connections += 1
+        if len(self._clients) >= MAX_CLIENTS:
+            return False
+        self._clients.add(client)
+        return True
+
+    def bus(self, channel: str) -> "list[_Client] | None":
+        """Return the clients in raw mode on a channel, None where there is no such channel."""
+        return self._buses.get(channel)
+
+    @property
+    def channels(self) -> str:
+        """The channels' names, for messages."""
+        return ", ".join(self._buses)
+
+    def tell_surplus(self, peer: object) -> None:
+        """Count that a client has to wait, and say so now and then."""
+        self.counters.waits += 1
+        now, bitrate = self.clock(), self.limits.bitrate
+        if now >= self._tell_at and bitrate is not None:
+            self._tell_at = now + _TOLD_AGAIN
+            logger.warning(
+                "hub: the program at %s sends more than a bus of %s carries, and has to wait",
+                peer,
+                bitrate_text(round(bitrate)),
+            )
+
+    def forget(self, client: "_Client") -> None:
+        """Remove a client that is gone."""
+        self._clients.discard(client)
+        for bus in self._buses.values():
+            if client in bus:
+                bus.remove(client)
+
+
+class _Client(asyncio.Protocol):
+    """The hub's end of one connection: greeted, then on a channel, then in raw mode."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._rest = b""
+        self._bus: list[_Client] | None = None
+        self._in_raw_mode = False
+        self._held_back: list[bytes] | None = None
+        self._commands: deque[bytes] = deque()
+        self._limit = None if hub.limits.bitrate is None else RateLimit(hub.limits.bitrate)
+        self._transport: asyncio.Transport
+        self._socket: socket.socket
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Greet the client; asyncio sets TCP_NODELAY."""
+        self._transport = cast("asyncio.Transport", transport)
+        self._socket = transport.get_extra_info("socket")
+        if self._hub.admit(self):
+            self._write(b"< hi >")
+        else:
+            self._write(b"< error too many clients >")
+            transport.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
+        """Leave the bus."""
+        self._hub.forget(self)
+
+    def data_received(self, data: bytes) -> None:
+        """Carry out the commands that are complete, as far as the bit rate allows."""
+        *commands, self._rest = (self._rest + data).split(b">")
+        self._commands.extend(commands)
+        self._work()
+        if self._commands:
+            self._transport.pause_reading()
+            self._hub.tell_surplus(_address(self._transport.get_extra_info("peername")))
+        if len(self._rest) > MAX_COMMAND:
+            self._hub.counters.bad_commands += 1
+            self._drop()
+        elif _QUICKACK is not None:
+            # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
+            with contextlib.suppress(OSError):  # it has gone meanwhile
+                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)
+
+    def _work(self) -> None:
+        """Carry out the commands that wait; those for which it is too soon go on waiting."""
+        frames: list[bytes] = []
+        commands, limit = self._commands, self._limit
+        now, delay = self._hub.clock(), 0.0
+        while commands and not delay:
+            told = self._obey(commands.popleft().lstrip())
+            if told is not None:
+                frames.append(told.text)
+            if limit is not None:
+                limit.take(_BITS_OF_OTHERS if told is None else told.bits, now)
+                delay = limit.delay(now)
+        if frames:
+            self._broadcast(frames)
+        if commands:
+            asyncio.get_running_loop().call_later(delay * 1e-9, self._go_on)
+
+    def _go_on(self) -> None:
+        """Carry out what had to wait, then read on."""
+        if self._transport.is_closing():
+            return
+        self._work()
+        if not self._commands:
+            self._transport.resume_reading()
+
+    def deliver(self, data: bytes) -> None:
+        """Send frames to this client."""
+        if self._held_back is not None:
+            self._held_back.append(data)
+        else:
+            self._write(data)
+
+    def _obey(self, command: bytes) -> "_Told | None":
+        """Carry out one command, given without its ">"; return the frame that it sends, if any."""
+        if self._in_raw_mode:
+            self._release()
+            frame = _frame_of(command)
+            if frame is None:
+                self._refuse(b"unknown command")
+            return frame
+        match command.split():
+            case [b"<", b"owner", word] if word == self._hub.limits.owner.encode():
+                self._limit = None
+                self._write(b"< ok >")
+            case [b"<", b"open", name] if self._bus is None:
+                self._open(name)
+            case [b"<", b"rawmode"] if self._bus is not None:
+                self._enter_raw_mode(self._bus)
+            case _:
+                self._refuse(b"unknown command")
+        return None
+
+    def _open(self, name: bytes) -> None:
+        self._bus = self._hub.bus(name.decode("ascii", "replace"))
+        if self._bus is None:
+            self._refuse(b"could not open bus; this hub has " + self._hub.channels.encode())
+        else:
+            self._write(b"< ok >")
+
+    def _enter_raw_mode(self, bus: "list[_Client]") -> None:
+        self._in_raw_mode = True
+        self._held_back = []
+        self._write(b"< ok >")
+        bus.append(self)
+        asyncio.get_running_loop().call_later(JOIN_DELAY, self._release)
+
+    def _release(self) -> None:
+        """Deliver what was held back: the client has read the answer to "rawmode"."""
+        if self._held_back is None:
+            return
+        held_back, self._held_back = self._held_back, None
+        if held_back:
+            self._write(b"".join(held_back))
+
+    def _broadcast(self, frames: list[bytes]) -> None:
+        self._hub.counters.frames += len(frames)
+        data = b"".join(frames)
+        for client in tuple(self._bus or ()):
+            if client is not self:
+                client.deliver(data)
+
+    def _refuse(self, reason: bytes) -> None:
+        self._hub.counters.bad_commands += 1
+        self._write(b"< error " + reason + b" >")
+
+    def _write(self, data: bytes) -> None:
+        """Send to this client, or cut it off where it does not keep up."""
+        if self._transport.is_closing():
+            return
+        self._transport.write(data)
+        if self._transport.get_write_buffer_size() > MAX_BACKLOG:
+            self._drop()
+
+    def _drop(self) -> None:
+        """Cut the connection, whatever is still to be written."""
+        self._hub.counters.dropped_clients += 1
+        self._hub.forget(self)
+        self._transport.abort()
+
+
+class _Told(NamedTuple):
+    """A frame as the others read it, and what it takes on the bus."""
+
+    text: bytes
+    bits: float
+
+
+def _frame_of(command: bytes) -> _Told | None:
+    """Return what the others read of a "send" command; None where it is malformed."""
+    frame = parse_send(command)
+    if frame is None:
+        return None
+    bits = frame_bits(len(frame.data), is_extended=frame.is_extended)
+    return _Told(format_frame(frame, time.time_ns()), bits)
+
+
+def _address(peer: object) -> str:
+    """Return the address of a connection's other end."""
+    return "{}:{}".format(*peer) if isinstance(peer, tuple) else "?"
+
+
+def run_hub(
+    host: str,
+    port: int,
+    ready: Callable[[int], None],
+    channels: Sequence[str] = ("can0",),
+    limits: HubLimits = NO_LIMITS,
+) -> None:
+    """Serve until the process ends or a signal stops it.
+
+    Args:
+        host: address to listen on; "127.0.0.1" keeps the bus on this machine.
+        port: 0 takes a free one.
+        ready: told the port as soon as clients may connect.
+        channels: names that clients may open, one bus each.
+        limits: how much clients may send.
+    """
+    asyncio.run(_serve(Hub(channels, limits), host, port, ready))
+
+
+async def _serve(hub: Hub, host: str, port: int, ready: Callable[[int], None]) -> None:
+    server = await hub.start(host, port)
+    ready(server.sockets[0].getsockname()[1])
+    await server.serve_forever()

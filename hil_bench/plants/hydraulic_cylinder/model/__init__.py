@@ -1,0 +1,53 @@
+"""The valve-controlled hydraulic cylinder of Ruderman, IECON 2017."""
+
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    EntrainedAir,
+    LuGreFriction,
+    SupplyUnit,
+)
+from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    Load,
+    LoadSeries,
+    MassOnSlope,
+    SpringLoad,
+)
+from hil_bench.plants.hydraulic_cylinder.model.models import Model
+from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters, paper_parameters
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrderPlant, spool_delay
+from hil_bench.plants.hydraulic_cylinder.model.state import (
+    PlantInput,
+    PlantOutput,
+    PlantState,
+    balanced_state,
+)
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant, Solver
+
+__all__ = [
+    "ConstantLoad",
+    "EndStop",
+    "EntrainedAir",
+    "ExtensionState",
+    "FullOrderPlant",
+    "Load",
+    "LoadSeries",
+    "LuGreFriction",
+    "MassOnSlope",
+    "Model",
+    "Plant",
+    "PlantInput",
+    "PlantOptions",
+    "PlantOutput",
+    "PlantParameters",
+    "PlantState",
+    "ReducedOrderPlant",
+    "Solver",
+    "SpringLoad",
+    "SupplyUnit",
+    "balanced_state",
+    "paper_parameters",
+    "spool_delay",
+]

@@ -1,0 +1,205 @@
+"""Many plants at once: the bench's solver on blocks of plants, side by side in vector registers.
+
+A block holds one number of each plant, then the next number: so the compiler turns the very kernels
+of a single plant into vector instructions, and each plant of a batch gives the same bits as alone.
+A block stays in the processor's first cache for all steps of a run. A plant whose step is made in
+parts (`model.parts`) makes it alone, after the others.
+"""
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack, unpack_lane
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import (
+    Cylinder,
+    move_cylinder,
+    try_free_step,
+)
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.parts import TOLERANCE
+from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
+from hil_bench.plants.hydraulic_cylinder.model.state import PlantState
+
+LANES = 16
+"""Plants in a block: two registers of eight, so that one hides the latency of the other."""
+
+SEEN = ("x", "v", "P_A", "P_B", "z")
+"""What a batch shows of each plant, as in `model.state.PlantOutput`."""
+
+_STATES = len(PlantState._fields)
+_SETPOINT = _STATES  # its place in the block, after the states
+_CONSTANTS = _STATES + 1
+_NEXT = _CONSTANTS + ROW  # the states at the end of a step, and the error of the velocity
+_PLACES = _NEXT + _STATES + 1
+
+Values = npt.NDArray[np.float64]
+
+PlantSet = Sequence[tuple[PlantParameters, PlantOptions, PlantState]]
+"""What each plant is, and where it starts."""
+
+
+def pack_block(plants: PlantSet, dt: float) -> Values:
+    """Return a block of at most `LANES` plants; what is left is filled with the last one.
+
+    Args:
+        plants: without extensions.
+        dt: step [s].
+    """
+    rows = [[*state, 0.0, *pack(parameters, options, dt)] for parameters, options, state in plants]
+    block = np.zeros((_PLACES, LANES))
+    block[:_NEXT, : len(rows)] = np.array(rows, dtype=np.float64).T
+    block[:_NEXT, len(rows) :] = block[:_NEXT, len(rows) - 1, np.newaxis]
+    return block.reshape(-1)
+
+
+@kernel
+def lane_cylinder(block: Floats, lane: int) -> Cylinder:
+    """Return the cylinder of one plant of a block at the start of the step."""
+    return (
+        block[lane],
+        block[LANES + lane],
+        block[2 * LANES + lane],
+        block[3 * LANES + lane],
+        block[6 * LANES + lane],
+        block[7 * LANES + lane],
+    )
+
+
+@kernel
+def try_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float, float]:
+    """Return the cylinder, nu and nu_dot of one plant a step later, and the velocity's error."""
+    constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+    nu, nu_dot = block[4 * LANES + lane], block[5 * LANES + lane]
+    moved, moved_dot = move_spool(nu, nu_dot, block[_SETPOINT * LANES + lane], constants[3])
+    cylinder, error = try_free_step(lane_cylinder(block, lane), (nu, moved), 0.0, constants)
+    return cylinder, moved, moved_dot, error
+
+
+@kernel
+def move_lane(block: Floats, lane: int) -> Cylinder:
+    """Return the cylinder of one plant a step later, made in parts."""
+    constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+    spool = (block[4 * LANES + lane], block[(_NEXT + 4) * LANES + lane])
+    return move_cylinder(lane_cylinder(block, lane), spool, 0.0, constants)[0]
+
+
+@kernel
+def show_block(block: Floats, seen: Floats, row: int) -> None:
+    """Write what is seen of each plant of a block as a row of `seen`."""
+    for lane in range(LANES):
+        constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
+        place = row * len(SEEN) * LANES + lane
+        for field in range(4):
+            seen[place + field * LANES] = block[field * LANES + lane]
+        seen[place + 4 * LANES] = orifice_state(block[4 * LANES + lane], constants[2])
+
+
+@long_kernel
+def run_block(block: Floats, setpoints: Floats, seen: Floats, steps: int, every: int) -> None:
+    """Run a block of plants under set-points of their own, in place.
+
+    Args:
+        block: as `pack_block` gives it.
+        setpoints: u [m] of each plant for the first step, then for the next, and so on.
+        seen: takes, after each `every`-th step, each field of `SEEN` of all plants.
+        steps: how many.
+        every: steps between two rows.
+    """
+    first = _NEXT * LANES
+    for step in range(steps):
+        for lane in range(LANES):
+            block[_SETPOINT * LANES + lane] = setpoints[step * LANES + lane]
+        for lane in range(LANES):
+            (x, v, P_A, P_B, V_CA, V_CB), nu, nu_dot, error = try_lane(block, lane)
+            block[first + lane], block[first + LANES + lane] = x, v
+            block[first + 2 * LANES + lane], block[first + 3 * LANES + lane] = P_A, P_B
+            block[first + 4 * LANES + lane], block[first + 5 * LANES + lane] = nu, nu_dot
+            block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
+            block[first + _STATES * LANES + lane] = error
+        for lane in range(LANES):
+            if block[first + _STATES * LANES + lane] > TOLERANCE:
+                x, v, P_A, P_B, V_CA, V_CB = move_lane(block, lane)
+                block[first + lane], block[first + LANES + lane] = x, v
+                block[first + 2 * LANES + lane], block[first + 3 * LANES + lane] = P_A, P_B
+                block[first + 6 * LANES + lane], block[first + 7 * LANES + lane] = V_CA, V_CB
+        for place in range(_STATES * LANES):
+            block[place] = block[first + place]
+        if (step + 1) % every == 0:
+            show_block(block, seen, (step + 1) // every - 1)
+
+
+def run_plants(plants: PlantSet, setpoints: Values, *, dt: float, every: int = 1) -> Values:
+    """Run at most `LANES` plants on the linearly implicit midpoint rule.
+
+    Args:
+        plants: without extensions; their parameters, options and states are not checked here.
+        setpoints: u [m] of each plant, shape (plants, steps).
+        dt: step [s].
+        every: steps between two rows.
+
+    Returns:
+        The fields of `SEEN` after each `every`-th step, shape (plants, steps // every, 5).
+    """
+    block = pack_block(plants, dt)
+    return _run(block, spread_setpoints(setpoints), every)[: len(plants)]
+
+
+def run_starts(
+    plant: tuple[PlantParameters, PlantOptions],
+    starts: Values,
+    setpoints: Values,
+    *,
+    dt: float,
+    every: int = 1,
+) -> Values:
+    """Run a plant from at most `LANES` states, as `run_plants` does.
+
+    Args:
+        plant: without extensions; it is not checked here.
+        starts: the fields of `PlantState`, shape (starts, 8); without cavities (starts, 6).
+        setpoints: as `spread_setpoints` gives them.
+        dt: step [s].
+        every: steps between two rows.
+
+    Returns:
+        The fields of `SEEN` after each `every`-th step, shape (starts, steps // every, 5).
+    """
+    count = len(starts)
+    block = np.zeros((_PLACES, LANES))
+    given = starts.shape[1]
+    block[:given, :count] = starts.T
+    block[:given, count:] = starts[-1, :, np.newaxis]
+    block[_CONSTANTS:_NEXT] = np.array(pack(*plant, dt))[:, np.newaxis]
+    return _run(block.reshape(-1), setpoints, every)[:count]
+
+
+def spread_setpoints(setpoints: Values) -> Values:
+    """Return set-points of at most `LANES` plants as the blocks want them, shape (steps, LANES).
+
+    Args:
+        setpoints: u [m] of each plant, shape (plants, steps).
+    """
+    count, steps = setpoints.shape
+    lanes = np.empty((steps, LANES))
+    lanes[:, :count] = setpoints.T
+    lanes[:, count:] = setpoints[-1, :, np.newaxis]
+    return lanes
+
+
+def _run(block: Values, lanes: Values, every: int) -> Values:
+    """Return what is seen of all lanes of a block, shape (LANES, rows, 5)."""
+    steps = len(lanes)
+    seen = np.empty((steps // every, len(SEEN), LANES))
+    run_block(
+        cast("Floats", block),
+        cast("Floats", lanes.reshape(-1)),
+        cast("Floats", seen.reshape(-1)),
+        steps,
+        every,
+    )
+    return seen.transpose(2, 0, 1)

@@ -1,0 +1,34 @@
+"""The cylinder's chambers: volumes, eqs. (10), (11), and continuity, eqs. (8), (9)."""
+
+from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
+
+ChamberConstants = tuple[float, float, float, float, float, float, float]
+"""(E, C_L, A_A, A_B, V_A0, V_B0, h)."""
+
+
+@kernel
+def chamber_volumes(x: float, chambers: ChamberConstants) -> tuple[float, float]:
+    """Return V_A and V_B [m³] at piston position x [m], held beyond the half-stroke, (10), (11)."""
+    _, _, A_A, A_B, V_A0, V_B0, h = chambers
+    if x > h:
+        x = h
+    elif x < -h:
+        x = -h
+    return V_A0 + A_A * x, V_B0 - A_B * x
+
+
+@kernel
+def net_flows(
+    Q_A: float, Q_B: float, v: float, leak: float, chambers: ChamberConstants
+) -> tuple[float, float]:
+    """Return the flows that compress the oil in A and in B [m³/s]: brackets of eqs. (8), (9).
+
+    Args:
+        Q_A: flow through port A [m³/s].
+        Q_B: flow through port B [m³/s].
+        v: piston velocity [m/s].
+        leak: leakage from A to B, C_L (P_A - P_B) [m³/s].
+        chambers: the constants.
+    """
+    _, _, A_A, A_B, _, _, _ = chambers
+    return Q_A - A_A * v - leak, Q_B + A_B * v + leak

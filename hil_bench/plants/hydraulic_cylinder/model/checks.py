@@ -1,0 +1,128 @@
+"""What a plant refuses: states that it cannot be in, parameters that do not go together."""
+
+import math
+
+from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.options import VACUUM_PRESSURE, PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, require_finite_state
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_finite, require_kind
+
+_HARDEST = 10.0
+"""Largest force that an impact takes into an end stop, in multiples of P_S A."""
+
+
+def check_full_model(parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse bristles that would hold no piston, or drive it.
+
+    LuGre friction takes energy from the motion, never gives it, where sigma_1 (F_s - F_c) <=
+    sigma F_c (Barabanov and Ortega, Necessary and sufficient conditions for passivity of the LuGre
+    friction model, IEEE Transactions on Automatic Control 45(4), 2000).
+
+    Raises:
+        ParameterError: with these parameters the bristles make no sense.
+    """
+    if options.bristles is None:
+        return
+    F_c, weakening, sigma = parameters.F_c, parameters.F_s - parameters.F_c, parameters.sigma
+    if F_c == 0.0:
+        raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
+    sigma_1 = options.bristles.sigma_1
+    if sigma_1 * weakening > sigma * F_c:
+        raise ParameterError(
+            f"sigma_1 = {sigma_1:g} N s/m: must be {_round_down(sigma * F_c / weakening):g} N s/m "
+            "or less, sigma F_c / (F_s - F_c), or LuGre friction drives the piston"
+        )
+
+
+def _round_down(value: float) -> float:
+    """Return a value to three digits, no larger than it is."""
+    digit = 10.0 ** (math.floor(math.log10(value)) - 2) if value > 0.0 else 1.0
+    return math.floor(value / digit) * digit
+
+
+def check_state(state: PlantState, parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse a state in which the full-order plant cannot be.
+
+    Raises:
+        ParameterError: the message names the first symbol that is wrong.
+    """
+    require_kind("state", state, PlantState)
+    require_finite_state(state)
+    floor = options.cavitation_floor
+    for symbol, pressure in (("P_A", state.P_A), ("P_B", state.P_B), ("P_T", parameters.P_T)):
+        if floor is not None and pressure < floor:
+            raise ParameterError(
+                f"{symbol} = {pressure:g} Pa: must be at least the cavitation floor, {floor:g} Pa"
+            )
+    x = min(max(state.x, -parameters.h), parameters.h)
+    check_cavity("A", state.V_CA, parameters.V_A0 + parameters.A_A * x, state.P_A, floor)
+    check_cavity("B", state.V_CB, parameters.V_B0 - parameters.A_B * x, state.P_B, floor)
+    check_position(state.x, parameters, options)
+
+
+def check_cavity(
+    chamber: str, cavity: float, volume: float, pressure: float, floor: float | None
+) -> None:
+    """Refuse a cavity that its chamber cannot have.
+
+    Args:
+        chamber: "A" or "B".
+        cavity: in it [m³].
+        volume: of the chamber [m³].
+        pressure: in the chamber [Pa].
+        floor: cavitation floor [Pa], None for no floor.
+
+    Raises:
+        ParameterError: for a cavity that is negative, as large as the chamber or above the floor.
+    """
+    named = f"V_C{chamber} = {cavity:g} m³"
+    if not 0.0 <= cavity < volume:
+        raise ParameterError(
+            f"{named}: must be 0 or greater, and smaller than the chamber, {volume:g} m³"
+        )
+    is_above = floor is None or not math.isclose(pressure, floor, rel_tol=1e-9, abs_tol=1e-3)
+    if cavity > 0.0 and is_above:
+        limit = "there is no cavitation floor" if floor is None else f"the floor is at {floor:g} Pa"
+        raise ParameterError(f"{named}: must be 0 at P_{chamber} = {pressure:g} Pa, for {limit}")
+
+
+def check_position(x: float, parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse a position to which no pressure and no impact takes the piston.
+
+    Args:
+        x: piston position [m].
+        parameters: of the plant.
+        options: of the plant; without an end stop every position is right.
+
+    Raises:
+        ParameterError: for a piston deeper in a stop than `_HARDEST` times P_S A presses it.
+    """
+    stop = options.end_stop
+    if stop is None:
+        return
+    depth = _HARDEST * parameters.P_S * max(parameters.A_A, parameters.A_B) / stop.stiffness
+    if abs(x) > parameters.h + depth:
+        raise ParameterError(f"x = {x:g} m: must lie between the end stops at +-{parameters.h:g} m")
+
+
+def check_extension(
+    extension: ExtensionState | None, parameters: PlantParameters, options: PlantOptions
+) -> ExtensionState:
+    """Return the extension's start.
+
+    Raises:
+        ParameterError: for a state that no extension can have.
+    """
+    if extension is None:
+        return ExtensionState(0.0, 0.0, parameters.P_S)
+    require_kind("extension", extension, ExtensionState)
+    for symbol, value, unit in zip(
+        ExtensionState._fields, extension, ("s", "m", "Pa"), strict=True
+    ):
+        require_finite(symbol, value, unit)
+    floor = VACUUM_PRESSURE if options.cavitation_floor is None else options.cavitation_floor
+    if extension.P_S < floor:
+        raise ParameterError(f"P_S = {extension.P_S:g} Pa: must be at least {floor:g} Pa")
+    return extension

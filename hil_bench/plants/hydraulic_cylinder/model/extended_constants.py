@@ -1,0 +1,112 @@
+"""What the extended kernels need to know beyond the paper's constants, and their further states."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
+from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants
+from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
+from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    LoadSeries,
+    MassOnSlope,
+    SpringLoad,
+)
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.supply import SupplyConstants
+
+LeakConstants = tuple[float, float]
+"""(C_LA, C_LB) [m³/(s Pa)]."""
+
+ExtendedConstants = tuple[
+    LeakConstants, AirConstants, BristleConstants, LoadConstants, SupplyConstants
+]
+
+# Where the extension begins in the row, after the paper's constants, and where the load series.
+_EXTENSION = ROW
+SERIES = _EXTENSION + 16
+
+
+class ExtensionState(NamedTuple):
+    """The states that the extensions add to the paper's six.
+
+    Attributes:
+        t: time, for the load series [s].
+        z_f: deflection of the bristles, LuGre friction [m].
+        P_S: supply pressure [Pa].
+    """
+
+    t: float
+    z_f: float
+    P_S: float
+
+
+def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
+    """Return the paper's constants, those of the extensions, and the points of the load series."""
+    groups: ExtendedConstants = (
+        (options.C_LA, options.C_LB),
+        (0.0, 1.0) if options.air is None else (options.air.ratio, options.air.air_exponent),
+        _bristle_constants(options),
+        _load_constants(options),
+        supply_constants(parameters, options),
+    )
+    series = next(
+        (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
+    )
+    points = zip(series.times, series.forces, strict=True)
+    return [
+        *pack(parameters, options, dt),
+        *(float(value) for group in groups for value in group),
+        *(float(value) for point in points for value in point),
+    ]
+
+
+def _bristle_constants(options: PlantOptions) -> BristleConstants:
+    bristles = options.bristles
+    return (0.0, 0.0) if bristles is None else (bristles.sigma_0, bristles.sigma_1)
+
+
+def _load_constants(options: PlantOptions) -> LoadConstants:
+    """Return all constant forces and all springs, each as one."""
+    force = math.fsum(
+        load.load_force if isinstance(load, ConstantLoad) else load.weight
+        for load in options.loads
+        if isinstance(load, ConstantLoad | MassOnSlope)
+    )
+    springs = [load for load in options.loads if isinstance(load, SpringLoad)]
+    stiffness = math.fsum(spring.spring_stiffness for spring in springs)
+    pull = math.fsum(spring.spring_stiffness * spring.spring_rest for spring in springs)
+    return force, stiffness, pull / stiffness if springs else 0.0
+
+
+def supply_constants(parameters: PlantParameters, options: PlantOptions) -> SupplyConstants:
+    """Return the constants of the supply unit; all zero for a constant P_S."""
+    unit = options.supply
+    if unit is None:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    return (
+        unit.line_volume / parameters.E,
+        unit.pump_flow,
+        unit.relief_pressure,
+        unit.relief_gradient,
+        unit.accumulator_volume,
+        unit.precharge_pressure + ATMOSPHERE,
+        unit.gas_exponent,
+    )
+
+
+@kernel
+def unpack_extended(row: Floats) -> ExtendedConstants:
+    """Return the constants of the extensions in their groups."""
+    return (
+        (row[35], row[36]),
+        (row[37], row[38]),
+        (row[39], row[40]),
+        (row[41], row[42], row[43]),
+        (row[44], row[45], row[46], row[47], row[48], row[49], row[50]),
+    )

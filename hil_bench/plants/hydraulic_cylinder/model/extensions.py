@@ -1,0 +1,115 @@
+"""What may stand in place of the paper's constants: air in the oil, bristles, a real supply."""
+
+from dataclasses import dataclass
+
+from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    require_finite,
+    require_not_negative,
+    require_positive,
+)
+
+ATMOSPHERE = 101_325.0
+"""Standard atmosphere, absolute [Pa]."""
+
+
+def require_exponent(symbol: str, value: float) -> None:
+    """Refuse a polytropic exponent that no gas has.
+
+    Raises:
+        ParameterError: when `value` is not between 1, isothermal, and 2.
+    """
+    require_finite(symbol, value, "")
+    if not 1.0 <= value <= 2.0:
+        raise ParameterError(f"{symbol} = {value:g}: must be 1 (isothermal) to 2; adiabatic is 1.4")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EntrainedAir:
+    """Undissolved air in the oil: the bulk modulus then falls with the pressure.
+
+    Attributes:
+        air_fraction: volume of the air in that of the mixture at atmospheric pressure [-].
+        air_exponent: polytropic exponent of the air, 1 for slow and 1.4 for fast changes [-].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    air_fraction: float
+    air_exponent: float = 1.4
+
+    def __post_init__(self) -> None:
+        require_positive("air_fraction", self.air_fraction, "")
+        if self.air_fraction > 0.5:
+            raise ParameterError(
+                f"air_fraction = {self.air_fraction:g}: must be at most 0.5, or it is foam"
+            )
+        require_exponent("air_exponent", self.air_exponent)
+
+    @property
+    def ratio(self) -> float:
+        """Volume of the air over that of the oil at atmospheric pressure [-]."""
+        return self.air_fraction / (1.0 - self.air_fraction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LuGreFriction:
+    """Friction with pre-sliding: bristles bend before they slip.
+
+    The defaults bend by 0.09 mm before the F_s of Table I is reached.
+
+    Attributes:
+        sigma_0: stiffness of the bristles [N/m].
+        sigma_1: damping of the bristles [N s/m].
+
+    Raises:
+        ParameterError: when the stiffness is not positive or the damping is negative.
+    """
+
+    sigma_0: float = 1e7
+    sigma_1: float = 2e3
+
+    def __post_init__(self) -> None:
+        require_positive("sigma_0", self.sigma_0, "N/m")
+        require_not_negative("sigma_1", self.sigma_1, "N s/m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupplyUnit:
+    """A pump of constant flow, a relief valve and an accumulator behind port P.
+
+    Attributes:
+        pump_flow: of the pump, whatever the pressure [m³/s].
+        relief_pressure: at which the relief valve begins to open [Pa].
+        relief_gradient: flow through the relief valve per pressure above that [m³/(s Pa)].
+        line_volume: of the oil between pump and valve [m³].
+        accumulator_volume: of the accumulator's gas when it holds no oil [m³]; 0 for none.
+        precharge_pressure: of that gas, as gauge pressure [Pa].
+        gas_exponent: polytropic exponent of the gas [-].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    pump_flow: float = 1e-3
+    relief_pressure: float = 1e7
+    relief_gradient: float = 2e-9
+    line_volume: float = 5e-4
+    accumulator_volume: float = 1e-3
+    precharge_pressure: float = 6e6
+    gas_exponent: float = 1.4
+
+    def __post_init__(self) -> None:
+        require_not_negative("pump_flow", self.pump_flow, "m³/s")
+        require_positive("relief_pressure", self.relief_pressure, "Pa")
+        require_positive("relief_gradient", self.relief_gradient, "m³/(s Pa)")
+        require_positive("line_volume", self.line_volume, "m³")
+        require_not_negative("accumulator_volume", self.accumulator_volume, "m³")
+        require_not_negative("precharge_pressure", self.precharge_pressure, "Pa")
+        require_exponent("gas_exponent", self.gas_exponent)
+        if self.precharge_pressure >= self.relief_pressure:
+            raise ParameterError(
+                f"precharge_pressure = {self.precharge_pressure:g} Pa: must be below "
+                f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills"
+            )

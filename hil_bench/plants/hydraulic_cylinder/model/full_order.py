@@ -1,0 +1,190 @@
+"""The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
+
+import math
+from types import NoneType
+
+from hil_bench.plants.hydraulic_cylinder.model.checks import (
+    check_extension,
+    check_full_model,
+    check_state,
+)
+from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    ExtensionState,
+    pack_extended,
+)
+from hil_bench.plants.hydraulic_cylinder.model.extended_euler import advance_extended_euler
+from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
+from hil_bench.plants.hydraulic_cylinder.model.stability import (
+    largest_euler_step,
+    largest_midpoint_step,
+    largest_runge_kutta_step,
+)
+from hil_bench.plants.hydraulic_cylinder.model.state import (
+    PlantInput,
+    PlantOutput,
+    PlantState,
+    balanced_state,
+)
+from hil_bench.plants.hydraulic_cylinder.model.state_row import EXTRA, PLAIN_EXTRA, STEPS, SUPPLY
+from hil_bench.plants.hydraulic_cylinder.model.stepping import (
+    DEFAULT_STEP,
+    Solver,
+    bound_input,
+    check_solver,
+    check_step,
+    divergence,
+)
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
+
+_ADVANCE = {
+    (Solver.FORWARD_EULER, False): advance_forward_euler,
+    (Solver.FORWARD_EULER, True): advance_extended_euler,
+    (Solver.LINEARLY_IMPLICIT_MIDPOINT, False): advance_implicit_midpoint,
+    (Solver.LINEARLY_IMPLICIT_MIDPOINT, True): advance_extended_midpoint,
+    (Solver.RUNGE_KUTTA, True): advance_runge_kutta,
+}
+
+_LARGEST_STEP = {
+    Solver.FORWARD_EULER: largest_euler_step,
+    Solver.LINEARLY_IMPLICIT_MIDPOINT: largest_midpoint_step,
+    Solver.RUNGE_KUTTA: largest_runge_kutta_step,
+}
+
+_Z_F = 9  # its place in the state of an extended plant
+
+
+class FullOrderPlant:
+    """Valve and cylinder: six states, moved on in fixed steps.
+
+    The constructor runs the stepping kernel once, so that nothing is compiled later.
+
+    Args:
+        parameters: of valve and cylinder.
+        options: what the paper leaves open; None for `PlantOptions.bench()`.
+        solver: of the equations.
+        dt: step [s].
+        state: at the start; None for the balanced state of rest at mid-stroke.
+        extension: states of the options' extensions at the start; None for time 0, straight
+            bristles and the P_S of the parameters.
+
+    Raises:
+        ParameterError: for a state or a step that makes no sense with these parameters.
+
+    Attributes:
+        parameters: of valve and cylinder.
+        options: what the paper leaves open.
+        solver: of the equations.
+        dt: step [s].
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        *,
+        options: PlantOptions | None = None,
+        solver: Solver = Solver.LINEARLY_IMPLICIT_MIDPOINT,
+        dt: float = DEFAULT_STEP,
+        state: PlantState | None = None,
+        extension: ExtensionState | None = None,
+    ) -> None:
+        require_kind("parameters", parameters, PlantParameters)
+        require_kind("options", options, PlantOptions, NoneType)
+        self.parameters = parameters
+        self.options = PlantOptions.bench() if options is None else options
+        self.solver = solver = check_solver(solver)
+        self.dt = dt
+        check_full_model(parameters, self.options)
+        check_step(dt, largest_step(parameters, self.options, solver), self.options, solver)
+        t, z_f, P_S = check_extension(extension, parameters, self.options)
+        F_L = self.options.load_at(0.0, t)
+        start = balanced_state(parameters, F_L=F_L) if state is None else state
+        check_state(start, parameters, self.options)
+        # The solver for references has one kernel, which knows all extensions.
+        self._is_extended = is_extended = self.options.is_extended or solver is Solver.RUNGE_KUTTA
+        self._advance = _ADVANCE[solver, is_extended]
+        self._constants = make_row(
+            (pack_extended if is_extended else pack)(parameters, self.options, dt)
+        )
+        self._state = make_row(
+            (*start, t / dt, z_f, P_S, 0.0, 0.0) if is_extended else (*start, 0.0)
+        )
+        self._supply = (self._state, SUPPLY) if is_extended else (self._constants, ORIFICE_P_S)
+        self._output = self._advance_by(0.0, 0.0, 0)
+
+    @property
+    def state(self) -> PlantState:
+        """The present state."""
+        row = self._state
+        return PlantState(*(float(row[place]) for place in range(len(PlantState._fields))))
+
+    @property
+    def extension(self) -> ExtensionState:
+        """The present states of the extensions; without any, those of the start."""
+        row = self._state
+        if not self._is_extended:
+            return ExtensionState(0.0, 0.0, self.parameters.P_S)
+        return ExtensionState(float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]))
+
+    @property
+    def output(self) -> PlantOutput:
+        """The quantities of the present state."""
+        return self._output
+
+    @property
+    def extra_evaluations(self) -> int:
+        """Evaluations beyond one a step so far; 0 for the solvers with a fixed step."""
+        return int(self._state[EXTRA if self._is_extended else PLAIN_EXTRA])
+
+    @property
+    def supply_pressure(self) -> float:
+        """P_S at the valve now [Pa]."""
+        row, place = self._supply
+        return float(row[place])
+
+    @supply_pressure.setter
+    def supply_pressure(self, pressure: float) -> None:
+        require_not_negative("supply_pressure", pressure, "Pa")
+        row, place = self._supply
+        row[place] = pressure
+
+    def restart(self, state: PlantState) -> None:
+        """Go on from another state; what the extensions hold stays."""
+        check_state(state, self.parameters, self.options)
+        for number, value in enumerate(state):
+            self._state[number] = value
+        self._output = self._advance_by(state.nu, 0.0, 0)
+
+    def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
+        """Move the plant on by `steps` steps under a constant input; return what is seen then.
+
+        Inputs of any finite size are taken: beyond `SPOOL_SETPOINT_LIMIT` and `LOAD_LIMIT` of
+        `model.stepping` they act as the limit does.
+
+        An input that is not finite, a number of steps that is no count and a solver that has
+        diverged are refused.
+        """
+        u, F_L = bound_input(plant_input, steps)
+        return self._advance_by(u, F_L, steps)
+
+    def _advance_by(self, u: float, F_L: float, steps: int) -> PlantOutput:
+        seen = self._advance(self._state, self._constants, u, F_L, steps)
+        if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
+            raise divergence(self.dt, self.solver)
+        self._output = PlantOutput._make(seen)
+        return self._output
+
+
+def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Solver) -> float:
+    """Return the largest step that a solver can take over the operating range [s].
+
+    That is where forward Euler and Runge-Kutta are stable, 0 where forward Euler is at no step; and
+    where the linearly implicit midpoint rule, stable at every step, follows the piston's swing.
+    """
+    return _LARGEST_STEP[solver](parameters, options)

@@ -1,0 +1,150 @@
+"""What the paper leaves open about its model, as explicit choices."""
+
+import math
+from dataclasses import dataclass
+from types import NoneType
+from typing import Self
+
+from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    ATMOSPHERE,
+    EntrainedAir,
+    LuGreFriction,
+    SupplyUnit,
+)
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    Load,
+    LoadSeries,
+    MassOnSlope,
+    SpringLoad,
+)
+from hil_bench.plants.hydraulic_cylinder.model.validation import (
+    require_finite,
+    require_kind,
+    require_not_negative,
+    require_positive,
+)
+
+VACUUM_PRESSURE = -ATMOSPHERE
+"""Absolute vacuum as a gauge pressure, under the standard atmosphere [Pa]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndStop:
+    """The cylinder's end caps: a spring and a damper at x = +h and x = -h that push and never pull.
+
+    At rest the piston sinks in by force / stiffness: by 0.25 mm under the 50 kN of Table I at full
+    supply pressure. An impact at full speed (0.5 m/s) takes it 0.5 mm deep at the most, for moving
+    masses up to 500 kg.
+
+    Attributes:
+        stiffness: of the contact [N/m].
+        damping: of the contact [N s/m].
+
+    Raises:
+        ParameterError: when the stiffness is not positive or the damping is negative.
+    """
+
+    stiffness: float = 2e8
+    damping: float = 2e4
+
+    def __post_init__(self) -> None:
+        require_positive("stiffness of the end stop", self.stiffness, "N/m")
+        require_not_negative("damping of the end stop", self.damping, "N s/m")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantOptions:
+    """How the full-order model reads what the paper leaves open; the defaults are the paper's.
+
+    Attributes:
+        signed_root: whether the flow of eqs. (5), (6) turns round when the pressure drop does;
+            otherwise it is held at zero.
+        tanh_gain: slope of the tanh that stands for the sign in eq. (13) [s/m]; `math.inf` is the
+            printed sign (forward Euler only).
+        end_stop: what stops the piston at the stroke's ends; None lets it run on, as printed.
+        cavitation_floor: gauge pressure below which no chamber falls [Pa]; None for no floor.
+        laminar_transition: pressure drop below which orifice flow is laminar [Pa]; 0 turns it off.
+        alpha_negative: alpha of eq. (2) for negative spool positions [m]; None for the same alpha.
+        beta_negative: beta of eq. (2) for negative spool positions [m]; None for the same beta.
+        C_LA: external leakage coefficient, chamber A to the tank [m³/(s Pa)].
+        C_LB: external leakage coefficient, chamber B to the tank [m³/(s Pa)].
+        air: what is entrained in the oil; None for the constant E.
+        bristles: LuGre friction in place of the tanh in eq. (13); None for the static curve.
+        supply: what holds P_S up; None for the constant P_S.
+        loads: what acts on the rod besides the F_L of each step; one series at the most.
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    signed_root: bool = True
+    tanh_gain: float = 400.0
+    end_stop: EndStop | None = None
+    cavitation_floor: float | None = None
+    laminar_transition: float = 0.0
+    alpha_negative: float | None = None
+    beta_negative: float | None = None
+    C_LA: float = 0.0
+    C_LB: float = 0.0
+    air: EntrainedAir | None = None
+    bristles: LuGreFriction | None = None
+    supply: SupplyUnit | None = None
+    loads: tuple[Load, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._check_kinds()
+        if self.tanh_gain != math.inf:
+            require_positive("tanh_gain", self.tanh_gain, "s/m")
+        require_not_negative("laminar_transition", self.laminar_transition, "Pa")
+        require_not_negative("C_LA", self.C_LA, "m³/(s Pa)")
+        require_not_negative("C_LB", self.C_LB, "m³/(s Pa)")
+        if sum(isinstance(load, LoadSeries) for load in self.loads) > 1:
+            raise ParameterError("load_series = several: must be one at the most; add them up")
+        if self.alpha_negative is not None:
+            require_positive("alpha_negative", self.alpha_negative, "m")
+        if self.beta_negative is not None:
+            require_not_negative("beta_negative", self.beta_negative, "m")
+        if self.cavitation_floor is not None:
+            require_finite("cavitation_floor", self.cavitation_floor, "Pa")
+            if self.cavitation_floor > 0.0 or self.cavitation_floor < VACUUM_PRESSURE - 1.0:
+                raise ParameterError(
+                    f"cavitation_floor = {self.cavitation_floor:g} Pa: must be 0 or less, "
+                    f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)"
+                )
+
+    def _check_kinds(self) -> None:
+        require_kind("signed_root", self.signed_root, bool)
+        require_kind("end_stop", self.end_stop, EndStop, NoneType)
+        require_kind("air", self.air, EntrainedAir, NoneType)
+        require_kind("bristles", self.bristles, LuGreFriction, NoneType)
+        require_kind("supply", self.supply, SupplyUnit, NoneType)
+        require_kind("loads", self.loads, tuple)
+        for load in self.loads:
+            require_kind("loads", load, ConstantLoad, SpringLoad, MassOnSlope, LoadSeries)
+
+    @property
+    def is_extended(self) -> bool:
+        """Whether anything is on that the paper's equations do not have."""
+        extensions = (self.air, self.bristles, self.supply)
+        return bool(self.C_LA or self.C_LB or self.loads) or extensions != (None, None, None)
+
+    @property
+    def load_mass(self) -> float:
+        """What the loads add to the moving mass m [kg]."""
+        return sum(load.load_mass for load in self.loads if isinstance(load, MassOnSlope))
+
+    def load_at(self, x: float, t: float = 0.0) -> float:
+        """Return the force of all loads [N] at piston position x [m] and time t [s]."""
+        return math.fsum(load.force_at(x, t) for load in self.loads)
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Return the model as the paper simulated it: no end stop, no floor, all turbulent."""
+        return cls()
+
+    @classmethod
+    def bench(cls) -> Self:
+        """Return the model for a test bench: piston and pressures stay where they can be."""
+        return cls(end_stop=EndStop(), cavitation_floor=VACUUM_PRESSURE, laminar_transition=300.0)

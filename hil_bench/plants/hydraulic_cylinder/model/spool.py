@@ -1,0 +1,77 @@
+"""The valve's spool: closed-loop dynamics, eqs. (1), (3); dead-zone and saturation, (2), (4)."""
+
+import math
+
+from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
+
+SpoolTransition = tuple[float, float, float, float]
+"""(a_11, a_12, a_21, a_22) of the state (nu - u, nu_dot) over one step with constant u."""
+
+OpeningConstants = tuple[float, float, float, float]
+"""(alpha, beta) for a positive spool position, then (alpha, beta) for a negative one."""
+
+
+def spool_transition(omega_0: float, xi: float, dt: float) -> SpoolTransition:
+    """Return the exact transition of eq. (3) over one step with constant set-point.
+
+    The matrix exponential of [[0, 1], [-omega_0², -2 xi omega_0]] dt in closed form, for every
+    damping ratio.
+
+    Args:
+        omega_0: eigenfrequency [rad/s].
+        xi: damping ratio [-].
+        dt: step [s].
+    """
+    angle = omega_0 * dt
+    even, odd = _decaying_pair(angle, xi)
+    return (
+        even + xi * angle * odd,
+        dt * odd,
+        -omega_0 * angle * odd,
+        even - xi * angle * odd,
+    )
+
+
+def _decaying_pair(angle: float, xi: float) -> tuple[float, float]:
+    """Return exp(-xi angle) times cos(mu) and sin(mu) / mu, with mu = angle sqrt(1 - xi²)."""
+    mu = angle * math.sqrt(abs(1.0 - xi * xi))
+    decay = math.exp(-xi * angle)
+    if mu < 1e-6:  # the series' next term is below rounding
+        return decay, decay
+    if xi < 1.0:
+        return decay * math.cos(mu), decay * math.sin(mu) / mu
+    # angle (xi - root) = angle / (xi + root): no cancellation, and no cosh to overflow
+    slow = math.exp(-angle * angle / (xi * angle + mu))
+    fast = math.exp(-xi * angle - mu)
+    return 0.5 * (slow + fast), 0.5 * (slow - fast) / mu
+
+
+@kernel
+def move_spool(
+    nu: float, nu_dot: float, u: float, transition: SpoolTransition
+) -> tuple[float, float]:
+    """Return spool position [m] and velocity [m/s] one step later, exact for constant u, eq. (3).
+
+    Args:
+        nu: spool position [m].
+        nu_dot: spool velocity [m/s].
+        u: set-point [m].
+        transition: as `spool_transition` gives it.
+    """
+    a_11, a_12, a_21, a_22 = transition
+    error = nu - u
+    return u + a_11 * error + a_12 * nu_dot, a_21 * error + a_22 * nu_dot
+
+
+@kernel
+def orifice_state(nu: float, opening: OpeningConstants) -> float:
+    """Return the orifice state z [m] at spool position nu [m]: dead-zone, saturation, eq. (2).
+
+    Both are given for each direction, as the paper suggests for "more specific DCV assemblies".
+    """
+    alpha, beta, alpha_negative, beta_negative = opening
+    limit = alpha if nu > 0.0 else alpha_negative
+    z = abs(nu) - (beta if nu > 0.0 else beta_negative)
+    z = 0.0 if z < 0.0 else z
+    z = limit if z > limit else z
+    return z if nu > 0.0 else 0.0 - z

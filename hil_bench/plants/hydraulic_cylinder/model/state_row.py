@@ -1,0 +1,81 @@
+"""The row of states that a stepping kernel moves on: how it is read, written back and shown."""
+
+from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
+from hil_bench.plants.hydraulic_cylinder.model.spool import OpeningConstants, orifice_state
+
+Seen = tuple[float, float, float, float, float, float, float, float]
+"""The fields of `model.state.PlantOutput`."""
+
+PlainStates = tuple[float, float, float, float, float, float, float, float]
+"""The fields of `model.state.PlantState`, which begin each row."""
+
+States = tuple[float, float, float, float, float, float, float, float, float, float]
+"""(x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S).
+
+In the row of a plant with extensions the steps since time 0 stand before the last two, and the
+point of the load series after them.
+"""
+
+PLAIN_EXTRA = 8
+"""Place of the extra evaluations in the row of a plant without extensions."""
+
+STEPS, SUPPLY, POINT, EXTRA = 8, 10, 11, 12
+"""Places in the row of a plant with extensions: steps since time 0, P_S, point of the series,
+evaluations beyond one a step."""
+
+
+@kernel
+def show(states: PlainStates, opening: OpeningConstants, orifice: OrificeConstants) -> Seen:
+    """Return what is seen of a plant in these states."""
+    x, v, P_A, P_B, nu, _, _, _ = states
+    z = orifice_state(nu, opening)
+    return x, v, P_A, P_B, nu, z, port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+
+
+@kernel
+def keep(row: Floats, states: PlainStates, constants: Constants) -> Seen:
+    """Write the states of a plant without extensions back, and return what is seen of them."""
+    row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7] = states
+    return show(states, constants[2], constants[4])
+
+
+@kernel
+def read_states(row: Floats) -> States:
+    """Return the states of a plant with extensions."""
+    return (
+        row[0],
+        row[1],
+        row[2],
+        row[3],
+        row[4],
+        row[5],
+        row[6],
+        row[7],
+        row[9],
+        row[10],
+    )
+
+
+@kernel
+def keep_extended(
+    row: Floats, states: States, steps: int, point: int, constants: Constants
+) -> Seen:
+    """Write the states of a plant with extensions back, and return what is seen of them.
+
+    Args:
+        row: takes the states.
+        states: of the plant.
+        steps: made since they were read.
+        point: index of the load series' point in the row of constants.
+        constants: in their groups.
+    """
+    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
+    row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
+    row[6], row[7], row[9], row[10] = V_CA, V_CB, z_f, P_S
+    row[STEPS], row[POINT] = row[STEPS] + steps, float(point - SERIES)
+    K, _, P_T, transition, signed = constants[4]
+    plain = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB)
+    return show(plain, constants[2], (K, P_S, P_T, transition, signed))

@@ -1,0 +1,38 @@
+"""The supply unit: P_S as a state, fed by a pump, limited by a relief valve, held by gas.
+
+    C_S dP_S/dt = Q_P - G max(P_S - P_R, 0) - Q_S
+
+with the compliance C_S = V_line / E + V_gas / (n p) of line and accumulator.
+"""
+
+import math
+
+from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
+from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
+
+SupplyConstants = tuple[float, float, float, float, float, float, float]
+"""(line compliance [m³/Pa], Q_P, P_R, G, gas volume, precharge, exponent); compliance 0: none.
+
+Gas volume and precharge are those of the empty accumulator, the precharge as absolute pressure.
+"""
+
+
+@kernel
+def supply_compliance(P_S: float, supply: SupplyConstants) -> float:
+    """Return the compliance C_S of line and accumulator at supply pressure P_S [m³/Pa].
+
+    The gas follows p V^n = const, so its compliance is V / (n p); below the precharge the
+    accumulator is empty and the line's oil is alone.
+    """
+    line, _, _, _, volume, precharge, n = supply
+    p = P_S + ATMOSPHERE
+    if p <= precharge:
+        return line
+    return line + volume * math.exp(math.log(precharge / p) / n) / (n * p)
+
+
+@kernel
+def relief_flow(P_S: float, supply: SupplyConstants) -> float:
+    """Return the flow through the relief valve [m³/s] at supply pressure P_S [Pa]."""
+    above = P_S - supply[2]
+    return supply[3] * above if above > 0.0 else 0.0

@@ -1,0 +1,260 @@
+"""A bench on an embedded bus, with its traces: what tests, notebooks and the demo run.
+
+>>> bench = VirtualBench(load_config("bench.toml"))
+>>> bench.run(0.5)
+>>> bench.signals["axis1.position"]
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from operator import methodcaller
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.modbus_binding import ModbusBinding
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.faults import Faults
+from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
+from hil_bench.outside.realtime.pacer import Pacer
+from hil_bench.outside.recording.channels import Channel, ChannelRecorder
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.report import RecordingReport
+from hil_bench.outside.recording.signal_table import SignalTable, as_table
+from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
+from hil_bench.outside.transports.transport import Transport
+from hil_bench.session.joined import ControllerLink, LockStepLink, RealTimeLink, advance
+from hil_bench.session.lockstep import LockStep
+from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
+from hil_bench.session.session import open_session
+
+if TYPE_CHECKING:
+    from hil_bench.outside.transports.modbus.embedded import EmbeddedLink
+
+# Of an error that says what a test's controller did wrong, pytest shows the test's own line.
+__tracebackhide__ = methodcaller("errisinstance", HilBenchError)
+
+RECORDED_TIME = 60.0
+"""Bench time that `VirtualBench.signals` reaches back unless told otherwise [s]."""
+
+LOGGED_FRAMES = 100_000
+"""Frames that `VirtualBench.frames` reaches back unless told otherwise."""
+
+
+class VirtualBench:
+    """A powered-on bench in virtual time, in the caller's thread.
+
+    Bench time advances only in `run`, in `run_until` and while somebody waits in `bus.recv`.
+
+    Args:
+        config: the bench; without it the built-in one of one axis.
+        recorded_time: how far `signals` reaches back [s].
+        logged_frames: how many frames `frames` reaches back.
+        pacer: holds the ticks back to real time; without it they follow at once.
+        stimuli: what else to record, each a function of bench time [s], such as a set-point.
+        record: a file to record all signals and frames in, up to the end of the `with` block; or
+            more than one, or from a trigger on.
+
+    Attributes:
+        config: as passed in.
+        session: the bench that runs; its `door` takes commands from other threads.
+        bench: axes and nodes.
+        nodes: the objects of each node by the node's name, to read and to set:
+            ``bench.nodes["io"]["0x6401.01"] = 1234``.
+        bus: the controller's end of the bus, a python-can bus; of several, of the first.
+        buses: the controller's ends of all buses, by their names in the configuration.
+        frames: the latest frames both ways, oldest first.
+        observers: told the bench time [s] at the end of each tick.
+        pump: takes what arrives on the bus for some seconds of bench time. By default frames wait
+            in the bus for whoever reads it; drivers put their network's `pump` here.
+    """
+
+    def __init__(
+        self,
+        config: BenchConfig | None = None,
+        *,
+        recorded_time: float = RECORDED_TIME,
+        logged_frames: int = LOGGED_FRAMES,
+        pacer: Pacer | None = None,
+        stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
+        record: Path | str | RecordingWish = NO_RECORDING,
+    ) -> None:
+        self.config = config or load_config()
+        self.session = open_session(self.config, stimuli)
+        self.bench = self.session.bench
+        self.nodes = self.session.nodes
+        self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
+        self.observers: list[Callable[[float], None]] = []
+        rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))
+        self._recorder = ChannelRecorder(self.session.channels, rows)
+        self.session.watch(frames=self._log, rows=self._recorder.append)
+        if isinstance(record, (str, Path)):
+            record = RecordingWish((record,))
+        self._open = ExitStack()
+        self._recording = self._open.enter_context(
+            recorded(self.session, record, self.config, is_real_time=pacer is not None)
+        )
+        self._modbus: ModbusBinding | None = None
+        if self.config.modbus is not None:
+            self._modbus = ModbusBinding(self.config, self.bench)
+            self.session.watch(ticks=self._modbus.exchange)
+        self.session.watch(ticks=self._tell_observers)
+        self.session.start()
+        self.bus = EmbeddedBus(self.session.tick, self.config.tick_ns, pacer=pacer)
+        self.buses: dict[str, EmbeddedPort] = {
+            name: self.bus.make_further() if number else self.bus
+            for number, name in enumerate(self.config.buses)
+        }
+        self.pump: Callable[[float], None] = self.bus.advance
+        self._clock: Callable[[], float] = self.bus.now
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Shut the buses down and end the recording; a second call does nothing."""
+        self._shut_down()
+        self.session.door.close()
+        self._open.close()
+
+    @property
+    def recording(self) -> RecordingReport | None:
+        """What the files of `record` hold; None without such files."""
+        return None if self._recording is None else self._recording.report
+
+    @property
+    def faults(self) -> Faults:
+        """What makes things go wrong: ``bench.faults.freeze("pressure_a")``."""
+        return self.bench.faults
+
+    @property
+    def signals(self) -> SignalTable:
+        """What the plant did so far, a row a tick: `time` [s] first, then the channels in SI."""
+        return as_table(self._recorder.result())
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The last row of `signals`, by the names of its channels; empty before the first tick."""
+        return self._recorder.latest()
+
+    def now(self) -> float:
+        """Return the bench time [s]."""
+        return self._clock()
+
+    def run(self, duration: float) -> None:
+        """Let bench time pass.
+
+        Args:
+            duration: how much [s].
+        """
+        self.pump(duration)
+
+    def run_until(self, condition: Callable[[], bool], *, timeout: float) -> float:
+        """Let bench time pass, tick by tick, until a condition holds.
+
+        Args:
+            condition: asked before the first tick and after each.
+            timeout: longest wait [s].
+
+        Returns:
+            How long it took [s].
+
+        Raises:
+            WaitTimeoutError: it did not hold in time.
+        """
+        start = self.now()
+        tick = self.config.tick_ns * 1e-9
+        last_begin = start + timeout - 0.5 * tick
+        while not condition():
+            if self.now() > last_begin:
+                raise WaitTimeoutError(f"condition not met within {timeout:g} s of bench time")
+            self.pump(tick)
+        return self.now() - start
+
+    def join(
+        self, transport: Transport, *, pacer: Pacer | None = None, check: Callable[[], None]
+    ) -> ControllerLink:
+        """Put the bench on a bus where another program controls it, in place of its own `buses`.
+
+        From now on bench time passes in `run` and `run_until` as before, and in the link's `step`:
+        by that program's SYNC, `config.sync_period_ns` each; or by the clock where there is a
+        pacer.
+
+        Args:
+            transport: the bus, or a `JoinedTransport`; it stays the caller's.
+            pacer: paces the bench in real time; None is lock-step.
+            check: called in `run` and `run_until` when nothing came from the bus; raises where
+                nothing will come any more.
+
+        Returns:
+            Bench and bus as one.
+        """
+        self._shut_down()
+        session = self.session
+        session.now = round(self.now() * 1e9)  # a wait may have ended between two ticks
+        if not session.now:
+            transport.send(session.tick((), 0))  # all boot
+        link: ControllerLink
+        if pacer is None:
+            lockstep = LockStep(
+                session,
+                tick_ns=self.config.tick_ns,
+                ticks_per_sync=self.config.ticks_per_sync,
+            )
+            link = LockStepLink(lockstep, transport)
+        else:
+            link = RealTimeLink(session, transport, pacer)
+        self._clock = lambda: session.now * 1e-9
+        self.pump = lambda duration: advance(link, round(duration * 1e9), check)
+        return link
+
+    def _shut_down(self) -> None:
+        for bus in self.buses.values():
+            bus.shutdown()
+
+    def _log(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        """Keep the frames of a tick, or of what was served between two."""
+        for frame in received:
+            self.frames.append(LoggedFrame(frame, now, is_received=True))
+        for frame in sent:
+            self.frames.append(LoggedFrame(frame, now, is_received=False))
+
+    def _tell_observers(self, now: int) -> None:
+        time = now * 1e-9
+        for observe in self.observers:
+            observe(time)
+
+    def modbus_link(self, framing: object, *, is_serial: bool = False) -> "EmbeddedLink":
+        """Return a link for `drivers.modbus.ModbusClient` to this bench.
+
+        Args:
+            framing: the client's, as `drivers.modbus.framing.TcpFraming`.
+            is_serial: whether its frames are those of RTU.
+
+        Raises:
+            ConfigError: the bench has no Modbus server.
+        """
+        from hil_bench.outside.transports.modbus.embedded import EmbeddedLink  # noqa: PLC0415 - an extra
+        from hil_bench.outside.transports.modbus.register_server import RegisterServer  # noqa: PLC0415
+
+        if self._modbus is None:
+            raise ConfigError("modbus: there is no such table; give [modbus]")
+        plan, period = self._modbus.plan, self.config.tick_ns * 1e-9
+        server = RegisterServer(
+            plan.units,
+            plan.rows,
+            plan.mailbox,
+            self.now,
+            default_unit=plan.server.default_unit,
+        )
+        return EmbeddedLink(
+            server,
+            self.run,
+            period,
+            framing=framing,
+            is_serial=is_serial,
+        )

@@ -98,6 +98,7 @@ def test_the_model_is_right_to_the_noise_where_it_was_not_fitted(found: Identifi
     assert found.trial.rows.min() >= 0.8 * len(found.record)  # the last fifth
 
 
+@pytest.mark.slow
 def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
     # Openings from 0.15 mm on give 40 mm/s and more; there F_s - F_c has faded by exp(-8^0.8).
     parameters = replace(paper_parameters(), chi=5e-3)
@@ -113,6 +114,7 @@ def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
     assert chi.interval[0] < 5e-3 < chi.interval[1]
 
 
+@pytest.mark.slow
 def test_a_recorded_spool_is_fitted_by_itself() -> None:
     parameters = replace(paper_parameters(), omega_0=1000.0)
     machine = Machine(parameters=parameters, has_spool=True)

@@ -130,6 +130,7 @@ def gain_by_another_optimiser(problem: Problem) -> float:
     return 0.5 * float(np.square(roots(problem, start)).sum()) - float(found.cost)
 
 
+@pytest.mark.slow
 def test_the_fit_ends_where_no_other_optimiser_finds_less(problem: Problem) -> None:
     assert problem.last.is_reached
     assert problem.last.decrement <= REACHED

@@ -52,6 +52,7 @@ def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
     return finished.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     """One second through free motion, both stops, cavitation and overload.

@@ -203,6 +203,7 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
     )
 
 
+@pytest.mark.slow
 def test_each_worker_has_a_bus_of_its_own(pytester, monkeypatch):
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # two ticks are not worth compiling the plant
     pytester.makepyfile(

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from drivers import BusLostError, Network
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.configuration.choices import FIRST_BUS
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_bench.outside.transports.opening import open_can_bus, open_transport

@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from difflib import get_close_matches
 
-from hil_bench.bench.configuration.choices import FIRST_BUS
 from hil_bench.bench.configuration.keys import BUS_KEYS
-from hil_bench.bench.configuration.records import BusConfig
+from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import bus_option, describe

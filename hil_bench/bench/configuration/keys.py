@@ -6,7 +6,7 @@
 from functools import cache
 from typing import Any, Final
 
-from hil_bench.bench.configuration.choices import FIRST_BUS
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.config.objects import objects
 from hil_bench.config.settings import Key
 from hil_bench.config.values import (

@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hil_bench.bench.configuration.choices import (
-    FIRST_BUS,
-)
 from hil_bench.config.settings import Setting
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
@@ -16,6 +13,9 @@ from hil_bench.outside.modbus.register_map import Holes, RegisterMap
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.plants.kind import AxisConfig
+
+FIRST_BUS = "bus"
+"""Name of the bus of the table ``[bus]``."""
 
 
 @dataclass(frozen=True, slots=True)

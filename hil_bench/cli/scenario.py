@@ -1,20 +1,15 @@
 """`hil-bench scenario`: check scenario files, list what they hold, convert them."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
-from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario
-from hil_bench.scenario.resolve import compile_expectations, parameter_values, resolve_steps
-from hil_bench.scenario.vocabulary import channel_vocabulary
+from hil_bench.scenario.run import prepare
 from hil_bench.scenario.writing import write_scenario
-from hil_bench.session.telemetry import bench_channels
 
 _EXAMPLES = """\
 examples:
@@ -57,7 +52,7 @@ def run_check(args: argparse.Namespace) -> int:
     for path in args.files:
         try:
             scenario = load_scenario(path)
-            _check(scenario)
+            prepare(scenario)
         except ConfigError as error:
             wrong.append(str(error))
         else:
@@ -98,17 +93,6 @@ def run_convert(args: argparse.Namespace) -> int:
         raise ConfigError(f"{args.target}: is there already; give the name of a new file")
     write_scenario(load_scenario(args.source), args.target)
     return ExitCode.DONE
-
-
-def _check(scenario: Scenario) -> None:
-    """Refuse a scenario that does not fit its bench."""
-    bench = scenario.path.parent / scenario.bench if scenario.bench else None
-    config = load_config(bench)
-    values = parameter_values(scenario)
-    resolve_steps(scenario, config.tick_ns, values)
-    known = channel_vocabulary(bench_channels(build_bench(config)), values)
-    nodes = tuple(node.name for node in config.nodes)
-    compile_expectations(scenario, replace(known, nodes=nodes, has_frames=True))
 
 
 def _summary(scenario: Scenario) -> str:

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices
-    from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
     from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.pytest_plugin.physical import PhysicalBench
+    from hil_bench.session.firmware import Firmware, FirmwareBus
     from hil_bench.session.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
@@ -241,7 +241,7 @@ def _firmware(
     """
     if option(request.config, "interface"):
         pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
-    from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
+    from hil_bench.session.firmware import HUB, FirmwareBus
 
     name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
     buses: list[FirmwareBus] = []

@@ -95,7 +95,7 @@ class FirmwareDriver:
     ) -> None:
         self.on_firmware: FirmwareHook | None = self._obey
         self._bench, self._words, self._directory = bench, words, directory
-        self._bus = FirmwareBus(bench, HUB, is_realtime=False)
+        self._bus: FirmwareBus | None = None
         self._program: Firmware | None = None
         self._starts = 0
         self._is_due = FirmwareCommand.START not in first
@@ -104,11 +104,12 @@ class FirmwareDriver:
         """Let the program's SYNC move time; a `ControllerError` says how it has failed."""
         tick_ns = self._bench.config.tick_ns
         session = self._bench.session
+        bus = self._bus = FirmwareBus(self._bench, HUB, is_realtime=False)  # runs the first tick
         while not director.is_over and session.now < last_tick * tick_ns:
             if self._is_due:
-                self._start()
+                self._start(bus)
             if self._program is not None and self._program.is_running:
-                self._bus.link.step()
+                bus.link.step()
                 continue
             self._look_at_the_end()
             session.tick((), session.now + tick_ns)
@@ -116,7 +117,8 @@ class FirmwareDriver:
 
     def close(self) -> None:
         """End the program and close the bus."""
-        self._bus.close()
+        if self._bus is not None:
+            self._bus.close()
 
     def _obey(self, command: FirmwareCommand) -> None:
         if command is not FirmwareCommand.START and self._program is not None:
@@ -126,7 +128,7 @@ class FirmwareDriver:
         if command is not FirmwareCommand.KILL:
             self._is_due = True
 
-    def _start(self) -> None:
+    def _start(self, bus: FirmwareBus) -> None:
         """Start the program.
 
         Raises:
@@ -137,7 +139,7 @@ class FirmwareDriver:
         directory = self._directory / str(self._starts)
         directory.mkdir()
         try:
-            self._program = self._bus.start(self._words, directory)
+            self._program = bus.start(self._words, directory)
         except OSError as error:
             raise ControllerError(f"{self._words[0]}: cannot be started: {error}") from None
 

@@ -40,9 +40,12 @@ def load(tmp_path, words, steps, *wanted):
     """Return a scenario of 100 ms with the program as its controller."""
     (tmp_path / "program.py").write_text(PROGRAM)
     command = json.dumps([sys.executable, str(tmp_path / "program.py"), *words])
-    text = f'title = "T"\nduration_s = 0.1\n[parameters]\nid = 321\n[controller]\nfirmware = {command}\n'
+    text = 'title = "T"\nduration_s = 0.1\n[parameters]\nid = 321\n'
+    text += f"[controller]\nfirmware = {command}\n"
     text += "".join(f'[[step]]\nat_s = {at}\nfirmware = "{what}"\n' for at, what in steps)
-    text += "".join(f"[[expect]]\nid = \"R{k}\"\nthat = '{that}'\n" for k, that in enumerate(wanted))
+    text += "".join(
+        f"[[expect]]\nid = \"R{k}\"\nthat = '{that}'\n" for k, that in enumerate(wanted)
+    )
     (tmp_path / "a.scenario.toml").write_text(text)
     return load_scenario(tmp_path / "a.scenario.toml")
 

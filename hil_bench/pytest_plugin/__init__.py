@@ -124,6 +124,16 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
         )
 
 
+def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
+    """Collect a file ``*.scenario.toml``: an item a requirement."""
+    if not file_path.name.endswith(".scenario.toml"):
+        return None
+    from hil_bench.pytest_plugin.scenarios import ScenarioFile
+
+    collector: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
+    return collector
+
+
 def pytest_report_header(config: pytest.Config) -> str | None:
     """Return what the fixtures will bind, where anything of it was chosen."""
     chosen = chosen_options(config)

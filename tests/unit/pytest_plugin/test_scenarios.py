@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.pytest_plugin.scenarios import RequirementOutcome
 
 pytest_plugins = ["pytester"]
 

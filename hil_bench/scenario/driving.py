@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers import DriverError
-from hil_bench.errors import ControllerError
+from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scenario.controllers import CONTROLLERS, settings_of
 from hil_bench.scenario.director import Director, FirmwareHook
 from hil_bench.scenario.records import FirmwareCommand
@@ -58,7 +58,11 @@ class ExampleDriver:
         self._cycles = CONTROLLERS[name](bench, settings_of(parameters))
 
     def drive(self, director: Director, last_tick: int) -> str:
-        """Let the controller run; where it ends by an error of a device, go on without."""
+        """Let the controller run; where it ends by an error of a device, go on without.
+
+        Raises:
+            ConfigError: the bench lacks what it needs.
+        """
         bench = self._bench
         bench.session.tick((), 0)
         ending = ""
@@ -66,8 +70,10 @@ class ExampleDriver:
             for _ in self._cycles:
                 if director.is_over:
                     break
+        except ConfigError:
+            raise
         except (DriverError, ValueError) as error:
-            ending = f"the controller ended at {bench.now():g} s: {error}"
+            ending = f"the controller ended: {error}"
         finally:
             with suppress(DriverError):  # a valve that is dead cannot be disabled
                 self._cycles.close()
@@ -159,3 +165,6 @@ def _run_alone(bench: VirtualBench, director: Director, last_tick: int) -> None:
     tick_ns = bench.config.tick_ns
     while not director.is_over and bench.session.now < last_tick * tick_ns:
         bench.bus.advance(tick_ns * 1e-9)
+        for bus in bench.buses.values():
+            while bus.recv(0.0):
+                pass  # nobody reads it any more

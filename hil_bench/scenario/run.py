@@ -33,6 +33,7 @@ from hil_bench.scenario.resolve import (
     resolve_steps,
 )
 from hil_bench.scenario.targets import Targets
+from hil_bench.scenario.usage import unused_parameters
 from hil_bench.scenario.witness import Witness, bench_vocabulary, names_in
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
@@ -116,7 +117,11 @@ def prepare(
     actions = resolve_steps(scenario, config.tick_ns, values)
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()
-    problems = [*_controller_problems(scenario), *_step_problems(actions, config, session)]
+    problems = [
+        *_controller_problems(scenario),
+        *unused_parameters(scenario),
+        *_step_problems(actions, config, session),
+    ]
     try:
         requirements = compile_expectations(scenario, bench_vocabulary(config, session, values))
     except ConfigError as error:

@@ -155,3 +155,31 @@ def test_steps_are_checked_against_the_bench(tmp_path):
 def test_an_unknown_example_is_refused(tmp_path):
     text = HEAD + '[controller]\nexample = "position"\n' + expect("always axis1.P_A > 0 bar")
     assert "the nearest is position_control" in problems(tmp_path, text)[0]
+
+
+def test_a_parameter_that_does_nothing_is_refused(tmp_path):
+    parameters = "[parameters]\npositon_gain = 10\nsag_bar = 1\nhigh_bar = 9\nat_s = 0.1\n"
+    text = HEAD + EXAMPLE + parameters
+    text += step(0.1, 'fault = "drop_supply"\ntarget = "axis1"\npressure_bar = "sag_bar"')
+    text += step('"at_s"', 'set = { "axis1.load" = 1 }') + expect("always axis1.P_A < high_bar")
+    (line,) = problems(tmp_path, text)
+    assert line.endswith(
+        "parameters.positon_gain: does nothing; the nearest of the controller's is position_gain"
+    )
+
+
+def test_a_controller_without_its_devices_is_refused(tmp_path):
+    bench = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\naxis = "axis1"\n'
+    (tmp_path / "bench.toml").write_text(bench)
+    text = 'bench = "bench.toml"\n' + HEAD + EXAMPLE + expect("always axis1.P_A > 0 bar")
+    with pytest.raises(ConfigError, match="controller: needs a encoder_406 on the first axis"):
+        run(tmp_path, text)
+
+
+def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
+    text = HEAD + EXAMPLE + step(0.1, 'fault = "silence"\ntarget = "valve"')
+    text = text.replace("manual", "position_control") + expect("always axis1.P_A < 250 bar")
+    found = run(tmp_path, text.replace("0.2", "0.5"))
+    assert found.ending.startswith("the controller ended: node 1: ")
+    assert found.duration == pytest.approx(0.5)
+    assert not found.is_early

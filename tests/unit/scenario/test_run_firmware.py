@@ -74,21 +74,23 @@ def test_time_goes_on_without_killed_firmware_until_it_is_started_again(tmp_path
         "always from 82 ms to 100 ms frame(0x080)",
     )
     steps = [(0.05, "kill"), (0.08, "start")]
-    assert outcomes(load(tmp_path, ["321", "200", "0"], steps, *wanted)) == [PASSED] * 3
+    assert outcomes(load(tmp_path, ["{id}", "200", "0"], steps, *wanted)) == [PASSED] * 3
 
 
 def test_firmware_may_be_started_later(tmp_path):
     wanted = ("always from 0 s to 50 ms not frame(0x080)", "always after 52 ms frame(0x080)")
-    assert outcomes(load(tmp_path, ["321", "200", "0"], [(0.05, "start")], *wanted)) == [PASSED] * 2
+    assert (
+        outcomes(load(tmp_path, ["{id}", "200", "0"], [(0.05, "start")], *wanted)) == [PASSED] * 2
+    )
 
 
 def test_firmware_that_dies_ends_the_run(tmp_path):
     with pytest.raises(ControllerError, match="exit code 7"):
-        play(prepare(load(tmp_path, ["321", "5", "7"], [], "always axis1.P_A < 250 bar")))
+        play(prepare(load(tmp_path, ["{id}", "5", "7"], [], "always axis1.P_A < 250 bar")))
 
 
 def test_firmware_that_is_not_there_is_one_line(tmp_path):
-    scenario = load(tmp_path, [], [], "always axis1.P_A < 250 bar")
+    scenario = load(tmp_path, ["{id}"], [], "always axis1.P_A < 250 bar")
     text = scenario.path.read_text().replace(sys.executable, "/nowhere/firmware")
     scenario.path.write_text(text)
     with pytest.raises(ControllerError, match="/nowhere/firmware: cannot be started: "):
@@ -96,7 +98,7 @@ def test_firmware_that_is_not_there_is_one_line(tmp_path):
 
 
 def test_the_sync_of_firmware_cannot_be_switched(tmp_path):
-    scenario = load(tmp_path, ["321", "5", "7"], [], "always axis1.P_A < 250 bar")
+    scenario = load(tmp_path, ["{id}", "5", "7"], [], "always axis1.P_A < 250 bar")
     scenario.path.write_text(scenario.path.read_text() + "[[step]]\nat_s = 0\nsync = false\n")
     with pytest.raises(ConfigError, match="lets bench time pass, so it cannot be switched"):
         prepare(load_scenario(scenario.path))

@@ -1,6 +1,7 @@
 """`hil-bench scenario`: check scenario files, list what they hold, convert them."""
 
 import argparse
+import json
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
@@ -9,6 +10,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario
 from hil_bench.scenario.run import prepare
+from hil_bench.scenario.schema import scenario_schema
 from hil_bench.scenario.writing import write_scenario
 
 _EXAMPLES = """\
@@ -16,6 +18,7 @@ examples:
   hil-bench scenario check sag.scenario.toml
   hil-bench scenario list tests/*.scenario.toml
   hil-bench scenario convert sag.scenario.toml sag.csv
+  hil-bench scenario schema > scenario.schema.json
 """
 
 
@@ -40,6 +43,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     convert.add_argument("source", type=Path, metavar="FILE", help=".toml or .csv")
     convert.add_argument("target", type=Path, metavar="NEW", help=".toml or .csv, not there yet")
     convert.set_defaults(run=run_convert)
+    schema = actions.add_parser("schema", help="print a JSON schema, for editors")
+    schema.set_defaults(run=run_schema)
 
 
 def run_check(args: argparse.Namespace) -> int:
@@ -92,6 +97,13 @@ def run_convert(args: argparse.Namespace) -> int:
     if args.target.exists():
         raise ConfigError(f"{args.target}: is there already; give the name of a new file")
     write_scenario(load_scenario(args.source), args.target)
+    return ExitCode.DONE
+
+
+def run_schema(args: argparse.Namespace) -> int:
+    """Print the schema of scenario files."""
+    if not args.quiet:
+        print(json.dumps(scenario_schema(), indent=2))
     return ExitCode.DONE
 
 

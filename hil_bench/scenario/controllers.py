@@ -21,6 +21,7 @@ from drivers import (
     ProportionalValve,
 )
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.configuration.choices import FIRST_BUS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
@@ -180,11 +181,13 @@ def _set_up(
     """Set the devices of the first axis up, and start their nodes.
 
     Raises:
-        ConfigError: one is missing.
+        ConfigError: one is missing, or on another bus.
     """
     nodes = [node for node in config.nodes if node.axis == config.first_axis.name]
     valve_node, position_node = _of(nodes, VALVE), _of(nodes, ENCODER)
     pressure_nodes = [node for node in nodes if node.kind is PRESSURE]
+    if any(node.bus != FIRST_BUS for node in nodes):
+        raise ConfigError("controller: the examples need all devices of the axis on the first bus")
     if len(pressure_nodes) < 2:
         raise ConfigError("controller: needs two pressure transducers on the first axis")
     network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
@@ -211,4 +214,4 @@ def _of(nodes: list[NodeConfig], kind: DeviceKind) -> NodeConfig:  # type: ignor
     for node in nodes:
         if node.kind is kind:
             return node
-    raise ConfigError(f"controller: needs a {kind.name} on the first axis of the bench")
+    raise ConfigError(f"controller: needs a device of the kind {kind.name} on the first axis")

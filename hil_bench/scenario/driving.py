@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers import DriverError
-from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.errors import ControllerError
 from hil_bench.scenario.controllers import CONTROLLERS, settings_of
 from hil_bench.scenario.director import Director, FirmwareHook
 from hil_bench.scenario.records import FirmwareCommand
@@ -58,26 +58,26 @@ class ExampleDriver:
         self._cycles = CONTROLLERS[name](bench, settings_of(parameters))
 
     def drive(self, director: Director, last_tick: int) -> str:
-        """Let the controller run; where it ends by an error of a device, go on without.
+        """Let the controller run; where a device ends it in its work, go on without.
 
         Raises:
-            ConfigError: the bench lacks what it needs.
+            ControllerError: it could not begin.
         """
-        bench = self._bench
-        bench.session.tick((), 0)
-        ending = ""
+        self._bench.session.tick((), 0)
+        ending, has_begun = "", False
         try:
             for _ in self._cycles:
+                has_begun = True
                 if director.is_over:
                     break
-        except ConfigError:
-            raise
         except (DriverError, ValueError) as error:
+            if not has_begun or not isinstance(error, DriverError):
+                raise ControllerError(f"the controller could not work: {error}") from error
             ending = f"the controller ended: {error}"
         finally:
             with suppress(DriverError):  # a valve that is dead cannot be disabled
                 self._cycles.close()
-        _run_alone(bench, director, last_tick)
+        _run_alone(self._bench, director, last_tick)
         return ending
 
 

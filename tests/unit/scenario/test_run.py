@@ -1,8 +1,10 @@
 """Runs of scenarios: steps act at their ticks, in the way that a controller or a fault does."""
 
+from pathlib import Path
+
 import pytest
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, ControllerError
 from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import PlayOptions, play, prepare
@@ -168,16 +170,32 @@ def test_a_parameter_that_does_nothing_is_refused(tmp_path):
     )
 
 
-def test_a_controller_without_its_devices_is_refused(tmp_path):
-    bench = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\naxis = "axis1"\n'
+TWO_BUSES = Path(__file__).parents[3] / "examples" / "two_buses.toml"
+VALVE_ALONE = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\naxis = "axis1"\n'
+
+
+@pytest.mark.parametrize(
+    ("bench", "wrong"),
+    [
+        (VALVE_ALONE, "controller: needs a device of the kind encoder_406"),
+        (TWO_BUSES.read_text(), "controller: the examples need all devices of the axis on the f"),
+    ],
+)
+def test_a_controller_without_its_devices_is_no_run(tmp_path, bench, wrong):
     (tmp_path / "bench.toml").write_text(bench)
     text = 'bench = "bench.toml"\n' + HEAD + EXAMPLE + expect("always axis1.P_A > 0 bar")
-    with pytest.raises(ConfigError, match="controller: needs a encoder_406 on the first axis"):
+    with pytest.raises(ControllerError, match=wrong):
         run(tmp_path, text)
 
 
+def test_a_controller_that_cannot_begin_is_no_run(tmp_path):
+    text = HEAD + EXAMPLE + step(0.001, 'fault = "silence"\ntarget = "valve"')
+    with pytest.raises(ControllerError, match="the controller could not work: node 1"):
+        run(tmp_path, text + expect("always axis1.P_A < 250 bar"))
+
+
 def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
-    text = HEAD + EXAMPLE + step(0.1, 'fault = "silence"\ntarget = "valve"')
+    text = HEAD + EXAMPLE + step(0.15, 'fault = "silence"\ntarget = "valve"')
     text = text.replace("manual", "position_control") + expect("always axis1.P_A < 250 bar")
     found = run(tmp_path, text.replace("0.2", "0.5"))
     assert found.ending.startswith("the controller ended: node 1: ")

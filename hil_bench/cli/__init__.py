@@ -32,6 +32,7 @@ VERBS = {
     "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
     "plot": "draw a recording",
     "judge": "hold requirements against recordings: verdict, margin, what decides",
+    "test": "play scenarios, and judge what they require",
     "scenario": "check scenario files, list what they hold, convert TOML to CSV and back",
     "commission": "take an axis into operation step by step: report and recording",
     "identify": "find the plant's parameters, and what is known of them, from a recording",

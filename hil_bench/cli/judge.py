@@ -7,8 +7,9 @@ from pathlib import Path
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.recorded import Finding, judge_recording
+from hil_bench.scenario.results import reason_of
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
@@ -66,21 +67,4 @@ def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:
         yield f"{path}:"
         for each in findings:
             judgement = each.judgement
-            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {_why(judgement)}"
-
-
-def _why(judgement: Judgement) -> str:
-    parts = [judgement.reason] if judgement.reason else []
-    if judgement.first is not None:
-        lasting = f", for {judgement.duration:g} s in all" if judgement.duration else ""
-        parts.append(f"first violated at {judgement.first:g} s{lasting}")
-    deciding = judgement.deciding
-    if deciding is not None and deciding.reading:
-        share = f" ({judgement.margin:+.2g} of the tolerance)" if judgement.margin else ""
-        parts.append(
-            f"{deciding.condition} at {deciding.time:g} s is {deciding.reading}, "
-            f"margin {deciding.margin}{share}"
-        )
-    elif deciding is not None:
-        parts.append(f"{deciding.condition} at {deciding.time:g} s")
-    return "; ".join(parts)
+            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {reason_of(judgement)}"

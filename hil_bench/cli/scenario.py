@@ -1,26 +1,24 @@
 """`hil-bench scenario`: check scenario files, list what they hold, convert them."""
 
 import argparse
-from dataclasses import replace
+import json
 from pathlib import Path
 
-from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario
-from hil_bench.scenario.resolve import compile_expectations, parameter_values, resolve_steps
-from hil_bench.scenario.vocabulary import channel_vocabulary
+from hil_bench.scenario.run import prepare
+from hil_bench.scenario.schema import scenario_schema
 from hil_bench.scenario.writing import write_scenario
-from hil_bench.session.telemetry import bench_channels
 
 _EXAMPLES = """\
 examples:
   hil-bench scenario check sag.scenario.toml
   hil-bench scenario list tests/*.scenario.toml
   hil-bench scenario convert sag.scenario.toml sag.csv
+  hil-bench scenario schema > scenario.schema.json
 """
 
 
@@ -45,6 +43,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     convert.add_argument("source", type=Path, metavar="FILE", help=".toml or .csv")
     convert.add_argument("target", type=Path, metavar="NEW", help=".toml or .csv, not there yet")
     convert.set_defaults(run=run_convert)
+    schema = actions.add_parser("schema", help="print a JSON schema, for editors")
+    schema.set_defaults(run=run_schema)
 
 
 def run_check(args: argparse.Namespace) -> int:
@@ -57,7 +57,7 @@ def run_check(args: argparse.Namespace) -> int:
     for path in args.files:
         try:
             scenario = load_scenario(path)
-            _check(scenario)
+            prepare(scenario)
         except ConfigError as error:
             wrong.append(str(error))
         else:
@@ -100,15 +100,11 @@ def run_convert(args: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def _check(scenario: Scenario) -> None:
-    """Refuse a scenario that does not fit its bench."""
-    bench = scenario.path.parent / scenario.bench if scenario.bench else None
-    config = load_config(bench)
-    values = parameter_values(scenario)
-    resolve_steps(scenario, config.tick_ns, values)
-    known = channel_vocabulary(bench_channels(build_bench(config)), values)
-    nodes = tuple(node.name for node in config.nodes)
-    compile_expectations(scenario, replace(known, nodes=nodes, has_frames=True))
+def run_schema(args: argparse.Namespace) -> int:
+    """Print the schema of scenario files."""
+    if not args.quiet:
+        print(json.dumps(scenario_schema(), indent=2))
+    return ExitCode.DONE
 
 
 def _summary(scenario: Scenario) -> str:

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices
-    from hil_bench.pytest_plugin.firmware import Firmware, FirmwareBus
     from hil_bench.pytest_plugin.networks import Networks
     from hil_bench.pytest_plugin.physical import PhysicalBench
+    from hil_bench.session.firmware import Firmware, FirmwareBus
     from hil_bench.session.virtual_bench import VirtualBench
 
 CONTROLLER_ID = 127
@@ -122,6 +122,16 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
             ),
             stacklevel=2,
         )
+
+
+def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
+    """Collect a file ``*.scenario.toml``: an item a requirement."""
+    if not file_path.name.endswith(".scenario.toml"):
+        return None
+    from hil_bench.pytest_plugin.scenarios import ScenarioFile
+
+    collector: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
+    return collector
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
@@ -241,7 +251,7 @@ def _firmware(
     """
     if option(request.config, "interface"):
         pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
-    from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
+    from hil_bench.session.firmware import HUB, FirmwareBus
 
     name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
     buses: list[FirmwareBus] = []

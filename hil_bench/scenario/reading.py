@@ -1,6 +1,7 @@
 """The tables of a scenario, of whichever file, to records."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +124,8 @@ class StepReader:
                 self._problems.place(table), f"{wrong}; give one of {', '.join(STEP_KINDS)}"
             )
             return []
-        steps = self._read_kind(kinds[0], table, values)
+        place = self._problems.place(table, kinds[0])
+        steps = [replace(step, place=place) for step in self._read_kind(kinds[0], table, values)]
         self.tables += [table] * len(steps)
         return steps
 

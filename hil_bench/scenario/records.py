@@ -72,6 +72,7 @@ class SetStep:
         over: time of the ramp to the value [s]; 0 for at once.
         table: the file of a course of many points; empty for none.
         points: that course: time after `at` [s] and value.
+        place: how messages name the step: file, line and column; so of all kinds of steps.
     """
 
     at: Amount
@@ -80,6 +81,7 @@ class SetStep:
     over: Amount = 0.0
     table: str = ""
     points: tuple[tuple[float, float], ...] = ()
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,7 @@ class FaultStep:
     kind: str
     target: str
     values: tuple[tuple[str, object], ...] = ()
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +109,7 @@ class NmtStep:
     at: Amount
     command: NmtCommand
     target: str
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +118,7 @@ class SyncStep:
 
     at: Amount
     is_on: bool
+    place: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +127,7 @@ class FirmwareStep:
 
     at: Amount
     command: FirmwareCommand
+    place: str = field(default="", compare=False)
 
 
 Step = SetStep | FaultStep | NmtStep | SyncStep | FirmwareStep

@@ -56,10 +56,12 @@ class TimedAction(NamedTuple):
     Attributes:
         tick: its number, from 0.
         action: what.
+        place: how messages name the step: file, line and column.
     """
 
     tick: int
     action: Action
+    place: str = ""
 
 
 class Requirement(NamedTuple):
@@ -111,7 +113,8 @@ def resolve_steps(
     """
     resolver = _Resolver(scenario, tick_ns, values)
     actions = [
-        TimedAction(resolver.ticks(step.at), resolver.action(step)) for step in scenario.steps
+        TimedAction(resolver.ticks(step.at), resolver.action(step), step.place)
+        for step in scenario.steps
     ]
     return tuple(sorted(actions, key=lambda each: each.tick))
 

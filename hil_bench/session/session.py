@@ -28,6 +28,9 @@ Send = Callable[[Sequence[Frame]], None]
 TickObserver = Callable[[int], None]
 """Told the time [ns] at the end of each tick."""
 
+Interceptor = Callable[[Sequence[Frame], int], Sequence[Frame]]
+"""Given the frames that arrived for a tick and its time [ns], returns those that it takes."""
+
 
 class Session:
     """A bench with its observers and its door.
@@ -43,6 +46,8 @@ class Session:
         channels: of a row, without the time.
         door: takes commands from anywhere; they act at the start of the next tick.
         now: bench time [ns]: that of the last tick, or later where a runner has waited since.
+        intercept: called at the start of each tick, before the commands of the door act; it may
+            give the door some. None lets all frames pass.
     """
 
     def __init__(
@@ -58,6 +63,7 @@ class Session:
         self.channels = (*stimuli, *bench_channels(bench))
         self.door = Door(Controls(bench, self.nodes))
         self.now = 0
+        self.intercept: Interceptor | None = None
         self._commands = self.door.waiting
         self._stimuli = tuple(stimuli.values())
         self._frame_observers: list[FrameObserver] = []
@@ -122,6 +128,8 @@ class Session:
                 wait for them.
         """
         self.now = now
+        if self.intercept is not None:
+            frames = self.intercept(frames, now)
         if self._commands:
             self.door.admit(now)
         sent = self.bench.tick(frames, now)

@@ -21,7 +21,7 @@ from drivers.modbus.client import ModbusClient
 from drivers.modbus.framing import TcpFraming
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.pytest_plugin.firmware import HUB
+from hil_bench.session.firmware import HUB
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 EXAMPLES = Path("examples")

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from hil_bench.errors import ControllerError, WaitTimeoutError
-from hil_bench.pytest_plugin.firmware import HUB, FirmwareBus
+from hil_bench.session.firmware import HUB, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
 
 JOIN = """

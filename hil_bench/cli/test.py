@@ -1,0 +1,159 @@
+"""`hil-bench test`: scenarios played on the virtual bench, and judged."""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.errors import ConfigError
+from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.results import (
+    ScenarioResult,
+    play_for_result,
+    reason_of,
+    write_junit,
+)
+from hil_bench.scenario.run import PlayOptions, PreparedScenario, prepare
+
+_SUFFIX = ".scenario.toml"  # of what is looked for in folders
+
+_EXAMPLES = """\
+exit code 1 where a requirement failed, or the firmware did; 6 where none did, but one could not be
+decided, or its trigger never became true
+
+examples:
+  hil-bench test examples/scenarios
+  hil-bench test examples/scenarios/supply_sag.scenario.toml --set position_gain=0.5
+  hil-bench test examples/scenarios -k SRS-42 --stop-at-failure --junit result.xml --json
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "test",
+        description="Play scenarios on the virtual bench, and judge what they require: verdict,\n"
+        "margin, and the comparison that decides.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "paths", nargs="+", type=Path, metavar="PATH", help=f"scenario, or folder of *{_SUFFIX}"
+    )
+    parser.add_argument(
+        "-k", metavar="TEXT", default="", help="only requirements with TEXT in file, title or id"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="given",
+        help="value of a parameter, in the unit of its name; again for more",
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
+    parser.add_argument(
+        "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
+    )
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play each scenario and print what was found."""
+    given = dict(_parameter(text) for text in args.given)
+    chosen = _prepare_all(_find_all(args.paths), given, args)
+    options = PlayOptions(stops_at_failure=args.stop_at_failure)
+    results = [play_for_result(each, options) for each in chosen]
+    if args.junit:
+        write_junit(results, args.junit)
+    print_results(args, _lines(results), {result.path: _content(result) for result in results})
+    outcomes = set().union(*(result.outcomes for result in results))
+    if RequirementOutcome.FAILED in outcomes:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+
+
+def _content(result: ScenarioResult) -> dict[str, object]:
+    """Return a result for a program; the keys of a requirement are those of ``judge``."""
+    whole = {each.name: getattr(result, each.name) for each in fields(result)}
+    whole["findings"] = [
+        {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
+        for each in result.findings
+    ]
+    return whole
+
+
+def _find_all(paths: Sequence[Path]) -> list[Path]:
+    """Return the files of the scenarios.
+
+    Raises:
+        ConfigError: a folder has none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.rglob(f"*{_SUFFIX}")) if path.is_dir() else [path]
+        if not inside:
+            raise ConfigError(f"{path}: holds no *{_SUFFIX}; give a folder that does, or a file")
+        found += inside
+    return list(dict.fromkeys(found))
+
+
+def _prepare_all(
+    paths: Sequence[Path], given: dict[str, float], args: argparse.Namespace
+) -> list[PreparedScenario]:
+    """Return all scenarios with the requirements that were chosen.
+
+    Raises:
+        ConfigError: something is wrong in any of them, or nothing is chosen.
+    """
+    chosen, wrong = [], []
+    for path in paths:
+        try:
+            prepared = prepare(load_scenario(path), given, seed=args.seed)
+        except ConfigError as error:
+            wrong.append(str(error))
+            continue
+        requirements = tuple(
+            each
+            for each in prepared.requirements
+            if args.k.lower() in f"{path}\n{prepared.scenario.title}\n{each.id}".lower()
+        )
+        if requirements:
+            chosen.append(replace(prepared, requirements=requirements))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    if not chosen:
+        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
+    return chosen
+
+
+def _parameter(text: str) -> tuple[str, float]:
+    """Return name and value of ``--set``.
+
+    Raises:
+        ConfigError: it is not of this form.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
+
+
+def _lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
+    for result in results:
+        yield f"{result.path}: {result.title}"
+        if result.problem:
+            yield f"  {result.problem}"
+        if result.ending:
+            yield f"  {result.ending}"
+        width = max((len(each.requirement.id) for each in result.findings), default=0)
+        for each in result.findings:
+            judgement = each.judgement
+            why = reason_of(judgement)
+            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()

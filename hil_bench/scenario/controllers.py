@@ -1,0 +1,217 @@
+"""The example controllers of scenarios: on the drivers alone, in the thread of the bench.
+
+Each is a generator that lets bench time pass, and yields after each of its cycles.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+from drivers import (
+    ControllerParameters,
+    DriverError,
+    MotionProfile,
+    Network,
+    PositionController,
+    PositionLoop,
+    PositionSensor,
+    PressureSensor,
+    ProportionalValve,
+)
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.configuration.choices import FIRST_BUS
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.session.virtual_bench import VirtualBench
+
+CYCLE = 0.002
+"""Period of the controllers [s]."""
+
+CONTROLLER_ID = 127
+"""Node-ID under which they send their heartbeat."""
+
+HEARTBEAT_PERIOD = 0.05
+"""Time between two heartbeats [s]."""
+
+_FOR_EVER = 1e9  # [s]
+_PAUSE = 0.1  # between a fault of the valve and a new start [s]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerSettings:
+    """What the parameters of a scenario say to its controller, each by its own name.
+
+    Attributes:
+        target_mm: where the piston is to go [m].
+        speed_mm_s: greatest speed of the way there [m/s].
+        acceleration_mm_s2: greatest acceleration [m/s²].
+        position_gain: speed per position error [1/s].
+        heartbeat_timeout_ms: after which the valve takes the controller for dead [s]; 0 for never.
+        checks_sensor: whether a position that is not valid stops the motion: 1 or 0.
+        restarts: how often it starts the valve again after a fault.
+    """
+
+    target_mm: float = 0.1
+    speed_mm_s: float = 0.15
+    acceleration_mm_s2: float = 1.0
+    position_gain: float = 20.0
+    heartbeat_timeout_ms: float = 0.2
+    checks_sensor: float = 1.0
+    restarts: float = 0.0
+
+
+def settings_of(parameters: Mapping[str, float]) -> ControllerSettings:
+    """Return what the parameters [SI] that a controller knows say; it leaves out all others."""
+    known = {field.name for field in fields(ControllerSettings)}
+    return ControllerSettings(**{k: v for k, v in parameters.items() if k in known})
+
+
+class Devices(NamedTuple):
+    """The drivers of the first axis.
+
+    Attributes:
+        valve: of the spool.
+        position: of the piston.
+        pressures: at A and B.
+    """
+
+    valve: ProportionalValve
+    position: PositionSensor
+    pressures: tuple[PressureSensor, PressureSensor]
+
+
+def position_control(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]:
+    """Bring the piston of the first axis to the target, and hold it there.
+
+    Yields:
+        After each cycle.
+
+    Raises:
+        DriverError: a device has failed, or is not there.
+    """
+    with ExitStack() as stack:
+        network = stack.enter_context(_network(bench))
+        devices = _set_up(network, bench.config, settings, stack)
+        law = PositionController(ControllerParameters(position_gain=settings.position_gain))
+        loop = PositionLoop(
+            network,
+            valve=devices.valve,
+            position=devices.position,
+            pressures=devices.pressures,
+            controller=law,
+            period=CYCLE,
+        )
+        restarts = int(settings.restarts)
+        while True:
+            try:
+                devices.valve.reset_fault()
+                yield from _move(loop, devices, settings)
+            except DriverError:
+                if not restarts:
+                    raise
+            restarts -= 1
+            network.pump(_PAUSE)
+
+
+def manual(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]:
+    """Set the devices of the first axis up, enable its valve, and leave set-points to the steps.
+
+    Yields:
+        After each cycle.
+    """
+    with ExitStack() as stack:
+        network = stack.enter_context(_network(bench))
+        devices = _set_up(network, bench.config, settings, stack, command_timeout=0.0)
+        devices.valve.enable()
+        due = network.now()
+        while True:
+            network.sync()
+            due += CYCLE
+            network.pump_until(due)
+            yield
+
+
+Controller = Callable[[VirtualBench, ControllerSettings], Generator[None]]
+
+CONTROLLERS: Final[Mapping[str, Controller]] = MappingProxyType(
+    {"position_control": position_control, "manual": manual}
+)
+"""Each example by its name."""
+
+
+def _network(bench: VirtualBench) -> Network:
+    network = Network(bench.bus, clock=bench.now)
+    bench.pump = network.pump
+    return network
+
+
+def _move(loop: PositionLoop, devices: Devices, settings: ControllerSettings) -> Generator[None]:
+    """Follow the way to the target.
+
+    Yields:
+        After each cycle.
+
+    Raises:
+        DriverError: a device has failed.
+    """
+    profile = MotionProfile(
+        loop.sample(),
+        [settings.target_mm],
+        speed=settings.speed_mm_s,
+        acceleration=settings.acceleration_mm_s2,
+    )
+    devices.valve.enable()
+    for _ in loop.run(profile, _FOR_EVER):
+        if settings.checks_sensor and not devices.position.is_valid:
+            devices.valve.hold()
+            raise DriverError("the position is not valid; the valve is in HOLD")
+        yield
+
+
+def _set_up(
+    network: Network,
+    config: BenchConfig,
+    settings: ControllerSettings,
+    stack: ExitStack,
+    command_timeout: float = 0.1,
+) -> Devices:
+    """Set the devices of the first axis up, and start their nodes.
+
+    Raises:
+        ConfigError: one is missing, or on another bus.
+    """
+    nodes = [node for node in config.nodes if node.axis == config.first_axis.name]
+    valve_node, position_node = _of(nodes, VALVE), _of(nodes, ENCODER)
+    pressure_nodes = [node for node in nodes if node.kind is PRESSURE]
+    if any(node.bus != FIRST_BUS for node in nodes):
+        raise ConfigError("controller: the examples need all devices of the axis on the first bus")
+    if len(pressure_nodes) < 2:
+        raise ConfigError("controller: needs two pressure transducers on the first axis")
+    network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+    valve = ProportionalValve(network, valve_node.node_id, valve_node.eds)
+    stack.enter_context(valve)
+    first, second = (PressureSensor(network, n.node_id, n.eds) for n in pressure_nodes[:2])
+    devices = Devices(
+        valve, PositionSensor(network, position_node.node_id, position_node.eds), (first, second)
+    )
+    for sensor in (devices.position, *devices.pressures):
+        sensor.setup()
+    valve.setup(heartbeat_timeout=settings.heartbeat_timeout_ms, command_timeout=command_timeout)
+    for node in network.nodes:
+        network.start_node(node)
+    return devices
+
+
+def _of(nodes: list[NodeConfig], kind: DeviceKind) -> NodeConfig:  # type: ignore[type-arg]
+    """Return the node of a kind.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    for node in nodes:
+        if node.kind is kind:
+            return node
+    raise ConfigError(f"controller: needs a device of the kind {kind.name} on the first axis")

@@ -1,0 +1,99 @@
+"""The hand of a scenario on its bench: what its steps do, as frames and as commands.
+
+What an RPDO carries goes as that RPDO, by the COB-ID and the mapping that the node has at the time:
+as a controller sends it. Other objects are written as an SDO server writes them, with the device's
+limits and checks, but without frames, which the controller's own SDO client would take for answers.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.canopen_device.cob_id import DISABLED, can_id
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtState
+from hil_bench.canopen_device.nmt import NmtCommand as Command
+from hil_bench.canopen_device.node import Node
+from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
+from hil_bench.scenario.records import NmtCommand, NmtStep
+from hil_bench.scenario.targets import ALL, ObjectTarget, PlantTarget, Target
+from hil_bench.session.commands import SetObject, SetPlant
+from hil_bench.session.session import Session
+
+_RPDO, _TO_MAPPING = range(0x1400, 0x1600), 0x200
+_COMMANDS: Mapping[NmtCommand, Command] = {
+    NmtCommand.START: Command.START,
+    NmtCommand.STOP: Command.STOP,
+    NmtCommand.PRE_OPERATIONAL: Command.ENTER_PRE_OPERATIONAL,
+    NmtCommand.RESET_NODE: Command.RESET_NODE,
+    NmtCommand.RESET_COMMUNICATION: Command.RESET_COMMUNICATION,
+}
+
+
+class Hand:
+    """Sets things on a bench.
+
+    Args:
+        config: the bench.
+        session: that bench.
+    """
+
+    def __init__(self, config: BenchConfig, session: Session) -> None:
+        names = [node.name for node in config.nodes]
+        self._nodes = dict(zip(names, session.bench.nodes, strict=True))
+        self._buses = number_buses(config)
+
+    def set(self, target: Target, value: float) -> Frame | SetObject | SetPlant:
+        """Return what gives a target a value: a frame to the bench, or a command to its door."""
+        if isinstance(target, PlantTarget):
+            return SetPlant(target.axis, target.influence.name, value)
+        raw = target.raw(value)
+        node = self._nodes[target.node]
+        if node.state is NmtState.OPERATIONAL:
+            for identifier, mapping, shift in _carriers(node, target):
+                data = _overlaid(mapping, target, raw, shift)
+                return Frame(identifier, data, bus=self._buses[target.node])
+        return SetObject(target.node, target.name, raw)
+
+    def present(self, target: Target) -> float:
+        """Return the value that a target has; of a plant, 0, for it does not tell."""
+        if isinstance(target, PlantTarget):
+            return 0.0
+        return float(target.variable.value or 0) / target.scale
+
+    def command(self, step: NmtStep) -> list[Frame]:
+        """Return the frames of an NMT command: one a bus where it is for all."""
+        code = int(_COMMANDS[step.command])
+        if step.target == ALL:
+            buses = sorted(set(self._buses.values()))
+            return [Frame(NMT_COB_ID, bytes((code, 0)), bus=bus) for bus in buses]
+        data = bytes((code, self._nodes[step.target].node_id))
+        return [Frame(NMT_COB_ID, data, bus=self._buses[step.target])]
+
+
+def _carriers(node: Node, target: ObjectTarget) -> Iterator[tuple[int, PdoMapping, int]]:
+    """Yield COB-ID and mapping of each RPDO that carries an object, and its place there [bit]."""
+    objects = node.object_dictionary
+    wanted = target.variable.index, target.variable.subindex
+    for index in objects.indices(_RPDO):
+        identifier = can_id(objects.number(index, 1, absent=DISABLED))
+        count = objects.number(index + _TO_MAPPING)
+        if identifier is None or not count:
+            continue
+        raws = [objects.number(index + _TO_MAPPING, sub) for sub in range(1, count + 1)]
+        entries = [MappingEntry.parse(raw) for raw in raws]
+        shift = 0
+        for entry in entries:
+            if (entry.index, entry.subindex) == wanted:
+                yield identifier, PdoMapping(objects, entries, Direction.RPDO), shift
+                break
+            shift += entry.bits
+
+
+def _overlaid(mapping: PdoMapping, target: ObjectTarget, raw: object, shift: int) -> bytes:
+    """Return a PDO with what the node holds, but one object."""
+    data_type = target.variable.data_type
+    mask = ((1 << data_type.bits) - 1) << shift
+    value = int.from_bytes(data_type.encode(raw), "little") << shift  # type: ignore[arg-type]
+    word = int.from_bytes(mapping.read(), "little") & ~mask | value & mask
+    return word.to_bytes(mapping.length, "little")

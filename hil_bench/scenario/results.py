@@ -1,0 +1,142 @@
+"""What came of a scenario, in words and as a JUnit file."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.recorded import Finding
+from hil_bench.scenario.run import PLAIN, PlayOptions, PreparedScenario, play
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioResult:
+    """What came of a scenario.
+
+    Attributes:
+        path: its file.
+        title: in words.
+        requirement_ids: the requirements that it is about.
+        seed: of all that is random.
+        parameters: their values in SI.
+        duration: how long the run was [s].
+        ending: how the controller ended before the run did; empty where it did not.
+        problem: why there was no whole run; empty where there was.
+        findings: the judgement on each requirement; empty where there is a problem.
+    """
+
+    path: str
+    title: str
+    requirement_ids: tuple[str, ...]
+    seed: int
+    parameters: dict[str, float]
+    duration: float = 0.0
+    ending: str = ""
+    problem: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def outcomes(self) -> set[RequirementOutcome]:
+        """All outcomes; failed where there is a problem."""
+        if self.problem:
+            return {RequirementOutcome.FAILED}
+        return {finding.judgement.outcome for finding in self.findings}
+
+
+def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> ScenarioResult:
+    """Play a scenario; a firmware that fails, or a step that cannot act, is a result too."""
+    scenario = prepared.scenario
+    duration, ending, problem = 0.0, "", ""
+    findings: tuple[Finding, ...] = ()
+    try:
+        run = play(prepared, options)
+    except HilBenchError as error:
+        problem = str(error)
+    else:
+        duration, ending, findings = run.duration, run.ending, run.findings
+    return ScenarioResult(
+        str(scenario.path),
+        scenario.title,
+        scenario.requirement_ids,
+        prepared.config.seed,
+        dict(prepared.parameters),
+        duration,
+        ending,
+        problem,
+        findings,
+    )
+
+
+def reason_of(judgement: Judgement) -> str:
+    """Return why a requirement has its outcome, in a line."""
+    parts = [judgement.reason] if judgement.reason else []
+    if judgement.first is not None:
+        lasting = f", for {judgement.duration:g} s in all" if judgement.duration else ""
+        parts.append(f"first violated at {judgement.first:g} s{lasting}")
+    deciding = judgement.deciding
+    if deciding is not None and deciding.reading:
+        share = f" ({judgement.margin:+.2g} of the tolerance)" if judgement.margin else ""
+        parts.append(
+            f"{deciding.condition} at {deciding.time:g} s is {deciding.reading}, "
+            f"margin {deciding.margin}{share}"
+        )
+    elif deciding is not None:
+        parts.append(f"{deciding.condition} at {deciding.time:g} s")
+    return "; ".join(parts)
+
+
+def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
+    """Write a JUnit file: a suite a scenario, a case a requirement.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    root = ET.Element("testsuites")
+    for result in results:
+        _add_suite(root, result)
+    ET.indent(root)
+    try:
+        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:
+    """Return what a JUnit file says of a requirement, beside its outcome."""
+    judgement = finding.judgement
+    margin = "" if judgement.margin is None else f"{judgement.margin:.6g}"
+    return [
+        ("requirement_id", finding.requirement.id),
+        ("expectation", finding.requirement.that),
+        ("outcome", judgement.outcome.value),
+        ("margin", margin),
+        ("deciding", reason_of(judgement)),
+        ("seed", str(result.seed)),
+    ]
+
+
+def _add_suite(root: ET.Element, result: ScenarioResult) -> None:
+    suite = ET.SubElement(root, "testsuite", name=result.title)
+    if result.problem:
+        case = ET.SubElement(suite, "testcase", classname=result.path, name="run")
+        ET.SubElement(case, "error", message=_xml_text(result.problem))
+    for finding in result.findings:
+        name = finding.requirement.id
+        case = ET.SubElement(suite, "testcase", classname=result.path, name=name)
+        properties = ET.SubElement(case, "properties")
+        for key, value in junit_properties(result, finding):
+            ET.SubElement(properties, "property", name=key, value=_xml_text(value))
+        outcome = finding.judgement.outcome
+        if outcome is not RequirementOutcome.PASSED:
+            message = _xml_text(f"{outcome}: {reason_of(finding.judgement)}")
+            ET.SubElement(case, "failure", type=outcome.value, message=message)
+    suite.set("tests", str(len(suite)))
+    for kind, tag in (("failures", "failure"), ("errors", "error")):
+        suite.set(kind, str(len(suite.findall(f"testcase/{tag}"))))
+
+
+def _xml_text(text: str) -> str:
+    """Return a text without the characters that XML 1.0 cannot hold."""
+    return "".join(c if c in "\t\n" or c.isprintable() else "�" for c in text)

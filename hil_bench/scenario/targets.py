@@ -1,0 +1,174 @@
+"""What a step may set: influences on a plant, objects of a node, the set-point of a valve."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
+from hil_bench.canopen_device.object_dictionary import Access, Variable
+from hil_bench.config.objects import find_object, name_object, parse_object
+from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.valve_408 import REFERENCE
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.registry import VALVE
+from hil_bench.plants.quantity import Influence
+from hil_bench.session.session import Session
+
+ALL = "all"
+"""The target of an NMT command to every node."""
+
+SET_POINT = "spool_setpoint"
+"""What a valve's set-point is called, as a fraction of its full opening."""
+
+_SET_POINT_OBJECT = 0x6300, 1
+_REFERENCE_OBJECT = 0x6311, 1
+
+
+class PlantTarget(NamedTuple):
+    """What acts on a plant from outside.
+
+    Attributes:
+        axis: the name of the axis.
+        influence: name, unit and limits.
+    """
+
+    axis: str
+    influence: Influence
+
+
+class ObjectTarget(NamedTuple):
+    """An object of a node.
+
+    Attributes:
+        node: the name of the node.
+        variable: the object.
+        scale: what a value of 1 is in the object.
+    """
+
+    node: str
+    variable: Variable
+    scale: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """The object's name: "0x6300.01"."""
+        return name_object(self.variable.index, self.variable.subindex)
+
+    def raw(self, value: float) -> int | float | bool:
+        """Return what the object holds for a value; integers are rounded."""
+        scaled = value * self.scale
+        match self.variable.data_type:
+            case BooleanType():
+                return bool(round(scaled))
+            case IntegerType():
+                return round(scaled)
+            case _:
+                return scaled
+
+
+Target = PlantTarget | ObjectTarget
+
+
+class Targets:
+    """What may be set on a bench, by name.
+
+    Args:
+        config: the bench.
+        session: that bench, not necessarily powered on.
+    """
+
+    def __init__(self, config: BenchConfig, session: Session) -> None:
+        self._axes = {axis.name: axis for axis in session.bench.axes}
+        self._configs = {node.name: node for node in config.nodes}
+        self._nodes = dict(zip(self._configs, session.bench.nodes, strict=True))
+
+    def find(self, name: str) -> Target:
+        """Return the target of a name.
+
+        Raises:
+            ConfigError: there is none; it names the nearest.
+        """
+        owner, _, rest = name.partition(".")
+        if owner in self._nodes and rest[:2].lower() == "0x":
+            return self._find_object(owner, rest)
+        if owner in self._nodes and rest == SET_POINT and self._configs[owner].kind is VALVE:
+            objects = self._nodes[owner].object_dictionary
+            reference = objects.find(*_REFERENCE_OBJECT)
+            full = reference.value if reference is not None else REFERENCE
+            return ObjectTarget(owner, objects.variable(*_SET_POINT_OBJECT), float(full))
+        for influence in self._axes[owner].influences if owner in self._axes else ():
+            if influence.name == rest:
+                return PlantTarget(owner, influence)
+        known = sorted(self._names())
+        right = f"the nearest is {find_nearest(name, known)}, and objects are NODE.0x6300.01"
+        raise ConfigError(f"{quote(name)} is nothing to set here; {right}")
+
+    def check(self, target: Target, value: float) -> None:
+        """Refuse a value that the target cannot have.
+
+        Raises:
+            ConfigError: it is out of range.
+        """
+        if isinstance(target, PlantTarget):
+            _, unit, low, high = target.influence
+        else:
+            unit = "" if target.scale == 1.0 else "of full opening"
+            low, high = (bound / target.scale for bound in _limits(target.variable))
+        if not low <= value <= high:
+            raise ConfigError(
+                f"{value:g} is out of range; give {low:g} to {high:g} {unit}".rstrip()
+            )
+
+    def check_node(self, name: str) -> None:
+        """Refuse a name that is neither a node's nor `ALL`.
+
+        Raises:
+            ConfigError: it is none; it names the nearest.
+        """
+        known = [ALL, *self._nodes]
+        if name not in known:
+            raise ConfigError(
+                f"{quote(name)} is no node; the nearest is {find_nearest(name, known)}"
+            )
+
+    def _find_object(self, node: str, name: str) -> ObjectTarget:
+        try:
+            key = parse_object(name)
+            variable = find_object(self._nodes[node].object_dictionary, *key)
+        except ValueError as error:
+            raise ConfigError(f"{node}: {name} {error}") from None
+        shown = f"{node}.{name_object(*key)} {quote(variable.name)}"
+        if not is_number(variable.data_type):
+            raise ConfigError(f"{shown} is {variable.data_type}; give an object that is a number")
+        if variable.access is Access.CONST:
+            raise ConfigError(f"{shown} is const; give one that can change")
+        if key in bound_objects(self._configs[node]):
+            raise ConfigError(f"{shown} shows the plant in each tick; disturb it by a fault")
+        return ObjectTarget(node, variable)
+
+    def _names(self) -> Iterator[str]:
+        for name, config in self._configs.items():
+            if config.kind is VALVE:
+                yield f"{name}.{SET_POINT}"
+        for name, axis in self._axes.items():
+            for influence in axis.influences:
+                yield f"{name}.{influence.name}"
+
+
+def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:
+    """Return the objects of a node that show quantities of a plant."""
+    return {(source.index, source.subindex) for source in node.sources}
+
+
+def is_number(data_type: DataType) -> bool:
+    """Return whether an object of this type holds a number."""
+    return isinstance(data_type, BooleanType | IntegerType | RealType)
+
+
+def _limits(variable: Variable) -> tuple[float, float]:
+    data_type = variable.data_type
+    if isinstance(data_type, BooleanType):
+        return 0.0, 1.0
+    low = data_type.low if variable.low is None else variable.low
+    high = data_type.high if variable.high is None else variable.high
+    return (float("-inf") if low is None else low), (float("inf") if high is None else high)

@@ -1,0 +1,111 @@
+"""`hil-bench test`, on the worked examples and on what is wrong."""
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.cli.exit_codes import ExitCode
+
+EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
+VARIANTS = {
+    "broken_wire": ("checks_sensor=0", "SRS-21"),
+    "emergency_stop": ("restarts=1", "SRS-41"),
+    "end_stop": ("speed_mm_s=280", "SRS-51"),
+    "heartbeat_loss": ("heartbeat_timeout_ms=0", "SRS-30"),
+    "settling": ("position_gain=250", "SRS-1"),
+    "supply_sag": ("position_gain=0.5", "SRS-11"),
+}
+"""Of each example, what makes its controller a bad one, and a requirement that finds it out."""
+
+HEAD = 'title = "T"\nduration_s = 0.02\n'
+
+
+def scenario(tmp_path, that, more=""):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(f"{HEAD}{more}[[expect]]\nid = \"R1\"\nthat = '{that}'\n")
+    return str(path)
+
+
+def test_there_is_a_variant_of_each_example():
+    names = {path.name.removesuffix(".scenario.toml") for path in EXAMPLES.iterdir()}
+    assert names == VARIANTS.keys()
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_an_example_passes_and_its_variant_fails(name, capsys):
+    path = str(EXAMPLES / f"{name}.scenario.toml")
+    assert main(["test", path]) == ExitCode.DONE, capsys.readouterr().out
+    capsys.readouterr()
+    given, found_out = VARIANTS[name]
+    assert main(["test", path, "--set", given, "--json"]) == ExitCode.CHECK_FAILED
+    (result,) = json.loads(capsys.readouterr().out).values()
+    outcomes = {each["id"]: each["judgement"] for each in result["findings"]}
+    assert outcomes[found_out]["outcome"] == "failed"
+
+
+@pytest.mark.parametrize(
+    ("that", "code"),
+    [
+        ("always axis1.P_A < 250 bar", ExitCode.DONE),
+        ("always axis1.P_A < 1 bar", ExitCode.CHECK_FAILED),
+        ("whenever axis1.P_A > 250 bar then axis1.P_B > 1 bar", ExitCode.INCONCLUSIVE),
+    ],
+)
+def test_the_exit_code_is_the_worst_outcome(tmp_path, capsys, that, code):
+    assert main(["test", scenario(tmp_path, that)]) == code
+    assert capsys.readouterr().out.splitlines()[1].startswith("  R1  ")
+
+
+def test_a_folder_is_searched_and_k_chooses(tmp_path, capsys):
+    scenario(tmp_path, "always axis1.P_A < 250 bar")
+    assert main(["test", str(tmp_path), "-k", "r1"]) == ExitCode.DONE
+    assert main(["test", str(tmp_path), "-k", "R2"]) == ExitCode.USAGE
+    assert "-k R2: no requirement" in capsys.readouterr().err
+
+
+def test_the_junit_file_has_requirements_and_margins(tmp_path):
+    """P_A is in [0, 100] bar of the supply, so that 250 bar has a margin of 0.6 to 1."""
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar")
+    assert main(["test", path, "--junit", str(tmp_path / "j.xml"), "-q"]) == ExitCode.DONE
+    (case,) = ET.parse(tmp_path / "j.xml").iter("testcase")  # noqa: S314 - our own
+    found = {each.get("name"): each.get("value") for each in case.iter("property")}
+    assert found["requirement_id"] == "R1"
+    assert 0.6 < float(found["margin"]) < 1.0
+    assert case.find("failure") is None
+
+
+def test_a_failure_stands_in_the_junit_file(tmp_path):
+    path = scenario(tmp_path, "always axis1.P_A < 1 bar")
+    main(["test", path, "--junit", str(tmp_path / "j.xml"), "-q"])
+    (suite,) = ET.parse(tmp_path / "j.xml").getroot()  # noqa: S314 - our own
+    assert (suite.get("tests"), suite.get("failures")) == ("1", "1")
+    assert suite.find("testcase/failure").get("message").startswith("failed: first violated at 0 s")
+
+
+def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
+    path = scenario(
+        tmp_path, "always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'
+    )
+    assert main(["test", path]) == ExitCode.CHECK_FAILED
+    assert "  /no/such: cannot be started: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "wrong"),
+    [
+        (["--set", "x"], "--set x: write NAME=NUMBER"),
+        (["--set", "x=1"], '"x" is no parameter; there are none'),
+    ],
+)
+def test_a_wrong_parameter_is_a_line(tmp_path, capsys, words, wrong):
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar")
+    assert main(["test", path, *words]) == ExitCode.USAGE
+    assert wrong in capsys.readouterr().err
+
+
+def test_an_empty_folder_is_refused(tmp_path, capsys):
+    assert main(["test", str(tmp_path)]) == ExitCode.USAGE
+    assert "holds no *.scenario.toml" in capsys.readouterr().err

@@ -1,0 +1,203 @@
+"""Runs of scenarios: steps act at their ticks, in the way that a controller or a fault does."""
+
+from pathlib import Path
+
+import pytest
+
+from hil_bench.errors import ConfigError, ControllerError
+from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.run import PlayOptions, play, prepare
+
+HEAD = 'title = "T"\nduration_s = 0.2\n'
+EXAMPLE = '[controller]\nexample = "manual"\n'
+PASSED, FAILED = RequirementOutcome.PASSED, RequirementOutcome.FAILED
+
+
+def step(at, what):
+    return f"[[step]]\nat_s = {at}\n{what}\n"
+
+
+def expect(*texts):
+    return "".join(f"[[expect]]\nid = \"R{k}\"\nthat = '{that}'\n" for k, that in enumerate(texts))
+
+
+def load(tmp_path, text):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(text)
+    return load_scenario(path)
+
+
+def run(tmp_path, text, **options):
+    return play(prepare(load(tmp_path, text)), PlayOptions(**options))
+
+
+def outcomes(found):
+    return [finding.judgement.outcome for finding in found.findings]
+
+
+def problems(tmp_path, text):
+    with pytest.raises(ConfigError) as caught:
+        prepare(load(tmp_path, text))
+    return str(caught.value).replace(f"{tmp_path}/", "").splitlines()
+
+
+def test_a_load_acts_at_its_tick(tmp_path):
+    """20 kN on 20 kg are 1 m/s after a tick (Newton), less the oil; without it the piston rests."""
+    text = HEAD + step(0.1, 'set = { "axis1.load" = "20 kN" }')
+    before = "always from 0 s to 99 ms abs(axis1.speed) < 1 mm/s"
+    after = "eventually from 100 ms to 100 ms abs(axis1.speed) > 10 mm/s"
+    assert outcomes(run(tmp_path, text + expect(before, after))) == [PASSED, PASSED]
+
+
+def test_nmt_commands_and_objects_act_at_their_ticks(tmp_path):
+    text = HEAD + step(0.05, 'nmt = "start"\ntarget = "valve"')
+    text += step(0.1, 'set = { "valve.0x1017" = 20 }')
+    wanted = (
+        'always from 0 s to 49 ms valve.nmt == "PRE_OPERATIONAL"',
+        'always from 50 ms to 200 ms valve.nmt == "OPERATIONAL"',
+        'always pressure_a.nmt == "PRE_OPERATIONAL"',
+        "always from 100 ms to 200 ms valve.0x1017.00 == 20",
+        "eventually from 0 s to 99 ms valve.0x1017.00 == 20",
+        "frame(0x000) for the last 1 ms or eventually from 50 ms to 50 ms frame(0x000)",
+        "always from 51 ms to 200 ms not frame(0x000)",
+    )
+    found = outcomes(run(tmp_path, text + expect(*wanted)))
+    assert found == [PASSED] * 4 + [FAILED] + [PASSED] * 2
+
+
+def test_a_set_point_goes_as_the_valves_rpdo(tmp_path):
+    """0x201 is RPDO 1 of node 1 in the predefined connection set, 0x2000 half of 16384."""
+    text = HEAD + EXAMPLE + step(0.15, 'set = { "valve.spool_setpoint" = 0.5 }')
+    wanted = (
+        "eventually from 150 ms to 150 ms (frame(0x201) and valve.0x6300.01 == 8192)",
+        "always from 140 ms to 149 ms (valve.0x6300.01 == 0 and not frame(0x201))",
+        "eventually axis1.spool_position > 0.49",
+    )
+    assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 3
+
+
+def test_a_ramp_is_straight(tmp_path):
+    """From 0 to 16384 in 40 ms: a quarter after 10 ms, and so on."""
+    text = HEAD + EXAMPLE + step(0.15, 'set = { "valve.spool_setpoint" = 1.0 }\nover_s = 0.04')
+    wanted = [
+        f"eventually from {150 + after} ms to {150 + after} ms valve.0x6300.01 == {value}"
+        for after, value in ((0, 0), (10, 4096), (20, 8192), (40, 16384), (50, 16384))
+    ]
+    assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 5
+
+
+def test_sync_goes_on_and_off(tmp_path):
+    text = HEAD + step(0.05, "sync = true") + step(0.1, "sync = false")
+    wanted = (
+        "always from 0 s to 49 ms not frame(0x080)",
+        "always from 50 ms to 99 ms frame(0x080)",
+        "always from 100 ms to 200 ms not frame(0x080)",
+    )
+    assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 3
+
+
+def test_the_sync_of_a_controller_is_held_back(tmp_path):
+    text = HEAD + EXAMPLE + step(0.15, "sync = false")
+    wanted = (
+        "eventually from 140 ms to 149 ms frame(0x080)",
+        "always after 150 ms not frame(0x080)",
+    )
+    assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 2
+
+
+def test_an_emergency_is_an_event_with_a_code(tmp_path):
+    """A wire that reads nothing is an EMCY of the transducer (docs/faults.md), within a tick."""
+    text = HEAD + step(0.1, 'fault = "break_wire"\ntarget = "pressure_a"')
+    wanted = (
+        "always from 0 s to 99 ms not emcy(pressure_a)",
+        "eventually from 100 ms to 101 ms emcy(pressure_a)",
+        "always not emcy(pressure_b)",
+        "always not emcy(pressure_a, 0x1234)",
+    )
+    assert outcomes(run(tmp_path, text + expect(*wanted))) == [PASSED] * 4
+
+
+def test_a_run_ends_at_the_first_failure_if_asked(tmp_path):
+    text = HEAD + expect("always from 20 ms to 150 ms axis1.P_A < 0 bar")
+    assert run(tmp_path, text).duration == pytest.approx(0.2)
+    found = run(tmp_path, text, stops_at_failure=True)
+    assert outcomes(found) == [FAILED]
+    assert found.is_early
+    assert found.duration < 0.15
+
+
+def test_two_runs_are_the_same(tmp_path):
+    text = HEAD + EXAMPLE + expect("eventually axis1.P_A > 51.7 bar", "always axis1.P_A < 60 bar")
+    prepared = prepare(load(tmp_path, text))
+    assert play(prepared) == play(prepared)
+
+
+def test_steps_are_checked_against_the_bench(tmp_path):
+    text = HEAD + step(0.1, 'fault = "freeze"\ntarget = "pressure_x"')
+    text += step(0.1, 'set = { "valve.spool_setpont" = 0.4 }')
+    text += step(0.1, 'nmt = "start"\ntarget = "vale"')
+    text += step(0.1, 'set = { "valve.0x6300.01" = 70000 }')
+    text += step(0.1, 'firmware = "kill"')
+    text += expect("always axis1.P_a > 0 bar")
+    found = problems(tmp_path, text)
+    assert [line.split(" ")[0] for line in found] == [
+        "a.scenario.toml:19:13:",
+        "a.scenario.toml:5:10:",
+        "a.scenario.toml:9:7:",
+        "a.scenario.toml:12:8:",
+        "a.scenario.toml:16:7:",
+        "a.scenario.toml:22:16:",
+    ]
+    assert "the nearest is valve.spool_setpoint" in found[2]
+    assert '"vale" is no node; the nearest is valve' in found[3]
+    assert "70000 is out of range" in found[4]
+
+
+def test_an_unknown_example_is_refused(tmp_path):
+    text = HEAD + '[controller]\nexample = "position"\n' + expect("always axis1.P_A > 0 bar")
+    assert "the nearest is position_control" in problems(tmp_path, text)[0]
+
+
+def test_a_parameter_that_does_nothing_is_refused(tmp_path):
+    parameters = "[parameters]\npositon_gain = 10\nsag_bar = 1\nhigh_bar = 9\nat_s = 0.1\n"
+    text = HEAD + EXAMPLE + parameters
+    text += step(0.1, 'fault = "drop_supply"\ntarget = "axis1"\npressure_bar = "sag_bar"')
+    text += step('"at_s"', 'set = { "axis1.load" = 1 }') + expect("always axis1.P_A < high_bar")
+    (line,) = problems(tmp_path, text)
+    assert line.endswith(
+        "parameters.positon_gain: does nothing; the nearest of the controller's is position_gain"
+    )
+
+
+TWO_BUSES = Path(__file__).parents[3] / "examples" / "two_buses.toml"
+VALVE_ALONE = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\naxis = "axis1"\n'
+
+
+@pytest.mark.parametrize(
+    ("bench", "wrong"),
+    [
+        (VALVE_ALONE, "controller: needs a device of the kind encoder_406"),
+        (TWO_BUSES.read_text(), "controller: the examples need all devices of the axis on the f"),
+    ],
+)
+def test_a_controller_without_its_devices_is_no_run(tmp_path, bench, wrong):
+    (tmp_path / "bench.toml").write_text(bench)
+    text = 'bench = "bench.toml"\n' + HEAD + EXAMPLE + expect("always axis1.P_A > 0 bar")
+    with pytest.raises(ControllerError, match=wrong):
+        run(tmp_path, text)
+
+
+def test_a_controller_that_cannot_begin_is_no_run(tmp_path):
+    text = HEAD + EXAMPLE + step(0.001, 'fault = "silence"\ntarget = "valve"')
+    with pytest.raises(ControllerError, match="the controller could not work: node 1"):
+        run(tmp_path, text + expect("always axis1.P_A < 250 bar"))
+
+
+def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
+    text = HEAD + EXAMPLE + step(0.15, 'fault = "silence"\ntarget = "valve"')
+    text = text.replace("manual", "position_control") + expect("always axis1.P_A < 250 bar")
+    found = run(tmp_path, text.replace("0.2", "0.5"))
+    assert found.ending.startswith("the controller ended: node 1: ")
+    assert found.duration == pytest.approx(0.5)
+    assert not found.is_early

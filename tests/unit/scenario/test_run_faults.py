@@ -1,0 +1,71 @@
+"""Every kind of fault as a step: it begins at the step's tick, and ends after its time."""
+
+import pytest
+
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.scenario import run
+from hil_bench.scenario.load import load_scenario
+from hil_bench.session.virtual_bench import VirtualBench
+
+KEYS = {
+    "freeze": 'target = "position"',
+    "offset": 'target = "pressure_a"\noffset_bar = 5',
+    "drift": 'target = "position"\ndrift_mm_s = 1',
+    "noise": 'target = "position"\nnoise_mm = 1',
+    "break_wire": 'target = "pressure_a"\nreads = "low"',
+    "slow": 'target = "valve"\ntime_constant_ms = 5',
+    "stick": 'target = "valve"',
+    "invert": 'target = "valve"',
+    "disable": 'target = "valve"',
+    "drop_supply": 'target = "axis1"\npressure_bar = "sag_bar"',
+    "silence": 'target = "valve"',
+    "reset": 'target = "valve"',
+    "lose": 'target = "valve"\nshare_percent = 10\ndirection = "sent"\ncan_id = 0x181',
+    "delay": 'target = "valve"\ndelay_ms = 3',
+    "truncate": 'target = "valve"\nlength = 2',
+    "babble": 'target = "valve"\nframes_per_tick = 2',
+}
+"""The keys of each kind, as docs/faults.md has them."""
+
+SCENARIO = """
+title = "T"
+duration_s = 0.05
+[parameters]
+sag_bar = 40
+[[step]]
+at_s = 0.02
+fault = "{kind}"
+for_s = 0.01
+{keys}
+[[expect]]
+id = "R"
+that = "always axis1.P_A < sag_bar + 200 bar"
+"""
+
+
+@pytest.fixture
+def benches(monkeypatch):
+    """The benches that runs have made."""
+    made = []
+
+    class KeptBench(VirtualBench):
+        def __init__(self, *args, **options):
+            super().__init__(*args, **options)
+            made.append(self)
+
+    monkeypatch.setattr(run, "VirtualBench", KeptBench)
+    return made
+
+
+def test_each_kind_is_tried():
+    assert {kind.value for kind in FaultKind} == KEYS.keys()
+
+
+@pytest.mark.parametrize("kind", KEYS)
+def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(SCENARIO.format(kind=kind, keys=KEYS[kind]))
+    run.play(run.prepare(load_scenario(path)))
+    (bench,) = benches
+    found = [(event.time, event.kind.value, event.is_begin) for event in bench.faults.events]
+    assert found == [(20_000_000, kind, True), (30_000_000, kind, False)]

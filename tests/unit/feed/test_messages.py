@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from support import documents
 
 from hil_bench.outside.feed.messages import RequestError, encode, parse_request
 
@@ -22,6 +23,13 @@ GOOD = [
 def test_a_request_keeps_its_fields(message):
     request = parse_request(encode(message))
     assert {"id": request.number, "do": request.action, **request.fields} == message
+
+
+@pytest.mark.parametrize(
+    "line", [line for block in documents.blocks("json") for line in block.text.splitlines()]
+)
+def test_a_request_of_the_documents_is_right(line):
+    assert parse_request(line.encode()).action
 
 
 @pytest.mark.parametrize(

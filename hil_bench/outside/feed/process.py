@@ -58,6 +58,7 @@ class FeedProcess:
         self._start_at = clock()
         self._helper: HelperProcess | None = None
         self._start: threading.Thread | None = None
+        self._problem: str | None = None
         self._poll = select.poll()
         self._poll.register(listener, select.POLLIN)
         # The loop may be tied to one processor later; its clients are not.
@@ -75,7 +76,7 @@ class FeedProcess:
                 return False
             self._start = None
         if self._helper is not None:
-            ending = self._helper.ending()
+            ending = self._problem or self._helper.ending()
             if ending is None:
                 return True
             logger.warning("feed: its process %s; the next client starts it again", ending)
@@ -95,6 +96,7 @@ class FeedProcess:
             self._helper.stop(_STOP_TIMEOUT)
 
     def _begin(self) -> None:
+        self._problem = None
         self._helper = HelperProcess(serve, (self._listener, self._plan), name="hil-bench-feed")
         self._start = threading.Thread(target=self._run, args=(self._helper,), daemon=True)
         self._start.start()
@@ -103,7 +105,10 @@ class FeedProcess:
         if self._processors is not None:  # what is started inherits them
             with contextlib.suppress(OSError):
                 os.sched_setaffinity(0, self._processors)
-        helper.start()
+        try:
+            helper.start()
+        except OSError as error:
+            self._problem = f"cannot be started ({error.strerror or error})"
 
 
 def serve(listener: socket.socket, plan: FeedPlan, connection: Connection) -> None:

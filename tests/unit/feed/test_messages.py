@@ -1,8 +1,11 @@
 """Requests are hostile until checked; each refusal says what would be right."""
 
+import contextlib
 import json
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support import documents
 
 from hil_bench.outside.feed.messages import RequestError, encode, parse_request
@@ -62,6 +65,28 @@ def test_a_wrong_request_is_refused(line, text):
     assert text in str(refusal.value)
     assert len(str(refusal.value)) < 250
     assert str(refusal.value).isprintable()
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=5,
+)
+FIELDS = ["node", "name", "value", "axis", "quantity", "kind", "target", "arguments", "number"]
+ACTIONS = ["watch", "begin_fault", "clear_fault", "get_object", "set_object", "set_plant"]
+
+
+@given(
+    st.binary()
+    | st.fixed_dictionaries(
+        {"id": st.integers(), "do": st.sampled_from(ACTIONS)},
+        optional=dict.fromkeys([*FIELDS, "rows_every_s", "frames"], JSON),
+    ).map(lambda message: json.dumps(message).encode())
+)
+def test_whatever_comes_is_a_request_or_refused(line):
+    with contextlib.suppress(RequestError):
+        request = parse_request(line)
+        assert parse_request(encode({"id": request.number, "do": request.action, **request.fields}))
 
 
 @pytest.mark.parametrize("value", ["1e999", "-1e999", "1" + "0" * 400, '"5"', "true", "null", "[]"])

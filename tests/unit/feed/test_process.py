@@ -1,7 +1,9 @@
 """The socket, its permissions, and the process that serves it: started, killed, started again."""
 
+import errno
 import os
 import signal
+import socket
 import stat
 import threading
 
@@ -93,6 +95,29 @@ def test_a_bench_is_watched_killed_and_watched_again():
     assert find_names() == []
     with pytest.raises(BusError, match='no bench with the name "bench" runs'):
         hil_bench.attach("bench")
+
+
+def test_a_server_that_cannot_start_is_tried_again(monkeypatch, caplog):
+    def refuse(_self):
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("hil_bench.outside.feed.process.HelperProcess.start", refuse)
+    place, now = Place("a"), [0]
+    ring = SharedRing(64)
+    process = FeedProcess(place.listener, FeedPlan({}, 1, ring, ring), clock=lambda: now[0])
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        client.connect(str(place_of("a")))
+        for second in range(2):
+            now[0] = second * 10**9
+            assert not process.look()
+            process._start.join()
+            now[0] += 10**8
+            assert not process.look()
+            assert process._start is None  # not at once
+    text = "feed: its process cannot be started (Resource temporarily unavailable); the next client"
+    assert [message.startswith(text) for message in caplog.messages] == [True, True]
+    process.stop()
+    place.release()
 
 
 def test_the_socket_is_for_its_user_alone(folder):

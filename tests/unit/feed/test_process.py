@@ -190,6 +190,14 @@ def test_a_run_without_a_folder_goes_on_unwatched(folder, capsys):
     assert "feed:" not in capsys.readouterr().err
 
 
+def test_a_run_looks_at_its_feed_in_each_tick(monkeypatch):
+    looks = []
+    monkeypatch.setattr(Feed, "look", lambda _self: looks.append(1))
+    run = ["run", "-i", "virtual", "-c", "feed", "--speed", "max", "--duration", "0.01"]
+    assert main(run) == 0
+    assert len(looks) == 10  # ticks of 1 ms
+
+
 def test_a_name_that_is_taken_ends_a_run(capsys):
     place = Place("a")
     run = ["run", "-i", "virtual", "-c", "feed", "--speed", "max", "--duration", "0.01"]

@@ -12,6 +12,7 @@ _MODULES = {
     "devices.faults.faults": ("Faults",),
     "outside.recording.frames": ("read_frames",),
     "outside.recording.signal_table": ("SignalTable", "open_recording"),
+    "session.attached": ("AttachedBench", "attach"),
     "session.recording": ("RecordingWish",),
     "session.virtual_bench": ("VirtualBench",),
 }

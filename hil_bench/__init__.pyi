@@ -9,6 +9,8 @@ from hil_bench.errors import WaitTimeoutError as WaitTimeoutError
 from hil_bench.outside.recording.frames import read_frames as read_frames
 from hil_bench.outside.recording.signal_table import SignalTable as SignalTable
 from hil_bench.outside.recording.signal_table import open_recording as open_recording
+from hil_bench.session.attached import AttachedBench as AttachedBench
+from hil_bench.session.attached import attach as attach
 from hil_bench.session.recording import RecordingWish as RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench as VirtualBench
 

@@ -1,6 +1,7 @@
 """Links, names and snippets of the documents lead somewhere, load and run."""
 
 import ast
+import functools
 import importlib
 import pkgutil
 import re
@@ -11,6 +12,7 @@ from dataclasses import replace
 import pytest
 from support import documents
 from support.documents import DOCUMENTS, ROOT, Block
+from support.feed_loop import FeedLoop
 
 import drivers.modbus
 from drivers.modbus.framing import TcpFraming
@@ -21,6 +23,7 @@ from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.scenario.vocabulary import Vocabulary
+from hil_bench.session import attached
 from hil_bench.session.virtual_bench import VirtualBench
 
 pytest_plugins = ["pytester"]
@@ -152,6 +155,8 @@ def test_a_python_snippet_says_what_its_comments_say(block, tmp_path, monkeypatc
             drivers.modbus, "TcpLink", lambda _host, _port: bench.modbus_link(TcpFraming())
         )
         bench.run(0.1)
+        watched = functools.cache(FeedLoop)
+        monkeypatch.setattr(attached, "connect", lambda *words: watched().connect(*words))
         shown = run_and_collect_comments(block)
     said = capsys.readouterr().out.splitlines()
     assert len(said) == len(shown)

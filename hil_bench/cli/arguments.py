@@ -80,8 +80,12 @@ def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str
     )
 
 
-def parse_fault(words: Sequence[str]) -> dict[str, object]:
+def parse_fault(words: Sequence[str], option: str = "--fault") -> dict[str, object]:
     """Return the table of `[[faults]]` that the words of `--fault` stand for.
+
+    Args:
+        words: given to it.
+        option: how messages name it.
 
     Raises:
         ConfigError: they are not KIND TARGET [KEY=VALUE ...].
@@ -89,15 +93,15 @@ def parse_fault(words: Sequence[str]) -> dict[str, object]:
     pairs = [word.partition("=") for word in words[2:]]
     if len(words) < 2 or "=" in "".join(words[:2]) or not all(sign for _, sign, _ in pairs):
         right = "give KIND TARGET [KEY=VALUE ...], as in freeze pressure_a at_s=2"
-        raise ConfigError(f"--fault {' '.join(words)}: is no fault; {right}")
+        raise ConfigError(f"{option} {' '.join(words)}: is no fault; {right}")
     return {
         "kind": words[0],
         "target": words[1],
-        **{key: _parse_value(value) for key, _, value in pairs},
+        **{key: parse_value(value) for key, _, value in pairs},
     }
 
 
-def _parse_value(text: str) -> object:
+def parse_value(text: str) -> object:
     """Return a value of TOML, or else the text itself, so that no word needs quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -9,6 +9,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
+from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.lockstep_status import LockStepStatus
 from hil_bench.cli.loop_summary import fault_lines, frame_lines, helper_lines, node_lines
@@ -72,9 +73,16 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
             progress.look(lockstep.now)
         helpers.look()
         events.look(lockstep.now)
+        if feed is not None:
+            feed.look()
         return setup.wish.requested or helpers.is_over or lockstep.now >= end
 
-    with line, contextlib.closing(helpers):
+    def health() -> dict[str, float]:
+        counters = transport.counters()
+        return {"received": counters.received, "sent": counters.sent, "syncs": lockstep.syncs}
+
+    opened = open_feed(setup.args, config, setup.session, health=health)
+    with line, contextlib.closing(helpers), opened as feed:
         return run_lockstep(lockstep, transport, stopped=is_over), helpers
 
 

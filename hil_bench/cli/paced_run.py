@@ -5,9 +5,11 @@ import contextlib
 import logging
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
+from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.loop_summary import (
@@ -37,6 +39,9 @@ from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.bus_load import BusLoad
 from hil_bench.session.paced import RunReport, run_paced
+
+if TYPE_CHECKING:
+    from hil_bench.session.feed import Feed
 
 logger = logging.getLogger(__name__)
 
@@ -84,6 +89,7 @@ class PacedRun:
     def __init__(self, setup: RunSetup, announce: Callable[[], None], clock: Clock) -> None:
         self.is_timed = math.isfinite(setup.args.speed)
         self.helpers = Helpers([])
+        self._feed: Feed | None = None
         self._setup = setup
         self._bench = setup.session.bench
         self._announce = announce
@@ -112,7 +118,14 @@ class PacedRun:
         self.helpers = self._setup.watch(*shown)
         session.watch(ticks=self._watch)
         session.watch(ticks=self._publish if line.is_shown else self._make_progress().look)
-        with line, contextlib.closing(self.helpers):
+        feed = open_feed(
+            args,
+            config,
+            session,
+            statistics=self._statistics if self.is_timed else None,
+            health=self._health,
+        )
+        with line, contextlib.closing(self.helpers), feed as self._feed:
             return run_paced(
                 session,
                 self._setup.bus.transport,
@@ -140,6 +153,13 @@ class PacedRun:
             self._announce()
         self.helpers.look()
         self._events.look(now)
+        if self._feed is not None:
+            self._feed.look()
+
+    def _health(self) -> dict[str, float]:
+        counters, now = self._setup.bus.transport.counters(), self._setup.session.now
+        received, sent, load = bus_status_row(counters, self._load.update(now, counters.bits))
+        return {"received": received, "sent": sent, "bus_load": load}
 
     def _row(self, now: int) -> tuple[float, ...]:
         counters = self._setup.bus.transport.counters()

@@ -13,6 +13,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.bench_bus import HUB_CHANNEL
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.feed_side import add_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.errors import ConfigError
@@ -96,6 +97,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="with --record: record the frames that the bench does not listen to as well; each of "
         "them then costs the loop time (in lock-step the bench hears all frames anyway)",
     )
+    add_feed_arguments(parser)
     add_loss_argument(parser)
     parser.set_defaults(run=run)
 

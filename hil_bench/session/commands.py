@@ -15,6 +15,9 @@ from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import Influence
 
+MOST_FAULTS = 256
+"""Most faults that commands may have begun, or planned, at a time: each costs every tick."""
+
 
 class Controls:
     """What commands act on.
@@ -40,14 +43,34 @@ class Controls:
 
         Those that have ended by themselves are forgotten.
         """
+        self._forget(now)
+        self._last_number += 1
+        self.faults[self._last_number] = fault
+        return self._last_number
+
+    def check_room(self, now: int) -> None:
+        """Check at `now` [ns] that one more fault may begin.
+
+        Raises:
+            ConfigError: there are too many.
+        """
+        self._forget(now)
+        if len(self.faults) >= MOST_FAULTS:
+            raise ConfigError(f"fault: {MOST_FAULTS} are there or planned already; clear one")
+
+    def _forget(self, now: int) -> None:
         self.faults = {
             number: known
             for number, known in self.faults.items()
             if known.is_active or known.begins is None or known.begins >= now
         }
-        self._last_number += 1
-        self.faults[self._last_number] = fault
-        return self._last_number
+
+    def number_of(self, fault: Fault, now: int) -> int:
+        """Return the number of a fault; one that was planned gets it at `now` [ns]."""
+        for number, known in self.faults.items():
+            if known is fault:
+                return number
+        return self.keep(fault, now)
 
 
 class Command(Protocol):
@@ -84,6 +107,7 @@ class BeginFault:
             raise ConfigError(
                 f'fault: there is no kind "{self.kind}"; give one of {kinds}'
             ) from None
+        controls.check_room(now)
         begin = getattr(controls.bench.faults, kind.value)
         try:
             fault: Fault = begin(self.target, **self.arguments)
@@ -137,6 +161,23 @@ class SetObject:
         objects = controls.nodes[self.node]
         objects[self.name] = self.value
         return objects[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class GetObject:
+    """Read an object of a node, as ``bench.nodes["io"]["0x6401.01"]`` does.
+
+    Attributes:
+        node: the name of the node.
+        name: of the object: "0x6401.01".
+    """
+
+    node: str
+    name: str
+
+    def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
+        """Return what it holds; None where it has no data. `ConfigError` where there is none."""
+        return controls.nodes[self.node][self.name]
 
 
 @dataclass(frozen=True, slots=True)

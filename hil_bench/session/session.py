@@ -44,6 +44,7 @@ class Session:
         bench: as passed in.
         nodes: as passed in.
         channels: of a row, without the time.
+        controls: what commands act on.
         door: takes commands from anywhere; they act at the start of the next tick.
         now: bench time [ns]: that of the last tick, or later where a runner has waited since.
         intercept: called at the start of each tick, before the commands of the door act; it may
@@ -61,7 +62,8 @@ class Session:
         self.nodes = nodes or {}
         stimuli = stimuli or {}
         self.channels = (*stimuli, *bench_channels(bench))
-        self.door = Door(Controls(bench, self.nodes))
+        self.controls = Controls(bench, self.nodes)
+        self.door = Door(self.controls)
         self.now = 0
         self.intercept: Interceptor | None = None
         self._commands = self.door.waiting
@@ -138,14 +140,18 @@ class Session:
         for observe in self._frame_observers:
             observe(frames, sent, now)
         if self._row_observers:
-            time = now * 1e-9
-            stimuli = [stimulus(time) for stimulus in self._stimuli]
-            row = (time, *stimuli, *sample(self.bench))
+            row = self.row()
             for show in self._row_observers:
                 show(row)
         for tell in self._tick_observers:
             tell(now)
         return sent
+
+    def row(self) -> tuple[float, ...]:
+        """Return the time [s] and a value a channel, as they are now."""
+        time = self.now * 1e-9
+        stimuli = [stimulus(time) for stimulus in self._stimuli]
+        return (time, *stimuli, *sample(self.bench))
 
     def serve(self, frames: Sequence[Frame], send: Send | None = None) -> Sequence[Frame]:
         """Let the bench answer frames while its time stands still; see `tick`."""

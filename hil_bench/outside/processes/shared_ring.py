@@ -12,6 +12,7 @@ as long as the reader holds it: what a killed loop has written is still read.
 import ctypes
 import multiprocessing
 import struct
+import sys
 import zlib
 from collections.abc import Iterator
 
@@ -84,10 +85,14 @@ class SharedRing:
         self._counters[_END] = self._end
         return True
 
-    def take(self) -> Iterator[tuple[int, bytes]]:
-        """Yield kind and content of the messages that are there, oldest first."""
+    def take(self, most: int = sys.maxsize) -> Iterator[tuple[int, bytes]]:
+        """Yield kind and content of the messages that are there, oldest first.
+
+        Args:
+            most: of them; the others stay for the next time.
+        """
         end = self._counters[_END]
-        while self._taken < end:
+        while self._taken < end and most > 0:
             place = self._taken % self._size
             to_end = self._size - place
             if to_end < _HEADER.size:
@@ -101,6 +106,7 @@ class SharedRing:
             message = bytes(self._data[start : start + length])
             if len(message) != length or zlib.crc32(message, kind ^ length) != check_sum:
                 break  # not all there yet
+            most -= 1
             yield kind, message
             self._taken += (_HEADER.size + length + 7) & ~7
         self._counters[_TAKEN] = self._taken

@@ -7,6 +7,7 @@ import pytest
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
 from hil_bench.errors import BusError
+from hil_bench.outside.feed.messages import COMMAND, encode
 from hil_bench.outside.transports.transport import TransportCounters
 
 SYNC = Frame(0x080)
@@ -58,6 +59,27 @@ def test_it_ends_at_its_duration_of_bench_time(run, capsys):
     assert re.search(r"^lockstep  10 SYNCs of 2000 us: 0\.020 s in \d", out, re.MULTILINE)
     assert not controller.is_open
     assert [frame.can_id for frame in controller.sent] == [0x701, 0x702, 0x703, 0x704]
+
+
+def test_a_command_acts_with_a_sync(run, monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    # A server that has a command for the loop as soon as the loop looks.
+    fields = {"kind": "freeze", "target": "pressure_a", "arguments": {}}
+
+    class Process:
+        def __init__(self, _listener, plan):
+            plan.down.put(COMMAND, encode({"ticket": 1, "do": "begin_fault", "fields": fields}))
+
+        def look(self):
+            return True
+
+        def stop(self):
+            pass
+
+    monkeypatch.setattr("hil_bench.cli.feed_side.FeedProcess", Process)
+    # Two batches: the loop looks between them, and 64 frames are the most of one.
+    assert run(Controller(*[SYNC] * 200), "--duration", "0.2") == 0
+    assert re.search(r"0\.\d+ s freeze pressure_a begins", capsys.readouterr().out)
 
 
 def test_a_lost_bus_ends_it_with_3_and_a_summary(run, capsys):

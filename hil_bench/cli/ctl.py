@@ -1,0 +1,227 @@
+"""`hil-bench ctl`: a running bench from the shell: state, faults, objects, loads."""
+
+import argparse
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.live_words import (
+    fault_text,
+    health_text,
+    node_text,
+    shown_in,
+    value_text,
+)
+from hil_bench.cli.parser import Parser
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.errors import (
+    BusError,
+    ConfigError,
+    ControllerError,
+    HilBenchError,
+    WaitTimeoutError,
+    printable,
+)
+from hil_bench.outside.feed.client import FeedClient, connect
+from hil_bench.outside.feed.places import HAS_SOCKETS, find_names
+
+_EXAMPLES = """\
+examples:
+  hil-bench ctl list
+  hil-bench ctl status --json
+  hil-bench ctl fault freeze position for_s=1
+  hil-bench ctl fault offset pressure_a offset_bar=20
+  hil-bench ctl clear position                  or the number of a fault, or nothing for all
+  hil-bench ctl set axis1.load_n=5000 axis1.supply_pressure_bar=80
+  hil-bench ctl set valve.0x1017=500
+  hil-bench ctl get valve.0x1017 --bench bench-2
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "ctl",
+        description="Look at a bench that hil-bench run runs on this machine, break it and set it.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    actions = parser.add_subparsers(
+        title="actions", metavar="ACTION", required=True, parser_class=Parser
+    )
+    listing = actions.add_parser("list", help="list the benches that run")
+    add_json_argument(listing)
+    listing.set_defaults(run=list_benches)
+    _add(actions, "status", show_status, "show states, faults, values and how the loop is")
+    fault = _add(actions, "fault", begin_fault, "begin a fault with the next tick")
+    fault.add_argument(
+        "words",
+        nargs="+",
+        metavar="WORD",
+        help="KIND TARGET [KEY=VALUE ...]: as in [[faults]] of the configuration; without at_s it "
+        "begins with the next tick",
+    )
+    clear = _add(actions, "clear", clear_faults, "end faults")
+    clear.add_argument(
+        "faults", nargs="*", metavar="FAULT", help="its number, kind or target; without any, all"
+    )
+    setting = _add(actions, "set", set_values, "set objects of nodes, and loads")
+    setting.add_argument(
+        "settings",
+        nargs="+",
+        metavar="PLACE=VALUE",
+        help="AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE; bytes as hex:00ff",
+    )
+    getting = _add(actions, "get", get_values, "read objects of nodes")
+    getting.add_argument("objects", nargs="+", metavar="NODE.OBJECT", help="as in valve.0x1017")
+
+
+def add_bench_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --bench."""
+    parser.add_argument(
+        "--bench", metavar="NAME", help="the bench, where more than one runs (hil-bench ctl list)"
+    )
+
+
+@contextlib.contextmanager
+def bench_errors() -> Iterator[None]:
+    """Let a bench that does not answer, or cannot act, count as one that is lost.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        BusError: it is so.
+    """
+    try:
+        yield
+    except (ControllerError, WaitTimeoutError) as error:
+        raise BusError(str(error)) from error
+
+
+def list_benches(args: argparse.Namespace) -> int:
+    """Print the benches that run."""
+    found: list[dict[str, Any]] = []
+    for name in find_names() if HAS_SOCKETS else ():
+        try:
+            with connect(name) as client:
+                found.append({key: client.hello.get(key) for key in ("name", "pid", "bench")})
+        except HilBenchError as error:
+            found.append({"name": name, "error": str(error)})
+    lines = [_bench_line(bench) for bench in found] or ["no bench runs"]
+    print_results(args, lines, {"benches": found})
+    return ExitCode.DONE
+
+
+def show_status(client: FeedClient, args: argparse.Namespace) -> None:
+    """Print how the bench is."""
+    status = client.request("status")
+    print_results(args, status_lines(client.hello, status), {"name": client.name, **status})
+
+
+def begin_fault(client: FeedClient, args: argparse.Namespace) -> None:
+    """Begin a fault and print its number."""
+    # Here, since it knows all of the configuration, which takes longer than all the rest.
+    from hil_bench.cli.live_requests import read_fault  # noqa: PLC0415
+
+    fields = read_fault(args.words, client.hello)
+    number = client.request("begin_fault", **fields)
+    line = printable(f"fault {number}  {fields['kind']} {fields['target']}")
+    print_results(args, [line], {"number": number})
+
+
+def clear_faults(client: FeedClient, args: argparse.Namespace) -> None:
+    """End faults.
+
+    Raises:
+        ConfigError: one of them is not there.
+    """
+    if not args.faults:
+        client.request("clear_fault")
+        print_results(args, ["all faults cleared"], {"cleared": None})
+        return
+    active = client.request("status")["state"]["faults"]
+    numbers: list[int] = []
+    for word in args.faults:
+        found = [
+            fault["number"]
+            for fault in active
+            if word in {str(fault["number"]), fault["kind"], fault["target"]}
+        ]
+        if not found:
+            known = "; ".join(f"{each['number']} {fault_text(each)}" for each in active)
+            raise ConfigError(f"clear {word}: there is no such fault; active: {known or 'none'}")
+        numbers += [number for number in found if number not in numbers]
+    for number in numbers:
+        client.request("clear_fault", number=number)
+    print_results(args, [f"fault {number} cleared" for number in numbers], {"cleared": numbers})
+
+
+def set_values(client: FeedClient, args: argparse.Namespace) -> None:
+    """Set objects and loads; nothing is set where a word is wrong."""
+    from hil_bench.cli.live_requests import read_setting  # noqa: PLC0415 - see `begin_fault`
+
+    settings = [read_setting(word, client.hello) for word in args.settings]
+    for setting in settings:
+        client.request(setting.action, **setting.fields)
+    print_results(args, args.settings, {"set": [setting.fields for setting in settings]})
+
+
+def get_values(client: FeedClient, args: argparse.Namespace) -> None:
+    """Print what objects hold."""
+    values = {}
+    for word in args.objects:
+        node, _, name = word.partition(".")
+        values[word] = client.request("get_object", node=node, name=name)
+    lines = [printable(f"{word} = {_object_text(value)}") for word, value in values.items()]
+    print_results(args, lines, {"values": values})
+
+
+def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how a bench is, for people.
+
+    Yields:
+        A line each.
+    """
+    state, values = status["state"], status["values"] or {}
+    yield f"{_bench_line(hello)}, at {values.get('time', state['time']):.3f} s"
+    width = max(map(len, [*state["nodes"], *(name for name, _ in hello["channels"])]), default=0)
+    for name, node in state["nodes"].items():
+        yield f"node   {name:{width}}  {node_text(node)}"
+    for name, unit in hello["channels"]:
+        shown = shown_in(unit)
+        yield f"value  {name:{width}}  {value_text(values.get(name), shown):>10} {shown.symbol}"
+    for fault in state["faults"]:
+        yield f"fault  {fault['number']}  {fault_text(fault)}"
+    if not state["faults"]:
+        yield "fault  none"
+    yield f"loop   {health_text(status['health'])}"
+
+
+def _add(
+    actions: "argparse._SubParsersAction[Parser]",
+    name: str,
+    act: Callable[[FeedClient, argparse.Namespace], None],
+    what: str,
+) -> argparse.ArgumentParser:
+    def run(args: argparse.Namespace) -> int:
+        with bench_errors(), connect(args.bench) as client:
+            act(client, args)
+        return ExitCode.DONE
+
+    parser = actions.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
+    add_bench_argument(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+    return parser
+
+
+def _bench_line(bench: Mapping[str, Any]) -> str:
+    if "error" in bench:
+        return printable(f"bench  {bench['name']}  {bench['error']}")
+    return printable(f"bench  {bench['name']}  process {bench['pid']}, {bench['bench']}")
+
+
+def _object_text(value: object) -> str:
+    return f"hex:{value['hex']}" if isinstance(value, dict) else str(value)

@@ -1,0 +1,109 @@
+"""The feed of `hil-bench run`: its arguments, its name, and what it says of the bench."""
+
+import argparse
+import contextlib
+import itertools
+import logging
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import hil_bench
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.errors import BusError, ConfigError
+from hil_bench.outside.feed.places import HAS_SOCKETS, Place
+from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.outside.processes.shared_ring import SharedRing
+from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.session.feed import Feed, Health
+from hil_bench.session.session import Session
+
+logger = logging.getLogger(__name__)
+
+_NAME = "bench"
+_MOST_NAMES = 100
+
+
+def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns those who watch the bench."""
+    group = parser.add_argument_group("watching")
+    group.add_argument(
+        "--name",
+        metavar="NAME",
+        help="name by which hil-bench watch, hil-bench ctl and hil_bench.attach() find this bench "
+        f"(default {_NAME}, {_NAME}-2, ...)",
+    )
+    group.add_argument(
+        "--no-feed", action="store_true", help="let nobody watch this bench or give it commands"
+    )
+
+
+@contextlib.contextmanager
+def open_feed(
+    args: argparse.Namespace,
+    config: BenchConfig,
+    session: Session,
+    *,
+    statistics: TickStatistics | None = None,
+    health: Health = dict,
+) -> Iterator[Feed | None]:
+    """Let people watch a session in the block.
+
+    Args:
+        args: the command line.
+        config: of the bench.
+        session: to be watched.
+        statistics: of the loop, shared.
+        health: see `Feed`.
+
+    Yields:
+        The feed; None where there is none.
+    """
+    place = None if args.no_feed or not HAS_SOCKETS else _take_place(args.name)
+    if place is None:
+        yield None
+        return
+    plan = FeedPlan(
+        hello_of(place.name, config, session),
+        1 + len(session.channels),
+        SharedRing(CAPACITY),
+        SharedRing(MOST_COMMANDS),
+        statistics,
+    )
+    feed = Feed(session, FeedProcess(place.listener, plan), plan, health=health)
+    try:
+        yield feed
+    finally:
+        feed.stop()
+        place.release()
+
+
+def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]:
+    """Return what a bench says of itself to those who come to watch it."""
+    return {
+        "name": name,
+        "pid": os.getpid(),
+        "program": f"hil-bench {hil_bench.__version__}",
+        "bench": str(config.path or "built-in bench"),
+        "tick_s": config.tick_ns * 1e-9,
+        "channels": [list(channel) for channel in session.channels],
+        "nodes": list(session.nodes),
+        "axes": {
+            axis.name: [influence._asdict() for influence in axis.influences]
+            for axis in session.bench.axes
+        },
+    }
+
+
+def _take_place(name: str | None) -> Place | None:
+    """Return a place of this name, or of the first that is free; None where there is none."""
+    try:
+        if name is not None:
+            return Place(name)
+        for number in itertools.islice(itertools.count(1), _MOST_NAMES):
+            with contextlib.suppress(ConfigError):
+                return Place(_NAME if number == 1 else f"{_NAME}-{number}")
+    except BusError as error:
+        logger.warning("feed: %s; the run goes on, and nobody can watch it", error)
+    return None

@@ -1,0 +1,125 @@
+"""The words of `hil-bench ctl` as requests: faults and settings with their units."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
+from hil_bench.cli.arguments import parse_fault, parse_value
+from hil_bench.config.settings import Given, Origin, Problems, convert, read_table
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
+from hil_bench.units import BAR, MEGAPASCAL, MILLIMETRE, NEWTON, PASCAL, Unit
+
+_UNITS: Mapping[str, Sequence[Unit]] = {"N": (NEWTON,), "Pa": (BAR, PASCAL, MEGAPASCAL)}
+"""In which what acts on a plant is given, by its SI unit."""
+
+_RIGHT_SET = "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"
+
+
+class Setting(NamedTuple):
+    """What is to be set.
+
+    Attributes:
+        action: the request: "set_plant" or "set_object".
+        fields: its fields.
+    """
+
+    action: str
+    fields: dict[str, Any]
+
+
+def read_fault(words: Sequence[str], hello: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of the request for a fault.
+
+    Args:
+        words: KIND TARGET [KEY=VALUE ...], the keys those of ``[[faults]]``.
+        hello: what the bench says of itself.
+
+    Raises:
+        ConfigError: they are wrong.
+    """
+    table = parse_fault(words, "fault")
+    try:
+        kind = FaultKind(str(table["kind"]))
+    except ValueError:
+        raise ConfigError(
+            f'fault: there is no kind "{table["kind"]}"; give one of {", ".join(FaultKind)}'
+        ) from None
+    keys = (*COMMON_KEYS, *OWN_KEYS[kind])
+    given = {
+        key: Given(value, Origin.COMMAND_LINE, f"fault {kind} {key}")
+        for key, value in table.items()
+    }
+    problems = Problems("fault")
+    settings = read_table("fault", given, keys, problems)
+    problems.raise_any()
+    chosen = [key for key in keys if key.name in table and key.name not in {"kind", "target"}]
+    _check_unit(kind, str(table["target"]), [key.name for key in chosen], hello)
+    return {"kind": kind, "target": table["target"], "arguments": convert(settings, chosen)}
+
+
+def read_setting(word: str, hello: Mapping[str, Any]) -> Setting:
+    """Return the request for ``axis1.load_n=5000`` or ``io.0x6401.01=1234``.
+
+    Raises:
+        ConfigError: it is wrong.
+    """
+    path, sign, text = word.partition("=")
+    place, dot, name = path.partition(".")
+    if not (sign and dot and name):
+        raise ConfigError(f"set {word}: {_RIGHT_SET}")
+    if place in hello["axes"]:
+        quantity, unit = _influence(place, name, hello["axes"][place])
+        value = parse_value(text)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ConfigError(f"set {word}: {text} is not a number")
+        fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
+        return Setting("set_plant", fields)
+    if place in hello["nodes"]:
+        return Setting("set_object", {"node": place, "name": name, "value": _object_value(text)})
+    known = ", ".join([*hello["axes"], *hello["nodes"]])
+    raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
+
+
+def _check_unit(kind: str, target: str, names: Sequence[str], hello: Mapping[str, Any]) -> None:
+    """Check that an amount is in the unit of what the sensor measures.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    units = dict(hello["channels"])
+    unit = {"Pa": BAR, "m": MILLIMETRE}.get(units.get(f"{target}.measured", ""))
+    known = [key.name for key in OWN_KEYS[FaultKind(kind)] if key.name.startswith(f"{kind}_")]
+    if unit is None or not known:
+        return
+    (right,) = (name for name in known if unit.suffix in name)
+    for name in set(names).intersection(known) - {right}:
+        raise ConfigError(f"fault {kind} {target}: {name} is not what it measures; give {right}")
+    if right not in names:
+        raise ConfigError(f"fault {kind} {target}: give {right}=1, for example")
+
+
+def _influence(axis: str, name: str, influences: Sequence[Mapping[str, Any]]) -> tuple[str, Unit]:
+    known = {}
+    for influence in influences:
+        for unit in _UNITS.get(influence["unit"], (Unit(influence["unit"], ""),)):
+            known[influence["name"] + unit.suffix] = (influence["name"], unit)
+    if name not in known:
+        right = f"give {', '.join(known)}" if known else "nothing of its plant can be set"
+        raise ConfigError(f"set {axis}.{name}: cannot be set; {right}")
+    return known[name]
+
+
+def _object_value(text: str) -> object:
+    """Return a value for an object; bytes are ``hex:00ff``.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    if text.startswith("hex:"):
+        try:
+            return {"hex": bytes.fromhex(text[4:]).hex()}
+        except ValueError:
+            raise ConfigError(f"set: {text}: give an even number of hexadecimal digits") from None
+    value = parse_value(text)
+    return value if isinstance(value, (str, bool, int, float)) else text

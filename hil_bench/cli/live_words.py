@@ -1,0 +1,59 @@
+"""A running bench in words: states, faults, the loop, values in the units that people use."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hil_bench.errors import printable
+from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, Unit
+
+_SHOWN = {"Pa": BAR, "m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND}
+"""In which values are shown, by their SI unit."""
+
+
+def shown_in(unit: str) -> Unit:
+    """Return the unit in which a value in an SI unit is shown."""
+    return _SHOWN.get(unit, Unit(unit, ""))
+
+
+def value_text(value: float | None, unit: Unit) -> str:
+    """Return a value that is given in SI as people read it; "-" where there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    return f"{round(unit.from_si(value), 3) + 0.0:.3f}"  # no -0.000
+
+
+def node_text(node: Mapping[str, Any]) -> str:
+    """Return the state of a node in words."""
+    device = f", {node['device']}" if node["device"] else ""
+    errors = "".join(f", EMCY 0x{code:04X}" for code in node["errors"])
+    return printable(f"{node['state']}{device}{errors}")
+
+
+def fault_text(fault: Mapping[str, Any]) -> str:
+    """Return a fault in words."""
+    ends = "" if fault["ends"] is None else f", until {fault['ends']:.3f} s"
+    text = f"{fault['kind']} {fault['target']} since {fault['begins']:.3f} s{ends}"
+    return printable(text)
+
+
+def health_text(health: Mapping[str, Any]) -> str:
+    """Return in words how the loop and the bus are."""
+    parts = []
+    for name, key in (("late", "lateness"), ("work", "work")):
+        if key in health:
+            times = health[key]
+            parts.append(f"{name} p99 {times['p99_us']:.0f} max {times['max_us']:.0f} us")
+    parts += [f"{health[key]} {word}" for key, word in _COUNTS.items() if key in health]
+    if "bus_load" in health:
+        parts.append(f"bus {health['bus_load'] * 100:.1f} %")
+    return "  ".join(parts)
+
+
+_COUNTS = {
+    "overruns": "overran",
+    "skipped": "skipped",
+    "syncs": "SYNCs",
+    "received": "in",
+    "sent": "out",
+}

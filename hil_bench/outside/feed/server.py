@@ -1,0 +1,237 @@
+"""The server of the feed: what it hears from the loop it passes on to clients, and the reverse.
+
+It does no I/O of its own: asyncio owns the sockets, shared memory leads to the loop. A client that
+reads too slowly loses rows, frames and events of its own picture, which are counted; it costs
+nobody else anything.
+"""
+
+import json
+import os
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from hil_bench.outside.feed.client_link import ClientLink
+from hil_bench.outside.feed.messages import (
+    ANSWER,
+    COMMAND,
+    EVENT,
+    FRAMES,
+    HEALTH,
+    ROW,
+    STATE,
+    VERSION,
+    WANTS,
+    WANTS_FRAMES,
+    WANTS_ROWS,
+    WANTS_STATE,
+    Request,
+    encode,
+    number_text,
+)
+from hil_bench.outside.feed.packing import unpack_frames
+from hil_bench.outside.processes.shared_ring import SharedRing
+from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics
+
+MOST_CLIENTS = 64
+
+LOOK = 0.1
+"""Time between two rows where no client wants them more often [s]."""
+
+
+class FeedPlan(NamedTuple):
+    """What a server serves.
+
+    Attributes:
+        hello: what a client is greeted with, beside type and version.
+        width: values of a row, its time included.
+        up: messages from the loop.
+        down: messages to the loop.
+        statistics: of the loop, shared; None where it has no times to keep.
+    """
+
+    hello: Mapping[str, Any]
+    width: int
+    up: SharedRing
+    down: SharedRing
+    statistics: TickStatistics | None = None
+
+    @property
+    def row(self) -> struct.Struct:
+        """How a row goes through shared memory."""
+        return struct.Struct(f"<{self.width}d")
+
+
+class FeedServer:
+    """Serves clients.
+
+    Args:
+        plan: what to serve.
+
+    Attributes:
+        clients: those that are connected.
+    """
+
+    def __init__(self, plan: FeedPlan) -> None:
+        self.clients: list[ClientLink] = []
+        self._plan = plan
+        self._row = plan.row
+        self._wanted = 0
+        # No answer to an earlier server's ticket is taken for one of ours.
+        self._ticket = os.getpid() << 32
+        self._open: dict[int, tuple[ClientLink, int]] = {}
+        self._state: dict[str, Any] | None = None
+        self._last_row: list[str] | None = None
+        self._health: dict[str, Any] = {}
+        self._asked: list[tuple[ClientLink, int]] = []
+        self._takers: dict[int, Callable[[bytes], None]] = {
+            ROW: self._take_row,
+            FRAMES: self._take_frames,
+            STATE: self._take_state,
+            HEALTH: self._take_health,
+            ANSWER: self._take_answer,
+            EVENT: self._take_event,
+        }
+        plan.down.put(WANTS, bytes([0]))
+
+    def admit(self, client: ClientLink) -> bool:
+        """Greet a client, if there is room for it."""
+        if len(self.clients) >= MOST_CLIENTS:
+            text = f"{MOST_CLIENTS} clients are connected already; close one"
+            client.write(encode({"type": "error", "error": text}))
+            return False
+        self.clients.append(client)
+        client.write(encode({"type": "hello", "version": VERSION, **self._plan.hello}))
+        self.review()
+        return True
+
+    def leave(self, client: ClientLink) -> None:
+        """Forget a client; commands that it has given act all the same."""
+        if client in self.clients:
+            self.clients.remove(client)
+            self._asked = [asked for asked in self._asked if asked[0] is not client]
+            self._open = {n: asked for n, asked in self._open.items() if asked[0] is not client}
+            self.review()
+
+    def review(self) -> None:
+        """Let the loop know what clients want, where that has changed."""
+        wanted = WANTS_STATE if self.clients else 0
+        for client in self.clients:
+            if client.rows_every is not None and client.rows_every < LOOK:
+                wanted |= WANTS_ROWS
+            if client.wants_frames:
+                wanted |= WANTS_FRAMES
+        if not wanted:
+            self._state = self._last_row = None  # out of date when the next client comes
+        if wanted != self._wanted and self._plan.down.put(WANTS, bytes([wanted])):
+            self._wanted = wanted
+
+    def handle(self, client: ClientLink, request: Request) -> None:
+        """Do what a client asks for, or pass it on to the loop."""
+        if request.action == "watch":
+            client.rows_every = request.fields.get("rows_every_s")
+            client.wants_frames = request.fields.get("frames", False)
+            self.review()
+            client.answer(request.number, {"value": None})
+            if self._state is not None:
+                client.show(encode({"type": "state", **self._state}))
+        elif request.action == "status":
+            self._asked.append((client, request.number))
+            self._answer_status()
+        else:
+            self._pass_on(client, request)
+
+    def poll(self) -> None:
+        """Pass on what the loop has published."""
+        for kind, message in self._plan.up.take():
+            self._takers[kind](message)
+        for client in self.clients:
+            client.flush()
+        self.review()
+
+    def _pass_on(self, client: ClientLink, request: Request) -> None:
+        self._ticket += 1
+        command = {"ticket": self._ticket, "do": request.action, "fields": request.fields}
+        if self._plan.down.put(COMMAND, encode(command)):
+            self._open[self._ticket] = (client, request.number)
+        else:
+            error = "the bench takes no command at present; too many wait, or its time stands still"
+            client.answer(request.number, {"error": error, "kind": "bench"})
+
+    def _answer_status(self) -> None:
+        """Answer who has asked, once the loop has said how it is."""
+        if self._state is None:
+            return
+        names = ["time", *(name for name, _ in self._plan.hello["channels"])]
+        row = self._last_row
+        values = None if row is None else dict(zip(names, map(json.loads, row), strict=True))
+        status = {"state": self._state, "values": values, "health": self._health}
+        asked, self._asked = self._asked, []
+        for client, number in asked:
+            client.answer(number, {"value": status})
+
+    def _take_row(self, message: bytes) -> None:
+        values = self._row.unpack(message)
+        self._last_row = [number_text(value) for value in values]
+        text = f"[{','.join(self._last_row)}]".encode()
+        for client in self.clients:
+            client.show_row(values[0], text)
+
+    def _take_frames(self, message: bytes) -> None:
+        frames = [
+            [time * 1e-9, frame.bus, "in" if is_received else "out", frame.can_id, *_rest(frame)]
+            for frame, time, is_received in unpack_frames(message)
+        ]
+        line = encode({"type": "frames", "frames": frames})
+        for client in self.clients:
+            if client.wants_frames:
+                client.show(line, frames=len(frames))
+
+    def _take_state(self, message: bytes) -> None:
+        self._state = json.loads(message)
+        self._show({"type": "state", **(self._state or {})})
+        self._answer_status()
+
+    def _take_event(self, message: bytes) -> None:
+        self._show({"type": "event", **json.loads(message)})
+
+    def _take_health(self, message: bytes) -> None:
+        self._health = {**json.loads(message), **_loop_health(self._plan.statistics)}
+        self._show({"type": "health", **self._health})
+
+    def _take_answer(self, message: bytes) -> None:
+        content = json.loads(message)
+        client, number = self._open.pop(content.pop("ticket"), (None, 0))
+        if client is not None:
+            client.answer(number, content)
+
+    def _show(self, message: Mapping[str, object]) -> None:
+        line = encode(message)
+        for client in self.clients:
+            if client.is_watching:
+                client.show(line)
+
+
+def _rest(frame: Any) -> Sequence[object]:  # noqa: ANN401 - a Frame
+    return frame.data.hex(), frame.is_extended, frame.is_remote
+
+
+def _loop_health(statistics: TickStatistics | None) -> dict[str, object]:
+    if statistics is None:
+        return {}
+    return {
+        "ticks": statistics.ticks,
+        "overruns": statistics.overruns,
+        "skipped": statistics.skipped,
+        "lateness": _duration(statistics.lateness),
+        "work": _duration(statistics.work),
+    }
+
+
+def _duration(duration: DurationHistogram) -> dict[str, float]:
+    return {
+        "p50_us": duration.percentile(50),
+        "p99_us": duration.percentile(99),
+        "p999_us": duration.percentile(99.9),
+        "max_us": duration.maximum / 1e3,
+    }

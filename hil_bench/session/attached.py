@@ -1,0 +1,235 @@
+"""A bench that runs in another process, from Python: `hil_bench.attach()`.
+
+>>> with hil_bench.attach() as bench:
+...     with bench.faults.freeze("pressure_a"):
+...         bench.latest()["axis1.P_A"]
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Self
+
+from hil_bench.canopen_device.datatypes import Value
+from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
+from hil_bench.outside.feed.client import TIMEOUT, BenchEndError, FeedClient, connect
+from hil_bench.outside.feed.messages import pack_value, unpack_value
+from hil_bench.outside.recording.channels import Channel
+
+_WAIT = 0.5
+
+
+def attach(name: str | None = None, *, timeout: float = TIMEOUT) -> "AttachedBench":
+    """Connect to a bench that `hil-bench run` runs on this machine, as the same user.
+
+    Args:
+        name: as `hil-bench ctl list` shows it; not needed where only one bench runs.
+        timeout: longest wait for an answer [s].
+
+    Returns:
+        The bench, to be used as a context manager. `BusError`: no such bench runs. `ConfigError`:
+        several run, and none is named.
+    """
+    return AttachedBench(connect(name, timeout), timeout)
+
+
+class AttachedFault:
+    """A fault that was begun from here; as a context manager it is cleared at the end of the block.
+
+    Args:
+        client: the connection to its bench.
+        number: of the fault.
+
+    Attributes:
+        number: as passed in.
+    """
+
+    def __init__(self, client: FeedClient, number: int) -> None:
+        self.number = number
+        self._client = client
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """End the fault with the next tick; nothing happens where it has ended."""
+        with contextlib.suppress(ConfigError):
+            self._client.request("clear_fault", number=self.number)
+
+
+class AttachedFaults:
+    """The faults of an attached bench, with the verbs of `hil_bench.Faults`.
+
+    Args:
+        client: the connection.
+    """
+
+    def __init__(self, client: FeedClient) -> None:
+        self._client = client
+
+    def __getattr__(self, verb: str) -> Callable[..., AttachedFault]:
+        """Return a verb, as in ``bench.faults.freeze("pressure_a", duration=1.0)``.
+
+        Raises:
+            AttributeError: there is no such kind of fault.
+        """
+        if verb not in [*FaultKind]:
+            raise AttributeError(f"no fault is called {verb}; there are {', '.join(FaultKind)}")
+
+        def begin(target: str, **arguments: object) -> AttachedFault:
+            return self.begin(verb, target, **arguments)
+
+        return begin
+
+    def __dir__(self) -> list[str]:
+        """Return the verbs too."""
+        return [*super().__dir__(), *FaultKind]
+
+    def begin(self, kind: str, target: str, **arguments: object) -> AttachedFault:
+        """Begin a fault with the next tick.
+
+        Args:
+            kind: a verb of `hil_bench.Faults`.
+            target: the node or axis that it concerns.
+            arguments: of the verb, in SI; by name.
+        """
+        number = self._client.request("begin_fault", kind=kind, target=target, arguments=arguments)
+        return AttachedFault(self._client, number)
+
+    def clear(self) -> None:
+        """End all faults of the bench, planned ones too."""
+        self._client.request("clear_fault")
+
+
+class AttachedObjects:
+    """The objects of a node of an attached bench: ``bench.nodes["io"]["0x6401.01"] = 1234``.
+
+    Args:
+        client: the connection.
+        node: the name of the node.
+    """
+
+    def __init__(self, client: FeedClient, node: str) -> None:
+        self._client = client
+        self._node = node
+
+    def __getitem__(self, name: str) -> Value | None:
+        """Return what an object holds."""
+        answer = self._client.request("get_object", node=self._node, name=name)
+        value: Value | None = unpack_value(answer)
+        return value
+
+    def __setitem__(self, name: str, value: Value) -> None:
+        """Set an object, as the bus does or, where that may only read it, as the device does."""
+        fields = {"node": self._node, "name": name, "value": pack_value(value)}
+        self._client.request("set_object", **fields)
+
+
+class AttachedBench:
+    """A bench that runs in another process.
+
+    Every command acts at the start of the bench's next tick, and its method returns after that.
+    `ConfigError`: the bench refuses it. `BusError`: the bench has ended. `WaitTimeoutError`: its
+    time stands still, as in lock-step while the controller sends no SYNC.
+
+    Args:
+        client: the connection.
+        timeout: longest wait for an answer [s].
+
+    Attributes:
+        name: of the bench.
+        channels: what `latest` and `rows` have beside the time.
+        faults: begins faults: ``bench.faults.freeze("pressure_a")``.
+        nodes: the objects of each node by the node's name.
+    """
+
+    def __init__(self, client: FeedClient, timeout: float = TIMEOUT) -> None:
+        self.name = client.name
+        self.channels = tuple(Channel(*channel) for channel in client.hello["channels"])
+        self.faults = AttachedFaults(client)
+        names = client.hello["nodes"]
+        self.nodes: Mapping[str, AttachedObjects] = {
+            name: AttachedObjects(client, name) for name in names
+        }
+        self._client = client
+        self._timeout = timeout
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the bench, which runs on; faults that were begun stay."""
+        self._client.close()
+
+    def status(self) -> dict[str, Any]:
+        """Return the states of nodes, the faults, the newest values and how the loop is.
+
+        See docs/watching.md.
+        """
+        status: dict[str, Any] = self._client.request("status")
+        return status
+
+    def latest(self) -> dict[str, float]:
+        """Return the newest value of each channel in its SI unit, and the `time` [s].
+
+        They are up to 0.1 s old.
+        """
+        return _floats(self.status()["values"] or {})
+
+    def set_plant(self, axis: str, quantity: str, value: float) -> None:
+        """Set what acts on a plant, as in ``set_plant("axis1", "load", 5000.0)``.
+
+        Args:
+            axis: the name of the axis.
+            quantity: "load" [N] or "supply_pressure" [Pa] of a cylinder.
+            value: in SI; it holds until it is set again.
+        """
+        self._client.request("set_plant", axis=axis, quantity=quantity, value=value)
+
+    def rows(self, every: float = 0.0) -> Iterator[dict[str, float]]:
+        """Yield rows as the bench makes them, from now until it ends.
+
+        Each iterator has a connection of its own. One that falls too far behind misses rows: the
+        bench waits for nobody.
+
+        Args:
+            every: least bench time between two rows [s]; 0 for every tick.
+
+        Yields:
+            The value of each channel in its SI unit, and the `time` [s].
+        """
+        names = ["time", *(channel.name for channel in self.channels)]
+        for message in self.messages(rows_every_s=every):
+            for row in message.get("rows", ()):
+                yield _floats(dict(zip(names, row, strict=True)))
+
+    def messages(
+        self, *, rows_every_s: float | None = None, frames: bool = False
+    ) -> Iterator[dict[str, Any]]:
+        """Yield the messages of the feed, from now until the bench ends; see docs/watching.md.
+
+        Args:
+            rows_every_s: least bench time between two rows [s]; 0 for every tick, None for no rows.
+            frames: whether to hear the frames of the bus.
+
+        Yields:
+            Each message as it is in JSON.
+        """
+        with connect(self.name, self._timeout) as client:
+            client.request("watch", rows_every_s=rows_every_s, frames=frames)
+            with contextlib.suppress(BenchEndError):
+                while True:
+                    message = client.receive(_WAIT)
+                    if message is not None:
+                        yield message
+
+
+def _floats(values: Mapping[str, float | None]) -> dict[str, float]:
+    """Return values with NaN where JSON has none."""
+    return {name: float("nan") if value is None else value for name, value in values.items()}

@@ -1,0 +1,236 @@
+"""What a session publishes for those who watch it, and the commands that come from them.
+
+A session that nobody watches makes no rows for it and keeps no frames: the observers of the feed
+come and go with its clients.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from time import monotonic_ns
+from typing import TYPE_CHECKING, Any
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.faults.schedule import FaultEvent
+from hil_bench.errors import ConfigError, ControllerError, HilBenchError
+from hil_bench.outside.feed.messages import (
+    ANSWER,
+    COMMAND,
+    EVENT,
+    FRAMES,
+    HEALTH,
+    ROW,
+    STATE,
+    WANTS,
+    WANTS_FRAMES,
+    WANTS_ROWS,
+    WANTS_STATE,
+    encode,
+    pack_value,
+    unpack_value,
+)
+from hil_bench.outside.feed.packing import pack_frames
+from hil_bench.outside.feed.process import FeedProcess
+from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.session.commands import (
+    BeginFault,
+    ClearFault,
+    Command,
+    GetObject,
+    SetObject,
+    SetPlant,
+)
+from hil_bench.session.session import Session
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+LOOK = 100_000_000
+"""Time between two looks at nodes and faults, and for clients [ns]."""
+
+MOST_AT_ONCE = 4
+"""Most commands taken in a tick, so that nobody can hold up the loop by their number."""
+
+Health = Callable[[], Mapping[str, float]]
+"""Returns counters of the bus, and what else says how the loop is."""
+
+
+class Feed:
+    """A session's end of the feed.
+
+    Args:
+        session: what is watched.
+        process: of the server.
+        plan: that of the server.
+        health: asked ten times a second while somebody watches.
+        clock: says when to look [ns].
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        process: FeedProcess,
+        plan: FeedPlan,
+        *,
+        health: Health = dict,
+        clock: Callable[[], int] = monotonic_ns,
+    ) -> None:
+        self._health = health
+        self._session = session
+        self._process = process
+        self._plan = plan
+        self._put = plan.up.put
+        self._pack_row = plan.row.pack
+        self._clock = clock
+        self._look_at = 0
+        self._is_served = False
+        self._wanted = 0
+        self._shown: dict[str, Any] | None = None
+        self._last_fault: FaultEvent | None = None
+
+    def look(self) -> None:
+        """Take commands, and publish what is due; to be called often, and between two ticks."""
+        if self._is_served:
+            for kind, message in self._plan.down.take(MOST_AT_ONCE):
+                if kind == WANTS:
+                    self._want(message[0])
+                elif kind == COMMAND:
+                    self._obey(json.loads(message))
+        now = self._clock()
+        if now < self._look_at:
+            return
+        self._look_at = now + LOOK
+        self._is_served = self._process.look()
+        if not self._is_served:
+            self._want(0)
+        if self._wanted:
+            self._publish()
+
+    def stop(self) -> None:
+        """Let clients know of the end."""
+        self._want(0)
+        self._process.stop()
+
+    def _want(self, wanted: int) -> None:
+        """Publish what is wanted from now on."""
+        changed, self._wanted = wanted ^ self._wanted, wanted
+        if changed & WANTS_ROWS:
+            change = self._session.watch if wanted & WANTS_ROWS else self._session.unwatch
+            change(rows=self._put_row)
+        if changed & WANTS_FRAMES:
+            change = self._session.watch if wanted & WANTS_FRAMES else self._session.unwatch
+            change(frames=self._put_frames)
+        if changed & WANTS_STATE:
+            self._shown = None
+            events = self._session.bench.faults.events
+            self._last_fault = events[-1] if events else None
+            self._look_at = 0
+
+    def _publish(self) -> None:
+        if not self._wanted & WANTS_ROWS:
+            self._put_row(self._session.row())
+        for event in self._new_faults():
+            content = {
+                "time": event.time * 1e-9,
+                "what": "fault",
+                "kind": event.kind,
+                "target": event.target,
+                "begins": event.is_begin,
+            }
+            self._put(EVENT, encode(content))
+        health = {name: pack_value(value) for name, value in self._health().items()}
+        health["time"] = self._session.now * 1e-9
+        self._put(HEALTH, encode({**health, "lost": self._plan.up.lost}))
+        state = self._state()
+        if state != self._shown:
+            content = {"time": self._session.now * 1e-9, **state}
+            if self._put(STATE, encode(content)):
+                self._shown = state
+
+    def _state(self) -> dict[str, Any]:
+        session = self._session
+        controls = session.controls
+        nodes = {
+            name: {
+                "state": node.state.name.replace("_", "-"),
+                "device": fitting.state() if fitting.state is not None else None,
+                "errors": sorted(node.emcy.present),
+            }
+            for name, node, fitting in zip(
+                session.nodes, session.bench.nodes, session.bench.fittings, strict=True
+            )
+        }
+        faults = [
+            {
+                "number": controls.number_of(fault, session.now),
+                "kind": fault.kind,
+                "target": fault.target,
+                "begins": _seconds(fault.begins),
+                "ends": _seconds(fault.ends),
+            }
+            for fault in session.bench.faults.active
+        ]
+        return {"nodes": nodes, "faults": faults}
+
+    def _new_faults(self) -> list[FaultEvent]:
+        """Return what began or ended since the last look, the oldest first."""
+        new: list[FaultEvent] = []
+        for event in reversed(self._session.bench.faults.events):
+            if event is self._last_fault:
+                break
+            new.append(event)
+        if new:
+            self._last_fault = new[0]
+        return new[::-1]
+
+    def _put_row(self, values: Sequence[float]) -> None:
+        self._put(ROW, self._pack_row(*values))
+
+    def _put_frames(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        for frames, is_received in ((received, True), (sent, False)):
+            for message in pack_frames(frames, now, is_received=is_received):
+                self._put(FRAMES, message)
+
+    def _obey(self, content: Mapping[str, Any]) -> None:
+        """Queue a command; it acts at the start of the next tick."""
+        answer = partial(self._answer, content["ticket"])
+        try:
+            future = self._session.door.put(make_command(content["do"], content["fields"]))
+        except HilBenchError as error:
+            self._refuse(content["ticket"], error)
+        else:
+            future.add_done_callback(answer)
+
+    def _answer(self, ticket: int, future: "Future[Any]") -> None:
+        if error := future.exception():
+            self._refuse(ticket, error)
+        else:
+            value = pack_value(future.result())
+            if not self._put(ANSWER, encode({"ticket": ticket, "value": value})):
+                self._refuse(ticket, ControllerError("it is done, but its answer is too long"))
+
+    def _refuse(self, ticket: int, error: BaseException) -> None:
+        text = (
+            str(error) if isinstance(error, HilBenchError) else f"{type(error).__name__}: {error}"
+        )
+        kind = "usage" if isinstance(error, ConfigError) else "bench"
+        self._put(ANSWER, encode({"ticket": ticket, "error": text, "kind": kind}))
+
+
+def make_command(action: str, fields: Mapping[str, Any]) -> Command:
+    """Return the command of a checked request."""
+    match action:
+        case "begin_fault":
+            return BeginFault(fields["kind"], fields["target"], fields.get("arguments", {}))
+        case "clear_fault":
+            return ClearFault(fields.get("number"))
+        case "get_object":
+            return GetObject(fields["node"], fields["name"])
+        case "set_object":
+            return SetObject(fields["node"], fields["name"], unpack_value(fields["value"]))
+        case _:
+            return SetPlant(fields["axis"], fields["quantity"], fields["value"])
+
+
+def _seconds(time: int | None) -> float | None:
+    return None if time is None else time * 1e-9

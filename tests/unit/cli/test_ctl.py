@@ -1,0 +1,178 @@
+"""`hil-bench ctl`: a running bench from the shell."""
+
+import json
+
+import pytest
+from support.feed_loop import FeedLoop
+
+from hil_bench.cli import ctl, main
+from hil_bench.errors import BusError
+
+
+@pytest.fixture
+def loop(monkeypatch):
+    loop = FeedLoop()
+    monkeypatch.setattr(ctl, "connect", loop.connect)
+    monkeypatch.setattr(ctl, "find_names", lambda: ["bench"])
+    return loop
+
+
+@pytest.fixture
+def ask(loop, capsys):
+    """Return what a command prints as JSON; the bench is then one look further."""
+
+    def run(*words):
+        assert main(["ctl", *words, "--json"]) == 0
+        loop.look_again()
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+def active(loop):
+    return [(str(fault.kind), fault.target) for fault in loop.session.bench.faults.active]
+
+
+def test_the_benches_are_listed(ask, monkeypatch, capsys):
+    (bench,) = ask("list")["benches"]
+    assert (bench["name"], bench["bench"]) == ("bench", "built-in bench")
+
+    def lost(name):
+        raise BusError(f"bench {name}: gone")
+
+    monkeypatch.setattr(ctl, "connect", lost)
+    assert main(["ctl", "list"]) == 0
+    assert capsys.readouterr().out == "bench  bench  bench bench: gone\n"
+    monkeypatch.setattr(ctl, "find_names", list)
+    assert main(["ctl", "list"]) == 0
+    assert capsys.readouterr().out == "no bench runs\n"
+
+
+def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, capsys):
+    loop.session.bench.faults.freeze("position", duration=1.0)
+    loop.look_again()
+    status = ask("status")
+    values = status["values"]
+    # Table I of the paper: a supply of 100 bar, which both chambers share at rest.
+    assert values["axis1.P_A"] + values["axis1.P_B"] == pytest.approx(100e5)
+    assert main(["ctl", "status"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split() == ["node", "position", "PRE-OPERATIONAL"] for line in lines)
+    shown = next(line.split() for line in lines if "axis1.P_A" in line)
+    assert float(shown[2]) == pytest.approx(values["axis1.P_A"] / 1e5, abs=1e-3)
+    assert shown[3] == "bar"
+    assert any("freeze position since 0.001 s, until 1.001 s" in line for line in lines)
+
+
+def test_a_fault_has_the_keys_of_the_configuration(ask, loop):
+    number = ask("fault", "offset", "pressure_a", "offset_bar=20", "for_s=5")["number"]
+    (fault,) = loop.session.bench.faults.active
+    assert (str(fault.kind), fault.target, fault.duration) == ("offset", "pressure_a", 5 * 10**9)
+    sensor = loop.session.bench.sensors[0]
+    assert sensor.measured - loop.session.bench.axes[0].plant.output.P_A == pytest.approx(20e5)
+    ask("clear", str(number))
+    assert active(loop) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("melt pressure_a", 'there is no kind "melt"; give one of freeze, offset'),
+        ("freeze", "give KIND TARGET [KEY=VALUE ...]"),
+        ("offset pressure_a", "give offset_bar=1, for example"),
+        ("offset pressure_a offset_mm=1", "offset_mm is not what it measures; give offset_bar"),
+        ("offset position offset_bar=1", "offset_bar is not what it measures; give offset_mm"),
+        ("freeze pressure_a fr_s=1", "unknown key; the nearest known key is for_s"),
+        ("freeze pressure_a for_s=x", "freeze for_s"),
+        ("freeze nobody", 'there is no sensor "nobody"; give one of pressure_a'),
+        ("drop_supply axis1", "pressure_bar"),
+    ],
+)
+def test_a_wrong_fault_is_one_line(loop, capsys, words, text):
+    assert main(["ctl", "fault", *words.split()]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert text in line
+    assert active(loop) == []
+
+
+def test_faults_are_cleared_by_number_kind_or_target(ask, loop, capsys):
+    for words in (
+        ["freeze", "position"],
+        ["freeze", "pressure_a"],
+        ["offset", "pressure_b", "offset_bar=1"],
+    ):
+        ask("fault", *words)
+    assert ask("clear", "pressure_a")["cleared"] == [2]
+    assert ask("clear", "freeze", "3")["cleared"] == [1, 3]
+    assert active(loop) == []
+    assert main(["ctl", "clear", "freeze"]) == 2
+    assert "clear freeze: there is no such fault; active: none" in capsys.readouterr().err
+    ask("fault", "freeze", "position")
+    assert ask("clear")["cleared"] is None
+    assert active(loop) == []
+
+
+def test_loads_are_set_in_their_units(ask, loop):
+    set_now = {}
+    plant = loop.session.bench.axes[0].plant
+    plant.influence = set_now.__setitem__
+    ask("set", "axis1.load_n=5000", "axis1.supply_pressure_bar=80")
+    assert set_now == {"load": 5000.0, "supply_pressure": pytest.approx(80e5)}
+    ask("set", "axis1.supply_pressure_mpa=7")
+    assert set_now["supply_pressure"] == pytest.approx(7e6)
+
+
+def test_objects_are_set_and_read(ask, loop):
+    ask("set", "valve.0x1017=500")
+    assert loop.session.nodes["valve"]["0x1017"] == 500
+    assert ask("get", "valve.0x1017", "valve.0x1008")["values"] == {
+        "valve.0x1017": 500,
+        "valve.0x1008": loop.session.nodes["valve"]["0x1008"],
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("set axis1", "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"),
+        ("set axis1.=5", "give AXIS.QUANTITY_UNIT=NUMBER"),
+        ("set axis1.load=5", "axis1.load: cannot be set; give load_n, supply_pressure_bar,"),
+        ("set axis1.load_n=much", "much is not a number"),
+        ("set axis1.load_n=inf", "set_plant: Out of range float values are not JSON compliant"),
+        ("set axis9.load_n=1", 'no axis or node "axis9"; give one of axis1, valve,'),
+        ("set valve.0x1017=70000", "cannot hold 70000; give 0 to 65535"),
+        ("set valve.0x1008=hex:0", "hex:0: give an even number of hexadecimal digits"),
+        ("get valve.0x9999", "nodes.valve"),
+        ("get nobody.0x1000", 'there is no node "nobody"'),
+        ("get valve", "nodes.valve"),
+    ],
+)
+@pytest.mark.usefixtures("loop")
+def test_a_wrong_word_is_one_line(capsys, words, text):
+    assert main(["ctl", *words.split()]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert text in line
+
+
+def test_nothing_is_set_where_a_word_is_wrong(loop, capsys):
+    before = loop.session.nodes["valve"]["0x1017"]
+    assert main(["ctl", "set", "valve.0x1017=777", "axis1.load=5"]) == 2
+    assert loop.session.nodes["valve"]["0x1017"] == before
+    assert "cannot be set" in capsys.readouterr().err
+
+
+def test_a_bench_whose_time_stands_still_is_said(loop, capsys):
+    loop.session.door.close()
+    assert main(["ctl", "fault", "freeze", "position"]) == 3
+    assert "the bench has ended; it takes no more commands" in capsys.readouterr().err
+    loop.tick = lambda: None
+    assert main(["ctl", "fault", "freeze", "position"]) == 3
+    assert "no answer in 1 s; its time stands still" in capsys.readouterr().err
+
+
+def test_no_bench_is_said(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert main(["ctl", "status"]) == 3
+    assert capsys.readouterr().err == (
+        "hil-bench: error: no bench runs; start one with hil-bench run\n"
+    )

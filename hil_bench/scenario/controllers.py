@@ -21,7 +21,7 @@ from drivers import (
     ProportionalValve,
 )
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.bench.configuration.choices import FIRST_BUS
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE

@@ -22,11 +22,11 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers import Network
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.plan import load_plan
 from hil_bench.machine.commissioning.session import Commissioning, commission
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PROGRAM = (sys.executable, "-m", "hil_bench")

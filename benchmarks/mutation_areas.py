@@ -28,7 +28,7 @@ AREAS: Final = {
         *_files("hil_bench/canopen_device", "object_dictionary"),
         *_files("hil_bench/devices", "measuring_range saturation"),
         *_files("hil_bench/machine/commissioning", "guard rig"),
-        *_files("drivers", "valve"),
+        *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
     "modbus": [
@@ -76,6 +76,6 @@ TESTS: Final = {
     ),
     "hil_bench/machine/commissioning/guard.py": _tests("commissioning", "rig session"),
     "hil_bench/machine/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
-    "drivers/valve.py": _tests("drivers", "valve valve_setup_limits device"),
+    "drivers/hil_drivers/valve.py": _tests("drivers", "valve valve_setup_limits device"),
 }
 """Test files of each area, or of a module."""

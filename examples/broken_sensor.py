@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from drivers import (
+from hil_bench import Faults, VirtualBench, load_config
+from hil_bench.outside.recording.channels import Recording
+from hil_drivers import (
     MotionProfile,
     Network,
     PositionLoop,
@@ -21,8 +23,6 @@ from drivers import (
     PressureSensor,
     ProportionalValve,
 )
-from hil_bench import Faults, VirtualBench, load_config
-from hil_bench.outside.recording.channels import Recording
 
 CONFIG = Path(__file__).with_name("real_sensors.toml")
 DURATION = 9.0  # of the motion [s]

@@ -25,7 +25,7 @@ import can
 from can.cli import add_bus_arguments, create_bus_from_namespace
 
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
-from drivers import (
+from hil_drivers import (
     BusLostError,
     CycleRecord,
     DeviceMismatchError,

@@ -16,7 +16,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
 
 `hil_bench.canopen_device`, which knows nothing of the bench, has those that a device by itself may
 raise, and their base, which is this tree's. The controller side has a tree of its own, in
-`drivers.errors`.
+`hil_drivers.errors`.
 """
 
 from hil_bench.canopen_device.errors import (

@@ -14,8 +14,7 @@ from support import documents
 from support.documents import DOCUMENTS, ROOT, Block
 from support.feed_loop import FeedLoop
 
-import drivers.modbus
-from drivers.modbus.framing import TcpFraming
+import hil_drivers.modbus
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.plants.registry import DEFAULT_PLANT
@@ -25,6 +24,7 @@ from hil_bench.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.scenario.vocabulary import Vocabulary
 from hil_bench.session import attached
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers.modbus.framing import TcpFraming
 
 pytest_plugins = ["pytester"]
 
@@ -152,7 +152,7 @@ def test_a_python_snippet_says_what_its_comments_say(block, tmp_path, monkeypatc
     shutil.copy(ROOT / "examples/one_axis.toml", "bench.toml")
     with VirtualBench(load_config(modbus=True)) as bench:  # what listens to a Modbus client
         monkeypatch.setattr(
-            drivers.modbus, "TcpLink", lambda _host, _port: bench.modbus_link(TcpFraming())
+            hil_drivers.modbus, "TcpLink", lambda _host, _port: bench.modbus_link(TcpFraming())
         )
         bench.run(0.1)
         watched = functools.cache(FeedLoop)

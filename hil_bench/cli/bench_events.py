@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from drivers.emergency import Emergency
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.schedule import FaultEvent
+from hil_drivers.emergency import Emergency
 
 LOOK = 100_000_000
 """Bench time between two looks [ns]: what comes and goes within it is not seen."""

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from drivers import DriverError, Network
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.controller_side import (
     add_network_arguments,
@@ -19,6 +18,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.comparison import Difference, Mend, compare
 from hil_bench.machine.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
+from hil_drivers import DriverError, Network
 
 
 def add_bus_check_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,6 @@ import contextlib
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from drivers import BusLostError, Network
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.errors import BusError, ConfigError
@@ -13,6 +12,7 @@ from hil_bench.outside.transports.embedded import EmbeddedBus
 from hil_bench.outside.transports.opening import open_can_bus, open_transport
 from hil_bench.session.lockstep_controller import LockStepController
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import BusLostError, Network
 
 
 class OpenNetwork(NamedTuple):

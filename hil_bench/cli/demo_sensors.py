@@ -4,16 +4,16 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from drivers import Network, PositionSensor, PressureSensor, modbus
-from drivers.interfaces import PositionSource, PressureSource
-from drivers.modbus.framing import TcpFraming
-from drivers.modbus.register_map import RegisterMap
 from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig, NodeConfig
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.registry import ENCODER, PRESSURE
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, PressureSensor, modbus
+from hil_drivers.interfaces import PositionSource, PressureSource
+from hil_drivers.modbus.framing import TcpFraming
+from hil_drivers.modbus.register_map import RegisterMap
 
 
 class SensorBus(StrEnum):

@@ -11,16 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers import (
-    ControllerParameters,
-    CycleRecord,
-    DriverError,
-    MotionProfile,
-    Network,
-    PositionController,
-    PositionLoop,
-    ProportionalValve,
-)
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.cli.demo_sensors import (
     SensorBus,
@@ -48,6 +38,16 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
 )
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import (
+    ControllerParameters,
+    CycleRecord,
+    DriverError,
+    MotionProfile,
+    Network,
+    PositionController,
+    PositionLoop,
+    ProportionalValve,
+)
 
 CYCLE = 0.002
 """Period of the controller [s]."""

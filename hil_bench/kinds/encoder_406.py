@@ -38,7 +38,7 @@ class EncoderKind(DeviceKind[EncoderConfig]):
     eds = ENCODER_406
     registers = REGISTERS / "encoder_406.toml"
     chain_unit = "m"
-    driver = "drivers:PositionSensor"
+    driver = "hil_drivers:PositionSensor"
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant without a position."""

@@ -49,7 +49,7 @@ class PressureKind(DeviceKind[PressureConfig]):
     )
     registers = REGISTERS / "pressure_404.toml"
     chain_unit = _UNIT
-    driver = "drivers:PressureSensor"
+    driver = "hil_drivers:PressureSensor"
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a source that is no pressure of the plant."""

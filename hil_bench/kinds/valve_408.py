@@ -40,7 +40,7 @@ class ValveKind(DeviceKind[ValveConfig]):
     keys = (Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),)
     registers = REGISTERS / "valve_408.toml"
     is_drive = has_enable_input = True
-    driver = "drivers:ProportionalValve"
+    driver = "hil_drivers:ProportionalValve"
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant without a spool."""

@@ -34,7 +34,6 @@ from hil_bench.pytest_plugin.options import (
 if TYPE_CHECKING:
     import can
 
-    from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
     from hil_bench.bench.configuration import BenchConfig, NodeConfig
     from hil_bench.devices.faults.faults import Faults
     from hil_bench.pytest_plugin.devices import Devices
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from hil_bench.pytest_plugin.physical import PhysicalBench
     from hil_bench.session.firmware import Firmware, FirmwareBus
     from hil_bench.session.virtual_bench import VirtualBench
+    from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 CONTROLLER_ID = 127
 """Node-ID under which the `network` fixture sends its heartbeat."""
@@ -303,9 +303,9 @@ def network(
     request: pytest.FixtureRequest, can_bus: "can.BusABC", pytestconfig: pytest.Config
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat."""
-    from drivers import Network
     from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD, hide_drivers_from_tracebacks
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
+    from hil_drivers import Network
 
     hide_drivers_from_tracebacks()
     path = None
@@ -328,10 +328,10 @@ def _networks(
     """The networks of all buses, that of the first among them, pumped together."""
     from contextlib import ExitStack
 
-    from drivers import Network
     from hil_bench.outside.transports.opening import open_can_bus
     from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
     from hil_bench.pytest_plugin.networks import Networks
+    from hil_drivers import Network
 
     bench = request.getfixturevalue("bench")
     with ExitStack() as stack:

@@ -7,11 +7,11 @@ from pkgutil import resolve_name
 
 import pytest
 
-from drivers import PositionSensor, PressureSensor, ProportionalValve
-from drivers.errors import DriverError
-from drivers.network import Network
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.pytest_plugin.networks import Networks
+from hil_drivers import PositionSensor, PressureSensor, ProportionalValve
+from hil_drivers.errors import DriverError
+from hil_drivers.network import Network
 
 HEARTBEAT_PERIOD = 0.05
 """Time between two heartbeats of the `network` fixture [s]."""
@@ -72,7 +72,10 @@ class Devices:
 def hide_drivers_from_tracebacks() -> None:
     """Let pytest show the test's own line for an error that says what a device did."""
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] in {"drivers", "contextlib"}:  # they raise in with blocks, too
+        if name.partition(".")[0] in {
+            "hil_drivers",
+            "contextlib",
+        }:  # they raise in with blocks, too
             vars(module)["__tracebackhide__"] = methodcaller("errisinstance", DriverError)
 
 

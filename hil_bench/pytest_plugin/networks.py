@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from drivers import Network
+from hil_drivers import Network
 
 
 class Networks:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers import Network
 from hil_bench.outside.recording.network_tap import NetworkTap
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.pytest_plugin.options import path_option
+from hil_drivers import Network
 
 
 @contextmanager

@@ -9,7 +9,13 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from drivers import (
+from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import (
     ControllerParameters,
     DriverError,
     MotionProfile,
@@ -20,12 +26,6 @@ from drivers import (
     PressureSensor,
     ProportionalValve,
 )
-from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.bench.configuration.records import FIRST_BUS
-from hil_bench.errors import ConfigError
-from hil_bench.kinds.kind import DeviceKind
-from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
-from hil_bench.session.virtual_bench import VirtualBench
 
 CYCLE = 0.002
 """Period of the controllers [s]."""

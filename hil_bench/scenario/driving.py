@@ -5,13 +5,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from drivers import DriverError
 from hil_bench.errors import ControllerError
 from hil_bench.scenario.controllers import CONTROLLERS, settings_of
 from hil_bench.scenario.director import Director, FirmwareHook
 from hil_bench.scenario.records import FirmwareCommand
 from hil_bench.session.firmware import HUB, Firmware, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import DriverError
 
 
 class Driver(Protocol):

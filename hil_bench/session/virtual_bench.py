@@ -229,10 +229,10 @@ class VirtualBench:
             observe(time)
 
     def modbus_link(self, framing: object, *, is_serial: bool = False) -> "EmbeddedLink":
-        """Return a link for `drivers.modbus.ModbusClient` to this bench.
+        """Return a link for `hil_drivers.modbus.ModbusClient` to this bench.
 
         Args:
-            framing: the client's, as `drivers.modbus.framing.TcpFraming`.
+            framing: the client's, as `hil_drivers.modbus.framing.TcpFraming`.
             is_serial: whether its frames are those of RTU.
 
         Raises:

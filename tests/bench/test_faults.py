@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from drivers import DeviceFaultError, StaleValueError, ValveState
+from hil_drivers import DeviceFaultError, StaleValueError, ValveState
 
 BAR = 1e5
 

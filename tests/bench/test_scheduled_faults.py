@@ -7,10 +7,10 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers import PressureSensor
 from hil_bench.bench.configuration import load_config
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import PressureSensor
 
 pytest_plugins = ["pytester"]
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers import Network, PositionSensor, ProportionalValve
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
@@ -18,6 +17,7 @@ from hil_bench.frame import address_of
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, ProportionalValve
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "two_buses.toml"
 TICK = 1_000_000

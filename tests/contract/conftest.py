@@ -15,17 +15,17 @@ import pytest
 from support.any_bus import EMBEDDED, PROCESSES, AnyRig, embedded_rig, process_rig, vcan_rig
 from support.patience import GUARD
 
-from drivers import (
+from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.configuration import load_config
+from hil_bench.outside.transports.embedded import EmbeddedBus
+from hil_drivers import (
     ModbusExceptionError,
     Network,
     PositionSensor,
     PressureSensor,
     ProportionalValve,
 )
-from drivers.modbus import ModbusClient, TcpLink
-from hil_bench.bench.assembly import build_bench
-from hil_bench.bench.configuration import load_config
-from hil_bench.outside.transports.embedded import EmbeddedBus
+from hil_drivers.modbus import ModbusClient, TcpLink
 
 MODBUS_UNITS = """
 [modbus.units.valve]

@@ -3,7 +3,8 @@
 import pytest
 from support.patience import GUARD
 
-from drivers import (
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
+from hil_drivers import (
     DeviceFaultError,
     DeviceMismatchError,
     DriverTimeoutError,
@@ -11,8 +12,7 @@ from drivers import (
     SdoAbortError,
     ValveState,
 )
-from drivers.emergency import MEANINGS
-from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
+from hil_drivers.emergency import MEANINGS
 
 IN_VIRTUAL_TIME = pytest.mark.parametrize("connect", ["embedded"], indirect=True)
 """For what happens within a time: a busy machine may hold the other process up for longer."""

@@ -5,7 +5,8 @@ import math
 import pytest
 from support.patience import GUARD
 
-from drivers import (
+from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
+from hil_drivers import (
     DeviceFaultError,
     DeviceMismatchError,
     DriverError,
@@ -15,7 +16,6 @@ from drivers import (
     StaleValueError,
     ValveState,
 )
-from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 
 @pytest.fixture

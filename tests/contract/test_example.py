@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from drivers import Network, ProportionalValve, ValveState
+from hil_drivers import Network, ProportionalValve, ValveState
 
 PROGRAM = Path(__file__).parents[2] / "examples" / "position_control.py"
 

@@ -7,7 +7,7 @@ import pytest
 from support.dissection import require_tool
 from support.patience import GUARD
 
-from drivers.modbus import ModbusClient, PositionSensor, PressureSensor, TcpLink
+from hil_drivers.modbus import ModbusClient, PositionSensor, PressureSensor, TcpLink
 
 pytestmark = pytest.mark.slow
 

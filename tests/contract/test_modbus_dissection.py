@@ -5,11 +5,11 @@ import contextlib
 import pytest
 from support.dissection import dissect, require_tshark, write_tcp_capture
 
-from drivers import DriverError
-from drivers.modbus import ModbusClient, PositionSensor, PressureSensor, ProportionalValve
-from drivers.modbus.framing import RtuFraming, TcpFraming
 from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import DriverError
+from hil_drivers.modbus import ModbusClient, PositionSensor, PressureSensor, ProportionalValve
+from hil_drivers.modbus.framing import RtuFraming, TcpFraming
 
 UNITS = (
     "[modbus.units.valve]\ncommands = true\n[modbus.units.pressure_a]\n[modbus.units.position]\n"

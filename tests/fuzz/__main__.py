@@ -111,7 +111,7 @@ def fuzz(target: str, options: list[str]) -> int:
         "hil_bench.plants.hydraulic_cylinder.model.",
     ):
         importlib.import_module(module.name)  # as it is: Numba compiles it
-    with atheris.instrument_imports(include=["hil_bench", "drivers"]):
+    with atheris.instrument_imports(include=["hil_bench", "hil_drivers"]):
         one_input = load(target)
     one_input(b"")  # compiles what it needs, outside the time of an input
     atheris.Setup([target, *options], one_input)

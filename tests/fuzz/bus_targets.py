@@ -9,15 +9,15 @@ from typing import Any, cast
 import can
 from fuzz.script import Script
 
-from drivers import Network, ProportionalValve
-from drivers.errors import DriverError
-from drivers.modbus import ModbusClient
-from drivers.modbus.framing import RtuFraming, TcpFraming
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.discovery import Method, discover
 from hil_bench.machine.commissioning.listening import listen
 from hil_bench.machine.shadow.decoder import Decoder
 from hil_bench.outside.transports.socketcand_hub import MAX_COMMAND, Hub, _Client
+from hil_drivers import Network, ProportionalValve
+from hil_drivers.errors import DriverError
+from hil_drivers.modbus import ModbusClient
+from hil_drivers.modbus.framing import RtuFraming, TcpFraming
 
 _COB_IDS = (0x581, 0x581, 0x581, 0x181, 0x281, 0x081, 0x701, 0x582, 0x080, 0x7E4, 0x182, 0x184)
 _TIMEOUT = 0.5  # of an SDO answer [s]

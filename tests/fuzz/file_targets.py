@@ -6,9 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import mkdtemp
 
-import drivers.node
-from drivers.errors import DriverError
-from drivers.modbus.register_map import RegisterMap as DriverMap
+import hil_drivers.node
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.canopen_device.eds import load_eds
@@ -20,6 +18,8 @@ from hil_bench.machine.commissioning.plan import load_plan
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.recording.mdf_reader import read_mdf
+from hil_drivers.errors import DriverError
+from hil_drivers.modbus.register_map import RegisterMap as DriverMap
 
 MOST_FRAMES = 1000
 
@@ -59,7 +59,9 @@ def _boot(path: Path) -> None:
 
 def eds(data: bytes) -> None:
     """An EDS file, as a device, as the checker and as a driver read it."""
-    _read(_given("fuzz.eds", data), _boot, check_eds, lambda path: drivers.node.load_eds(path, 5))
+    _read(
+        _given("fuzz.eds", data), _boot, check_eds, lambda path: hil_drivers.node.load_eds(path, 5)
+    )
 
 
 def bench_toml(data: bytes) -> None:

@@ -8,12 +8,12 @@ import can
 import pytest
 from support.patience import GUARD
 
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve, modbus
-from drivers.interfaces import CommandedValve, Medium, PositionSource, PressureSource
-from drivers.modbus.framing import RtuFraming, TcpFraming
-from drivers.modbus.links import Link
 from hil_bench.bench.configuration import load_config
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve, modbus
+from hil_drivers.interfaces import CommandedValve, Medium, PositionSource, PressureSource
+from hil_drivers.modbus.framing import RtuFraming, TcpFraming
+from hil_drivers.modbus.links import Link
 
 VALVE, PRESSURE_A, PRESSURE_B, POSITION = 1, 2, 3, 4
 """Node-IDs, and unit-IDs, of the built-in bench."""

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import can
 
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.outside.recording.frames import message_of
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 PERIOD = 0.01
 """Of the controller [s]."""

@@ -11,9 +11,9 @@ rest of its requests fail too; the next cycle opens it again. Then it sleeps for
 import struct
 from dataclasses import dataclass, field
 
-from drivers.modbus import ModbusClient
-from drivers.modbus.client import ModbusExceptionError
-from drivers.modbus.framing import TcpFraming
+from hil_drivers.modbus import ModbusClient
+from hil_drivers.modbus.client import ModbusExceptionError
+from hil_drivers.modbus.framing import TcpFraming
 
 POLLING_PERIOD, TIMEOUT = 0.1, 1.0
 

@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from drivers import BusLostError, Network, NmtState, Node
 from hil_bench.machine.commissioning.journal import Setting, SettingsJournal
+from hil_drivers import BusLostError, Network, NmtState, Node
 
 STATE_TIMEOUT = 0.25
 """Longest wait for the nodes' heartbeats, which come each 0.1 s [s]."""

@@ -6,9 +6,9 @@ from enum import Enum
 
 from canopen.objectdictionary import ODVariable, datatypes
 
-from drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.machine.commissioning.discovery import Method, Sighting, discover
+from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
 
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2), (0x1018, 3))
 """What a device cannot change: device type, vendor, product, revision."""

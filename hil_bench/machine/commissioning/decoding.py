@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from drivers import NmtState
-from drivers.emergency import Emergency
+from hil_drivers import NmtState
+from hil_drivers.emergency import Emergency
 
 _NMT_COMMANDS = {
     1: "start",

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import NamedTuple
 
-from drivers import Network, NmtState
 from hil_bench.errors import ConfigError
+from hil_drivers import Network, NmtState
 
 NODE_IDS = range(1, 128)
 """All node-IDs there are (CiA 301)."""

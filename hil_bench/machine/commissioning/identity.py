@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
-from drivers.node import object_name
 from hil_bench.errors import printable
 from hil_bench.machine.commissioning.discovery import Sighting
+from hil_drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
+from hil_drivers.node import object_name
 
 PROFILES = {
     0: "no standard profile",

@@ -13,10 +13,10 @@ from typing import Self
 
 from canopen.objectdictionary import datatypes
 
-from drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
-from drivers.node import object_name
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.comparison import Key
+from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
+from hil_drivers.node import object_name
 
 _PDOS = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _COB_ID = 1

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import can
 
-from drivers import Network
 from hil_bench.frame import frame_bits
 from hil_bench.machine.commissioning.decoding import function_of, meaning_of
+from hil_drivers import Network
 
 
 @dataclass(slots=True)

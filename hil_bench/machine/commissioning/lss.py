@@ -4,7 +4,7 @@ import logging
 import struct
 from typing import NamedTuple
 
-from drivers import Network
+from hil_drivers import Network
 
 logger = logging.getLogger(__name__)
 

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers import Network
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.machine.commissioning.comparison import (
     IDENTITY,
@@ -23,6 +22,7 @@ from hil_bench.outside.recording.channels import Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_drivers import Network
 
 APPROACH_TIME = 15.0
 """Longest time to a starting position [s]."""

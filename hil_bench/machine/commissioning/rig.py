@@ -12,14 +12,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drivers import (
-    DriverError,
-    Network,
-    PositionSensor,
-    PressureSensor,
-    ProportionalValve,
-    ValveState,
-)
 from hil_bench.machine.commissioning.borrowed import BorrowedNodes, Returned
 from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
 from hil_bench.machine.commissioning.journal import SettingsJournal
@@ -28,6 +20,14 @@ from hil_bench.machine.commissioning.members import Members
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.outside.recording.channels import TIME, Recording, recording_dtype
 from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_drivers import (
+    DriverError,
+    Network,
+    PositionSensor,
+    PressureSensor,
+    ProportionalValve,
+    ValveState,
+)
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from drivers import BusLostError, DriverError, Network
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.machine.commissioning.borrowed import Returned
 from hil_bench.machine.commissioning.direction import direction
@@ -29,6 +28,7 @@ from hil_bench.machine.commissioning.standstill import leakage, sensors
 from hil_bench.machine.commissioning.sweeps import dead_band, ramp
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_drivers import BusLostError, DriverError, Network
 
 logger = logging.getLogger(__name__)
 

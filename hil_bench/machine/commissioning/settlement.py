@@ -4,9 +4,9 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from drivers import Network, Node
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.machine.commissioning.comparison import Difference, Key, Mend, expected_values
+from hil_drivers import Network, Node
 
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _TO_MAPPING = 0x200

@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from drivers import Network
 from hil_bench.machine.commissioning.discovery import NODE_IDS, Method, discover
 from hil_bench.machine.commissioning.identity import NodeDescription, describe
 from hil_bench.machine.commissioning.listening import BusTraffic
 from hil_bench.machine.commissioning.lss import LssAddress, find_unconfigured
+from hil_drivers import Network
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import can
 
-from drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
-from drivers.device import Device, Input
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import DriverError, Network, PositionSensor, PressureSensor, ProportionalValve
+from hil_drivers.device import Device, Input
 
 STATUS_WORD = "status_word"
 """The quantity that a valve's status word is."""

@@ -2,9 +2,9 @@
 
 import pytest
 
-from drivers import NmtState
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.discovery import Method, Sighting, discover
+from hil_drivers import NmtState
 
 READ_DEVICE_TYPE = "4000100000000000"
 

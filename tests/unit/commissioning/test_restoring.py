@@ -5,7 +5,6 @@ import json
 import can
 import pytest
 
-from drivers import Network
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.devices.valve_state_machine import FAULT_STATES
@@ -15,6 +14,7 @@ from hil_bench.machine.commissioning.measures import Verdict
 from hil_bench.machine.commissioning.plan import load_plan
 from hil_bench.machine.commissioning.session import Console, commission
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 PLAN = """

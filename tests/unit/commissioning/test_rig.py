@@ -7,13 +7,13 @@ from dataclasses import replace
 import can
 import pytest
 
-from drivers import DriverError, Network, ValveState
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
 from hil_bench.machine.commissioning.members import find_members
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import DriverError, Network, ValveState
 
 PERIOD = 0.004  # [s], two ticks
 LIMITS = Limits(position=(-0.15, 0.15), speed=0.4, pressure=(-1e5, 110e5), time=60.0)

@@ -14,7 +14,6 @@ from support.machines import (
     with_fault,
 )
 
-from drivers import Network
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.valve_state_machine import FAULT_STATES
@@ -22,6 +21,7 @@ from hil_bench.machine.commissioning.measures import Verdict
 from hil_bench.machine.commissioning.plan import StepKind, load_plan
 from hil_bench.machine.commissioning.session import Console, commission
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network
 
 BENCH = "[bench]\ntick_us = 2000\nstep_us = 200\n"
 PLAN = """

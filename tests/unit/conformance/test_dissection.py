@@ -6,8 +6,8 @@ from collections import Counter
 import pytest
 from support.dissection import dissect, require_tshark, write_capture
 
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
 pytestmark = pytest.mark.usefixtures("_tshark")
 

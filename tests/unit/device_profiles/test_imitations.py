@@ -7,9 +7,9 @@ import can
 import pytest
 
 from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404
-from drivers import Network, PositionSensor, PressureSensor, ProportionalValve, ValveState
 from hil_bench.bench.assembly import embedded_bus
 from hil_bench.bench.configuration import load_config
+from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve, ValveState
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "imitated_devices.toml"
 VALVE = IMITATIONS / "valve_pdo4.eds"

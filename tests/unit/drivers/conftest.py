@@ -11,7 +11,7 @@ import can
 import pytest
 
 from device_profiles import ENCODER_406, VALVE_408
-from drivers import Network
+from hil_drivers import Network
 
 Step = tuple[str | None, str | Sequence[str] | None]
 """A frame that the driver must send, and what then comes back; None for nothing.

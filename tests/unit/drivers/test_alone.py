@@ -15,12 +15,12 @@ import sys
 # leaves the folders that hold Numba's machine code.
 sys.modules["hil_bench"] = None
 
-import drivers
-import drivers.modbus
-from drivers.modbus.framing import TcpFraming
+import hil_drivers
+import hil_drivers.modbus
+from hil_drivers.modbus.framing import TcpFraming
 
-for name in drivers.__all__:
-    getattr(drivers, name)
+for name in hil_drivers.__all__:
+    getattr(hil_drivers, name)
 
 
 class Link:
@@ -36,7 +36,7 @@ class Link:
         )
 
 
-sensor = drivers.modbus.PressureSensor(drivers.modbus.ModbusClient(Link()), 2)
+sensor = hil_drivers.modbus.PressureSensor(hil_drivers.modbus.ModbusClient(Link()), 2)
 sensor.poll()
 print(sensor.pressure)
 assert [name for name in sys.modules if name.startswith("hil_bench")] == ["hil_bench"]
@@ -44,8 +44,8 @@ assert [name for name in sys.modules if name.startswith("hil_bench")] == ["hil_b
 
 
 def test_only_the_drivers_are_installed(tmp_path):
-    for package in ("drivers", "device_profiles"):
-        shutil.copytree(ROOT / package, tmp_path / package)
+    for package in (ROOT / "drivers" / "hil_drivers", ROOT / "device_profiles"):
+        shutil.copytree(package, tmp_path / package.name)
     # -S leaves out the .pth files by which an editable installation is found, -I the checkout.
     paths = [str(tmp_path), sysconfig.get_paths()["purelib"]]
     program = f"import sys\nsys.path += {paths!r}\n{PROGRAM}"

@@ -6,8 +6,8 @@ import can
 import pytest
 
 from device_profiles import ENCODER_406
-from drivers import DriverTimeoutError, Network, RemoteProtocolError, SdoAbortError
-from drivers.sdo_client import LONGEST_TRANSFER, MOST_BYTES
+from hil_drivers import DriverTimeoutError, Network, RemoteProtocolError, SdoAbortError
+from hil_drivers.sdo_client import LONGEST_TRANSFER, MOST_BYTES
 
 OUT_OF_MEMORY, TIMED_OUT = "05.00.04.05", "00.00.04.05"  # abort codes of CiA 301, little endian
 NAME = (0x1008, 0)  # VISIBLE_STRING

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import MotionProfile
-from drivers.motion_profile import Move, shortest_time
+from hil_drivers import MotionProfile
+from hil_drivers.motion_profile import Move, shortest_time
 
 # A nanometre at least: near the smallest float, squares have no digits left.
 positions = st.one_of(st.just(0.0), st.floats(1e-9, 1.0), st.floats(-1.0, -1e-9))

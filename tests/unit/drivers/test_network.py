@@ -3,8 +3,8 @@
 import can
 import pytest
 
-from drivers import BusLostError, DriverTimeoutError, Network, NmtState
-from drivers.network import BACKLOG
+from hil_drivers import BusLostError, DriverTimeoutError, Network, NmtState
+from hil_drivers.network import BACKLOG
 
 
 class Listener:

@@ -3,7 +3,7 @@
 import pytest
 
 from device_profiles import PRESSURE_404
-from drivers import (
+from hil_drivers import (
     DeviceMismatchError,
     DriverTimeoutError,
     EdsError,
@@ -11,7 +11,7 @@ from drivers import (
     RemoteProtocolError,
     SdoAbortError,
 )
-from drivers.pdo import PdoKind, eds_mappings
+from hil_drivers.pdo import PdoKind, eds_mappings
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import pytest
 
 from device_profiles import ENCODER_406
-from drivers import DeviceMismatchError, PositionSensor
+from hil_drivers import DeviceMismatchError, PositionSensor
 
 MAPPING = [0x60040020, 0x60300110]
 

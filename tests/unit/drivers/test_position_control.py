@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import (
+from hil_drivers import (
     ControllerParameters,
     DeviceFaultError,
     DriverTimeoutError,
@@ -21,7 +21,7 @@ from drivers import (
     ProportionalValve,
     StaleValueError,
 )
-from drivers.motion_profile import SetPoint
+from hil_drivers.motion_profile import SetPoint
 
 PARAMETERS = ControllerParameters(position_gain=20.0, full_speed=0.5, dead_zone=0.2, tolerance=1e-4)
 

@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from device_profiles import PRESSURE_404
-from drivers import DeviceMismatchError, PressureSensor, StaleValueError
+from hil_drivers import DeviceMismatchError, PressureSensor, StaleValueError
 
 MAPPING = [0x61300120, 0x61500108]
 

@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from device_profiles import VALVE_408
-from drivers import (
+from hil_drivers import (
     DeviceFaultError,
     DeviceMismatchError,
     DriverTimeoutError,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers import ProportionalValve, ValveState
+from hil_drivers import ProportionalValve, ValveState
 
 
 @pytest.fixture

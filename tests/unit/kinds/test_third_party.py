@@ -11,9 +11,6 @@ import can
 import pytest
 from support.distribution import PLUGIN, declare, pip_install
 
-from drivers import Network, PositionSensor
-from drivers.modbus.client import ModbusClient
-from drivers.modbus.framing import TcpFraming
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
@@ -21,6 +18,9 @@ from hil_bench.kinds.registry import KINDS
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.registry import PLANTS
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor
+from hil_drivers.modbus.client import ModbusClient
+from hil_drivers.modbus.framing import TcpFraming
 
 BENCH = PLUGIN / "bench.toml"
 

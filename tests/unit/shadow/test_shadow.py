@@ -3,7 +3,6 @@
 import can
 import pytest
 
-from drivers import Network, PositionSensor, ProportionalValve
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.errors import ParameterError
 from hil_bench.machine.shadow import Shadow, Window
@@ -17,6 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     paper_parameters,
 )
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network, PositionSensor, ProportionalValve
 
 SETPOINTS = (0.5, -0.6, 0.0, 0.8, -0.7, 0.35)  # each for 0.3 s, well within the stroke
 

@@ -12,7 +12,7 @@ from hil_bench.outside.transports.modbus.session import ModbusSession, serial_se
 
 
 class EmbeddedLink:
-    """What `drivers.modbus.ModbusClient` takes as its link.
+    """What `hil_drivers.modbus.ModbusClient` takes as its link.
 
     Args:
         server: answers the requests.

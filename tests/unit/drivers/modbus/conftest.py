@@ -2,8 +2,8 @@
 
 import pytest
 
-from drivers.modbus import ModbusClient
-from drivers.modbus.framing import TcpFraming
+from hil_drivers.modbus import ModbusClient
+from hil_drivers.modbus.framing import TcpFraming
 
 
 class TranscriptLink:

@@ -7,15 +7,15 @@ import threading
 import pytest
 from support.patience import GUARD
 
-from drivers import (
+from hil_drivers import (
     BusLostError,
     DriverTimeoutError,
     ModbusExceptionError,
     RemoteProtocolError,
 )
-from drivers.modbus import ModbusClient, SerialLink, TcpLink
-from drivers.modbus.client import FIRST_BACKOFF, LAST_BACKOFF
-from drivers.modbus.framing import RtuFraming, check_sum
+from hil_drivers.modbus import ModbusClient, SerialLink, TcpLink
+from hil_drivers.modbus.client import FIRST_BACKOFF, LAST_BACKOFF
+from hil_drivers.modbus.framing import RtuFraming, check_sum
 
 
 def tcp(transaction, pdu, unit_id=17):

@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from device_profiles import REGISTERS
-from drivers import (
+from hil_drivers import (
     DeviceFaultError,
     DeviceMismatchError,
     DriverTimeoutError,
@@ -15,7 +15,7 @@ from drivers import (
     StaleValueError,
     ValveState,
 )
-from drivers.modbus import PositionSensor, PressureSensor, ProportionalValve
+from hil_drivers.modbus import PositionSensor, PressureSensor, ProportionalValve
 
 HEAD = """
 [device]

@@ -13,14 +13,14 @@ from support.certificates import Authority
 from support.modbus_loop import make_binding, ticking
 from support.patience import GUARD
 
-from drivers import BusLostError, DriverTimeoutError
-from drivers.errors import ModbusExceptionError
-from drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
 from hil_bench.errors import BusError
 from hil_bench.outside.modbus.server_config import TlsConfig
 from hil_bench.outside.transports.modbus.connections import ConnectionPool
 from hil_bench.outside.transports.modbus.process import ModbusProcess
 from hil_bench.outside.transports.modbus.tls import role_of, server_context
+from hil_drivers import BusLostError, DriverTimeoutError
+from hil_drivers.errors import ModbusExceptionError
+from hil_drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
 
 OPERATOR = b"\x0c\x08operator"  # UTF8String, length, text
 

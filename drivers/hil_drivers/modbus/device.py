@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from drivers.errors import DeviceMismatchError, ModbusExceptionError, StaleValueError
-from drivers.modbus.client import ModbusClient
-from drivers.modbus.register_map import Register, RegisterMap
+from hil_drivers.errors import DeviceMismatchError, ModbusExceptionError, StaleValueError
+from hil_drivers.modbus.client import ModbusClient
+from hil_drivers.modbus.register_map import Register, RegisterMap
 
 _SAMPLE = "sample"
 _INPUTS = "input_registers"

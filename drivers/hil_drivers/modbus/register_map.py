@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import DeviceMismatchError, RegisterMapError
+from hil_drivers.errors import DeviceMismatchError, RegisterMapError
 
 _LETTERS = {"int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "float32": "f"}
 _FINEST_FIRST = ("float32", "int32", "uint32", "int16", "uint16", "bit")

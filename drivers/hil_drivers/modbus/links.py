@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
+from hil_drivers.modbus.framing import Framing, RtuFraming, TcpFraming
 
 if TYPE_CHECKING:
     from serial import Serial

@@ -4,14 +4,14 @@ import logging
 from abc import ABC, abstractmethod
 from typing import ClassVar, Self
 
-from drivers.errors import (
+from hil_drivers.errors import (
     DeviceFaultError,
     DriverError,
     DriverTimeoutError,
     RemoteProtocolError,
 )
-from drivers.interfaces import Medium
-from drivers.valve_state import RESET_FAULT, STATE_BITS, ValveState
+from hil_drivers.interfaces import Medium
+from hil_drivers.valve_state import RESET_FAULT, STATE_BITS, ValveState
 
 logger = logging.getLogger(__name__)
 

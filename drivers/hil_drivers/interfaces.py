@@ -1,13 +1,13 @@
 """What the drivers of a sensor offer whatever bus the sensor is on.
 
 A controller that is written against these protocols does not care which bus that is: the classes of
-`drivers` are CANopen's, those of `drivers.modbus` Modbus'.
+`hil_drivers` are CANopen's, those of `hil_drivers.modbus` Modbus'.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from drivers.valve_state import ValveState
+from hil_drivers.valve_state import ValveState
 
 
 class Reading(NamedTuple):

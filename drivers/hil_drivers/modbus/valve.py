@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from device_profiles import REGISTERS
-from drivers.errors import DeviceFaultError
-from drivers.modbus.client import ModbusClient
-from drivers.modbus.device import ModbusDevice
-from drivers.modbus.register_map import Register, RegisterMap
-from drivers.valve_control import ValveControl
-from drivers.valve_state import ValveState
+from hil_drivers.errors import DeviceFaultError
+from hil_drivers.modbus.client import ModbusClient
+from hil_drivers.modbus.device import ModbusDevice
+from hil_drivers.modbus.register_map import Register, RegisterMap
+from hil_drivers.valve_control import ValveControl
+from hil_drivers.valve_state import ValveState
 
 _INPUTS, _HOLDING, _COILS = "input_registers", "holding_registers", "coils"
 

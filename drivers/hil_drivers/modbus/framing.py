@@ -7,7 +7,7 @@ Messaging on TCP/IP Implementation Guide V1.0b, 3.1.3; MODBUS over Serial Line V
 import struct
 from typing import Protocol
 
-from drivers.errors import RemoteProtocolError
+from hil_drivers.errors import RemoteProtocolError
 
 _HEADER = struct.Struct(">HHHB")
 _EXCEPTION_BIT = 0x80

@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Self
 
-from drivers.errors import (
+from hil_drivers.errors import (
     BusLostError,
     DriverTimeoutError,
     ModbusExceptionError,
     RemoteProtocolError,
 )
-from drivers.modbus.links import Link
+from hil_drivers.modbus.links import Link
 
 FIRST_BACKOFF, LAST_BACKOFF = 0.05, 5.0
 """Shortest and longest time between two attempts to open a link that was lost [s]."""

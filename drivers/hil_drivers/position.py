@@ -4,12 +4,12 @@ import math
 from pathlib import Path
 
 from device_profiles import ENCODER_406
-from drivers.device import Input, Sensor
-from drivers.errors import DeviceMismatchError
-from drivers.interfaces import Reading
-from drivers.network import Network
-from drivers.node import object_name
-from drivers.pdo import PdoKind
+from hil_drivers.device import Input, Sensor
+from hil_drivers.errors import DeviceMismatchError
+from hil_drivers.interfaces import Reading
+from hil_drivers.network import Network
+from hil_drivers.node import object_name
+from hil_drivers.pdo import PdoKind
 
 METRE_PER_POSITION_UNIT = 1e-9
 """0x6005.01 counts position steps in 0.001 um (CiA 406)."""

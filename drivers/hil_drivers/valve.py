@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from device_profiles import VALVE_408
-from drivers.device import Device, Input, milliseconds
-from drivers.errors import DeviceFaultError, DeviceMismatchError
-from drivers.network import Network
-from drivers.node import object_name
-from drivers.pdo import (
+from hil_drivers.device import Device, Input, milliseconds
+from hil_drivers.errors import DeviceFaultError, DeviceMismatchError
+from hil_drivers.network import Network
+from hil_drivers.node import object_name
+from hil_drivers.pdo import (
     ObjectKey,
     PdoKind,
     PdoMapping,
@@ -18,8 +18,8 @@ from drivers.pdo import (
     configure_pdo,
     verify_mapping,
 )
-from drivers.valve_control import ValveControl
-from drivers.valve_state import ValveState
+from hil_drivers.valve_control import ValveControl
+from hil_drivers.valve_state import ValveState
 
 _CONTROL_WORD, _STATUS_WORD = (0x6040, 0), (0x6041, 0)
 _SET_POINT, _ACTUAL_VALUE = (0x6300, 1), (0x6301, 1)

@@ -4,10 +4,10 @@ import math
 from pathlib import Path
 
 from device_profiles import REGISTERS
-from drivers.interfaces import Reading
-from drivers.modbus.client import ModbusClient
-from drivers.modbus.device import ModbusDevice
-from drivers.modbus.register_map import RegisterMap
+from hil_drivers.interfaces import Reading
+from hil_drivers.modbus.client import ModbusClient
+from hil_drivers.modbus.device import ModbusDevice
+from hil_drivers.modbus.register_map import RegisterMap
 
 _NOT_VALID = 0x01
 _INPUTS = "input_registers"

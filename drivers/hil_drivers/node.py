@@ -18,15 +18,15 @@ from canopen.emcy import EMCY_STRUCT
 from canopen.objectdictionary import ObjectDictionary, ObjectDictionaryError, ODVariable
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.eds import load_eds
-from drivers.emergency import Emergency
-from drivers.errors import (
+from hil_drivers.eds import load_eds
+from hil_drivers.emergency import Emergency
+from hil_drivers.errors import (
     DeviceMismatchError,
     DriverTimeoutError,
     RemoteProtocolError,
     SdoAbortError,
 )
-from drivers.sdo_client import (
+from hil_drivers.sdo_client import (
     Clock,
     PumpedSdoClient,
     SdoTimeout,

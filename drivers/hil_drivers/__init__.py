@@ -8,11 +8,11 @@
     ...         valve.spool_setpoint = 0.3
 
 They know the devices by their EDS files only, talk to them through the `canopen` library over any
-python-can bus, use SI units, and run in the caller's thread. `drivers.modbus` has the same devices
-on Modbus.
+python-can bus, use SI units, and run in the caller's thread. `hil_drivers.modbus` has the same
+devices on Modbus.
 """
 
-from drivers.errors import (
+from hil_drivers.errors import (
     BusLostError,
     DeviceFaultError,
     DeviceMismatchError,
@@ -25,20 +25,20 @@ from drivers.errors import (
     SdoAbortError,
     StaleValueError,
 )
-from drivers.interfaces import Reading
-from drivers.motion_profile import MotionProfile
-from drivers.network import Network
-from drivers.node import NmtState, Node
-from drivers.position import PositionSensor
-from drivers.position_control import (
+from hil_drivers.interfaces import Reading
+from hil_drivers.motion_profile import MotionProfile
+from hil_drivers.network import Network
+from hil_drivers.node import NmtState, Node
+from hil_drivers.position import PositionSensor
+from hil_drivers.position_control import (
     ControllerParameters,
     CycleRecord,
     PositionController,
     PositionLoop,
 )
-from drivers.pressure import PressureSensor
-from drivers.valve import ProportionalValve
-from drivers.valve_state import ValveState
+from hil_drivers.pressure import PressureSensor
+from hil_drivers.valve import ProportionalValve
+from hil_drivers.valve_state import ValveState
 
 __all__ = [
     "BusLostError",

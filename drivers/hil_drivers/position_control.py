@@ -9,9 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
-from drivers.errors import BusLostError, DriverTimeoutError
-from drivers.interfaces import CommandedValve, Medium, PolledDevice, PositionSource, PressureSource
-from drivers.motion_profile import MotionProfile, SetPoint
+from hil_drivers.errors import BusLostError, DriverTimeoutError
+from hil_drivers.interfaces import (
+    CommandedValve,
+    Medium,
+    PolledDevice,
+    PositionSource,
+    PressureSource,
+)
+from hil_drivers.motion_profile import MotionProfile, SetPoint
 
 SAMPLE_TIMEOUT = 0.1
 """Longest wait for the devices' first values [s]."""

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-from drivers.errors import DeviceMismatchError, StaleValueError
-from drivers.network import Network
-from drivers.node import object_name
-from drivers.pdo import (
+from hil_drivers.errors import DeviceMismatchError, StaleValueError
+from hil_drivers.network import Network
+from hil_drivers.node import object_name
+from hil_drivers.pdo import (
     INVALID,
     ObjectKey,
     PdoKind,

@@ -13,7 +13,7 @@ from typing import Final
 from canopen.objectdictionary import ObjectDictionary
 from canopen.objectdictionary.eds import import_eds
 
-from drivers.errors import EdsError
+from hil_drivers.errors import EdsError
 
 logger = logging.getLogger(__name__)
 

@@ -12,8 +12,8 @@ from typing import NamedTuple, Self
 
 from canopen.objectdictionary import ODVariable, datatypes
 
-from drivers.errors import DeviceMismatchError
-from drivers.node import Node, object_name
+from hil_drivers.errors import DeviceMismatchError
+from hil_drivers.node import Node, object_name
 
 INVALID = 1 << 31
 """Bit of a PDO's COB-ID entry that says: this PDO does not exist."""

@@ -4,12 +4,12 @@ import math
 from pathlib import Path
 
 from device_profiles import PRESSURE_404
-from drivers.device import Input, Sensor
-from drivers.errors import DeviceMismatchError
-from drivers.interfaces import Reading
-from drivers.network import Network
-from drivers.node import object_name
-from drivers.pdo import PdoKind
+from hil_drivers.device import Input, Sensor
+from hil_drivers.errors import DeviceMismatchError
+from hil_drivers.interfaces import Reading
+from hil_drivers.network import Network
+from hil_drivers.node import object_name
+from hil_drivers.pdo import PdoKind
 
 PROCESS_VALUES = (0x6130, 0x9130, 0x8130, 0x7130)
 """Input process value as REAL32, INTEGER32, INTEGER24, INTEGER16: finest first."""

@@ -15,8 +15,8 @@ from typing import Self
 import can
 import canopen
 
-from drivers.errors import BusLostError, DriverTimeoutError
-from drivers.node import NmtState, Node
+from hil_drivers.errors import BusLostError, DriverTimeoutError
+from hil_drivers.node import NmtState, Node
 
 Handler = Callable[[bytes, float], bool]
 """Takes the data of a frame and its time of reception [s]; False refuses it as malformed."""

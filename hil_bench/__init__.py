@@ -1,8 +1,8 @@
 """Hardware-in-the-loop test bench in software for valve-controlled hydraulic cylinders.
 
 What is promised from Python, besides `hil_drivers` and the fixtures of the pytest plugin, is what
-this package exports: other modules may change with each version. Nothing is imported before its first
-use; `__init__.pyi` has the names with their types.
+this package exports: other modules may change with each version. Nothing is imported before its
+first use; `__init__.pyi` has the names with their types.
 """
 
 _MODULES = {

@@ -84,7 +84,7 @@ def test_a_file_that_is_named_is_there(place, code):
     assert list(ROOT.glob(code)), place
 
 
-@pytest.mark.parametrize(("place", "code"), code_with(r"(?:hil_bench|drivers)(?:\.\w+)+"))
+@pytest.mark.parametrize(("place", "code"), code_with(r"(?:hil_bench|hil_drivers)(?:\.\w+)+"))
 def test_a_name_of_the_packages_is_there(place, code):
     assert pkgutil.resolve_name(code) is not None, place
 

@@ -1,6 +1,7 @@
 """How tests run: whatever time they take, since a loaded machine proves nothing."""
 
 import logging
+import os
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +17,12 @@ def pytest_configure(config):
     """End what hangs: here, as pytest refuses the ini key of a plugin that is not installed."""
     if config.pluginmanager.hasplugin("timeout") and config.option.timeout is None:
         config.option.timeout = LIMIT
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_options():
+    """Give a pytest that a test starts its own options: those of this one are not for it."""
+    os.environ.pop("PYTEST_ADDOPTS", None)
 
 
 @pytest.fixture(autouse=True)

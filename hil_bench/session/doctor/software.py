@@ -6,7 +6,7 @@ import sys
 from typing import Any
 
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
+from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, IS_INSTALLED, ready
 from hil_bench.session.doctor.finding import Finding, Topic, Verdict, good
 
 _LIBRARIES = ("numpy", "python-can", "canopen")
@@ -30,10 +30,10 @@ def _kernel() -> Finding:
     name = "plant kernel"
     if not IS_COMPILED:
         advice = f"pip install 'hil-bench[fast]'; {_INTERPRETED}"
-        if "numba" in sys.modules:
+        if IS_INSTALLED:
             advice = f"unset NUMBA_DISABLE_JIT; {_INTERPRETED}"
         return Finding(name, Verdict.HINT, "interpreted", advice)
-    statistics: Any = advance_implicit_midpoint.stats  # type: ignore[attr-defined]  # Numba's
+    statistics: Any = ready(advance_implicit_midpoint).stats  # type: ignore[attr-defined]  # Numba's
     version = f"compiled by Numba {importlib.metadata.version('numba')}"
     if statistics.cache_path is None:
         advice = "NUMBA_CACHE_DIR=DIR names a directory of yours, or each start compiles for 1 s"

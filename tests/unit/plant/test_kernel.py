@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
+from hil_bench.errors import HilBenchError
+from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, kernel
 
 RUN_AND_PRINT_BITS = """
 import dataclasses
@@ -69,3 +70,14 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_without_numba_the_plant_is_interpreted() -> None:
     assert run_plants(20, "0", "numba") == run_plants(20, "0")
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to load")
+def test_numba_that_does_not_run_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where NumPy is newer than Numba allows: Numba is found, and its import fails."""
+    monkeypatch.setitem(sys.modules, "numba", None)
+    late = kernel(lambda x: x)
+    with pytest.raises(
+        HilBenchError, match=r"Numba is there but does not run.*NUMBA_DISABLE_JIT=1"
+    ):
+        late(1.0)

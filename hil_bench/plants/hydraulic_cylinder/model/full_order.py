@@ -17,7 +17,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_euler import advance_ext
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
@@ -108,7 +108,7 @@ class FullOrderPlant:
         check_state(start, parameters, self.options)
         # The solver for references has one kernel, which knows all extensions.
         self._is_extended = is_extended = self.options.is_extended or solver is Solver.RUNGE_KUTTA
-        self._advance = _ADVANCE[solver, is_extended]
+        self._advance = ready(_ADVANCE[solver, is_extended])
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )

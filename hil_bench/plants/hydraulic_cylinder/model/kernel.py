@@ -5,23 +5,29 @@ where it is not, or where `NUMBA_DISABLE_JIT=1`, the very same source runs as Py
 
 `fastmath` stays off: without it the compiled kernel does the same IEEE operations in the same order
 as the interpreted one, so both give the same bits, and NaN and infinity keep their meaning.
-The machine code is cached on disk. Numba sees a change of the file that holds a kernel, but not of
-a file that this kernel calls into: after editing one, delete the `__pycache__` beside this file.
+Numba is imported, and a kernel compiled, when the first plant is built: what builds none, as
+`hil-bench check`, starts without it. The machine code is cached on disk. Numba sees a change of
+the file that holds a kernel, but not of a file that this kernel calls into: after editing one,
+delete the `__pycache__` beside this file.
 """
 
+import functools
+import importlib.util
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 
+from hil_bench.errors import HilBenchError
+
 _Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
 
-try:
-    import numba
-except ImportError:
-    IS_COMPILED = False
-else:
-    IS_COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # set at import
+IS_INSTALLED = importlib.util.find_spec("numba") is not None
+"""Whether Numba is there."""
+
+IS_COMPILED = IS_INSTALLED and os.environ.get("NUMBA_DISABLE_JIT", "0") in {"", "0"}
+"""Whether kernels become machine code."""
 
 
 class Floats(Protocol):
@@ -34,25 +40,61 @@ class Floats(Protocol):
     def __len__(self) -> int: ...
 
 
+class _Late:
+    """A kernel that is compiled when it is first used, by a plant or by a kernel that is compiled.
+
+    Numba takes an object for what its `_numba_type_` says: here for the compiled kernel.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._options = options
+
+    @functools.cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """The kernel as Numba makes it.
+
+        Raises:
+            HilBenchError: Numba is there, but does not run.
+        """
+        try:
+            import numba  # noqa: PLC0415 - half a second, for those who build a plant
+        except ImportError as error:
+            remedy = "update it, uninstall it, or set NUMBA_DISABLE_JIT=1"
+            raise HilBenchError(f"Numba is there but does not run: {error}; {remedy}") from error
+        compile_with = functools.partial(numba.njit, error_model="numpy", **self._options)
+        try:
+            return cast("Callable[..., Any]", compile_with(cache=True)(self._function))
+        except RuntimeError:  # no directory to cache in: a read-only or zipped installation
+            return cast("Callable[..., Any]", compile_with()(self._function))
+
+    @property
+    def _numba_type_(self) -> Any:  # noqa: ANN401 - a type of Numba's
+        return self.compiled._numba_type_  # type: ignore[attr-defined]
+
+    def __call__(self, *values: Any) -> Any:  # noqa: ANN401 - whatever the kernel takes
+        return self.compiled(*values)
+
+
 def kernel(function: _Kernel) -> _Kernel:
     """Return the function compiled where Numba is present, and unchanged where it is not."""
     # forceinline: left to itself the compiler passes the larger kernels every constant in memory.
-    return _compile(function, {"forceinline": True})
+    return _late(function, {"forceinline": True})
 
 
 def long_kernel(function: _Kernel) -> _Kernel:
     """Return the function as `kernel` does; other threads run meanwhile."""
-    return _compile(function, {"nogil": True})
+    return _late(function, {"nogil": True})
 
 
-def _compile(function: _Kernel, options: dict[str, Any]) -> _Kernel:
-    if not IS_COMPILED:
-        return function
-    try:
-        compiled = numba.njit(cache=True, error_model="numpy", **options)(function)
-    except RuntimeError:  # no directory to cache in: a read-only or zipped installation
-        compiled = numba.njit(error_model="numpy", **options)(function)
-    return cast("_Kernel", compiled)
+def _late(function: _Kernel, options: dict[str, Any]) -> _Kernel:
+    return cast("_Kernel", _Late(function, options)) if IS_COMPILED else function
+
+
+def ready(function: _Kernel) -> _Kernel:
+    """Return a kernel for whoever calls it often: compiled, with nothing before it."""
+    return cast("_Kernel", function.compiled) if isinstance(function, _Late) else function
 
 
 def make_row(values: Sequence[float]) -> Floats:

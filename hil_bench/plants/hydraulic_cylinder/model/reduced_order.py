@@ -7,7 +7,7 @@ from types import NoneType
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_cavity, check_position
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S
-from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
+from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
@@ -111,7 +111,7 @@ class ReducedOrderPlant:
         F_L = self.options.load_at(0.0, 0.0)
         start = balanced_reduced_state(parameters, F_L=F_L) if state is None else state
         _check_state(start, parameters, self.options)
-        self._advance = _ADVANCE[solver]
+        self._advance = ready(_ADVANCE[solver])
         self._constants = make_row(pack_reduced(parameters, self.options, dt))
         self._state = make_row((*_motion(start), 0.0, 0.0, 0.0))
         self._nu = start.nu

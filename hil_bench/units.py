@@ -19,7 +19,7 @@ class Unit(NamedTuple):
 
     symbol: str
     suffix: str
-    factor: float = 1.0
+    factor: float = 1
 
     def to_si(self, value: float) -> float:
         """Return `value`, given in this unit, in SI."""

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
-from hil_bench.bench.configuration.register_maps import UNITS
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import parse_object
 from hil_bench.devices.quantities import RegisterValue, object_quantity
@@ -20,6 +19,7 @@ from hil_bench.outside.modbus.register_map import Access, Register
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.modbus.unit_image import UnitImage
 from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.units import UNITS_OF
 
 _SAMPLE = "sample"
 _WATCHDOG = "watchdog"
@@ -145,8 +145,8 @@ def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) ->
         raise ConfigError(
             f'.source: "{source}" is unknown; give an object or one of {_list(known)}'
         )
-    if register.unit not in UNITS[quantity.unit]:
-        right = ", ".join(f'"{unit.symbol}"' for unit in UNITS[quantity.unit])
+    if register.unit not in UNITS_OF[quantity.unit]:
+        right = ", ".join(f'"{unit.symbol}"' for unit in UNITS_OF[quantity.unit])
         raise ConfigError(f'.unit: "{register.unit.symbol}" does not fit; give one of {right}')
     if register.access is not Access.READ and quantity.write is None:
         raise ConfigError(f'.access: "{source}" cannot be written; give "r"')

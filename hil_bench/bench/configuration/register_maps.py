@@ -26,35 +26,9 @@ from hil_bench.outside.modbus.register_map import (
     RegisterMap,
     Table,
 )
-from hil_bench.units import (
-    BAR,
-    KILOPASCAL,
-    MEGAPASCAL,
-    METRE,
-    MICROMETRE,
-    MICROSECOND,
-    MILLIBAR,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    MILLISECOND,
-    ONE,
-    PASCAL,
-    PERCENT,
-    Unit,
-)
+from hil_bench.units import ONE, UNITS_OF
 
-_SECOND, _METRE_PER_SECOND = Unit("s", "_s"), Unit("m/s", "_m_s")
-
-UNITS: Mapping[str, tuple[Unit, ...]] = {
-    "-": (ONE, PERCENT),
-    "Pa": (PASCAL, MILLIBAR, KILOPASCAL, BAR, MEGAPASCAL),
-    "m": (METRE, MILLIMETRE, MICROMETRE),
-    "m/s": (_METRE_PER_SECOND, MILLIMETRE_PER_SECOND),
-    "s": (_SECOND, MILLISECOND, MICROSECOND),
-}
-"""Units that a register may have, by the SI unit of its quantity."""
-
-_KNOWN_UNITS = {unit.symbol: unit for units in UNITS.values() for unit in units}
+_KNOWN_UNITS = {unit.symbol: unit for units in UNITS_OF.values() for unit in units}
 HIGHEST_ADDRESS = 0xFFFF
 _LONGEST_TEXT = 64
 

@@ -49,7 +49,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Check a device on a bus, clause by clause, against CiA 301 and CiA 305, and\n"
         "print a line a check. The EDS tells which objects and services the device has.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_network_arguments(parser)

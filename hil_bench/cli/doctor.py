@@ -44,7 +44,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "processors, CAN, software, installed kinds of devices and plants, the lateness of a\n"
         "short run; and what to change. Nothing is changed.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_json_argument(parser)
     parser.add_argument(

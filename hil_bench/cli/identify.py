@@ -35,7 +35,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "trial.png and .svg, the model beside the part of the record that was not fitted.\n"
         "Exit code 1: the model does not explain the record.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("recording", type=Path, metavar="RECORDING", help="signals: .csv or .mf4")
     parser.add_argument(

@@ -13,7 +13,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import parse_object
 from hil_bench.devices.quantities import RegisterValue, object_quantity
 from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.exchange import Entry, Exchange
+from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.register_map import Access, Register
 from hil_bench.outside.modbus.server_config import ServerConfig
@@ -66,7 +66,7 @@ class ModbusBinding:
         names = [node.name for node in config.nodes]
         nodes = dict(zip(names, bench.nodes, strict=True))
         fittings = dict(zip(names, bench.fittings, strict=True))
-        entries: list[Entry] = []
+        entries: list[BoundRegister] = []
         units: dict[int, UnitImage] = {}
         for unit in config.modbus.units:
             registers, first = unit.register_map, len(entries)
@@ -113,12 +113,14 @@ def bind_registers(
     return quantities
 
 
-def _entries(unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]) -> Iterator[Entry]:
+def _entries(
+    unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]
+) -> Iterator[BoundRegister]:
     """Yield what stands behind each register of a unit."""
     for register, quantity in zip(unit.register_map.registers, quantities, strict=True):
         source = register.source
         place = parse_object(source) if source.startswith(_OBJECT_PREFIX) else None
-        yield Entry(
+        yield BoundRegister(
             register,
             quantity.read,
             None if register.access is Access.READ else quantity.write,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.identity import NodeDescription
-from hil_bench.machine.commissioning.measures import Finding, Measure, StepResult, Verdict
+from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.machine.commissioning.report_plots import plot_step
 from hil_bench.machine.commissioning.session import Commissioning
 
@@ -182,7 +182,7 @@ def _markdown_cell(text: str) -> str:
     return _plain(text).replace("|", "\\|")
 
 
-def _markdown_finding(finding: Finding) -> str:
+def _markdown_finding(finding: Diagnosis) -> str:
     return f"**{_plain(finding.name)}**: {_plain(finding.evidence)}. {_plain(finding.mend)}."
 
 

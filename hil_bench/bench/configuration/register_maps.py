@@ -3,7 +3,7 @@
 `docs/modbus.md` tells the meaning of each key.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -46,18 +46,6 @@ def _identity(value: object) -> str:
     return value
 
 
-def _one_of(known: Iterable[str]) -> Callable[[object], str]:
-    names = list(known)
-
-    def read(value: object) -> str:
-        if value not in names:
-            right = ", ".join(f'"{name}"' for name in names)
-            raise ConfigError(f"{describe(value)} is unknown; give one of {right}")
-        return str(value)
-
-    return read
-
-
 def _scale(value: object) -> float:
     """Return the value of one count.
 
@@ -90,8 +78,8 @@ _REGISTER_KEYS = (
 
 _NUMBER_KEYS = (
     *_REGISTER_KEYS,
-    Key("type", _one_of(DATA_TYPES), example='"float32"'),
-    Key("unit", _one_of(_KNOWN_UNITS), ONE.symbol),
+    Key("type", choice(DATA_TYPES), example='"float32"'),
+    Key("unit", choice(_KNOWN_UNITS), ONE.symbol),
     Key("scale", _scale, 1.0),
     Key("word_order", choice(WordOrder)),
     Key("low", number()),

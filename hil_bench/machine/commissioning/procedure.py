@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import Members
 from hil_bench.machine.commissioning.comparison import (
     IDENTITY,
     MAPPING,
@@ -15,7 +16,6 @@ from hil_bench.machine.commissioning.comparison import (
     compare,
 )
 from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
-from hil_bench.machine.commissioning.members import Members
 from hil_bench.machine.commissioning.plan import Step, expected_speed
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.outside.recording.channels import Recording

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import find_members
 from hil_bench.machine.commissioning.borrowed import Returned
 from hil_bench.machine.commissioning.direction import direction
 from hil_bench.machine.commissioning.discovery import Method, discover
@@ -13,7 +14,6 @@ from hil_bench.machine.commissioning.guard import LimitError
 from hil_bench.machine.commissioning.identity import NodeDescription, describe
 from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS, Diagnosis, StepResult, Verdict
-from hil_bench.machine.commissioning.members import find_members
 from hil_bench.machine.commissioning.plan import (
     CommissioningPlan,
     Step,
@@ -141,7 +141,7 @@ def commission(
     """
     axis = choose_axis(plan, config)
     check_against(plan, axis)
-    members = find_members(config, axis.name)
+    members = find_members(config, axis.name, "commissioning")
     rig = Rig(
         network,
         members,

@@ -13,7 +13,7 @@ from typing import Self
 
 from canopen.objectdictionary import datatypes
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.comparison import Key
 from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
 from hil_drivers.node import object_name
@@ -89,12 +89,11 @@ class SettingsJournal:
             ConfigError: the file cannot be read, or is no journal.
         """
         journal = cls(path)
+        with about_file(path, what="cannot be read"):
+            lines = path.read_bytes().splitlines()
         try:
-            text = path.read_text(encoding="utf-8")
-            for line in text.splitlines():
+            for line in lines:
                 journal._add(_parse(json.loads(line)))
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
         except (ValueError, KeyError, TypeError):
             raise ConfigError(
                 f"{path}: is no journal of settings; each line of one names node, object and value"
@@ -165,11 +164,7 @@ class SettingsJournal:
         self.settings.append(setting)
 
     def _keep(self, setting: BorrowedSetting) -> None:
-        """Add a setting to the file before it is changed.
-
-        Raises:
-            ConfigError: it cannot be written.
-        """
+        """Add a setting to the file before it is changed."""
         if self.path is None:
             return
         index, subindex = setting.key
@@ -180,11 +175,8 @@ class SettingsJournal:
             "before": setting.before.hex(),
             "during": setting.during.hex(),
         }
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-        except OSError as error:
-            raise ConfigError(f"{self.path}: cannot be written: {error.strerror}") from None
+        with about_file(self.path), self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
 
 
 def _parse(line: dict[str, object]) -> BorrowedSetting:

@@ -13,7 +13,7 @@ from can.io.blf import BLFParseError, BLFReader, BLFWriter
 from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_reader import read_mdf
@@ -181,12 +181,8 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
     if suffix not in SUFFIXES:
         right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
-    try:
+    with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be read: {error.strerror}; give a log of frames"
-        ) from None
     with file:
         if suffix == ".blf":
             yield from map(logged_frame_of, _messages(path, _BlfReader, file))

@@ -19,6 +19,9 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 `hil_drivers.errors`.
 """
 
+import contextlib
+from collections.abc import Iterator
+
 from hil_bench.canopen_device.errors import (
     ConfigError,
     DeviceError,
@@ -39,6 +42,7 @@ __all__ = [
     "StorageError",
     "TimingError",
     "WaitTimeoutError",
+    "about_file",
     "printable",
 ]
 
@@ -72,3 +76,25 @@ class ControllerError(HilBenchError, RuntimeError):
 def printable(text: str) -> str:
     """Return a text from outside as a terminal may have it: control characters escaped."""
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+
+
+@contextlib.contextmanager
+def about_file(path: object, *, what: str = "cannot be written", right: str = "") -> Iterator[None]:
+    """Have an `OSError` of the block come as a `ConfigError` that names the file.
+
+    Args:
+        path: the file, as messages name it.
+        what: cannot be done.
+        right: what would be right, where that is worth saying.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ConfigError: in the place of the `OSError`.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise ConfigError("; ".join(filter(None, (f"{path}: {what}: {reason}", right)))) from None

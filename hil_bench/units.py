@@ -5,6 +5,7 @@ status line, plots.
 """
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 
@@ -19,7 +20,7 @@ class Unit(NamedTuple):
 
     symbol: str
     suffix: str
-    factor: float = 1.0
+    factor: float = 1
 
     def to_si(self, value: float) -> float:
         """Return `value`, given in this unit, in SI."""
@@ -68,3 +69,13 @@ LITRE_PER_MINUTE = Unit("l/min", "_l_min", 1e-3 / 60.0)
 LITRE_PER_MINUTE_BAR = Unit("l/(min bar)", "_l_min_bar", 1e-3 / 60.0 / 1e5)
 SECOND_AND_NEWTON = Unit("[s, N]", "_s_n")
 SECOND_AND_KELVIN = Unit("[s, K]", "_s_k")
+
+UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
+    "-": (ONE, PERCENT),
+    "Pa": (PASCAL, MILLIBAR, KILOPASCAL, BAR, MEGAPASCAL),
+    "m": (METRE, MILLIMETRE, MICROMETRE),
+    "m/s": (METRE_PER_SECOND, MILLIMETRE_PER_SECOND),
+    "s": (SECOND, MILLISECOND, MICROSECOND),
+    "m³/s": (CUBIC_METRE_PER_SECOND, LITRE_PER_MINUTE),
+}
+"""Units in which bindings and registers may have a quantity, by its SI unit."""

@@ -24,6 +24,12 @@ Handler = Callable[[bytes, float], bool]
 RESOLUTION = 1e-6
 """A wait shorter than this [s] is over: some buses and clocks cannot tell it from none."""
 
+CONTROLLER_ID = 127
+"""Node-ID under which a controller sends its heartbeat, unless it says otherwise."""
+
+HEARTBEAT_PERIOD = 0.05
+"""Time between two of its heartbeats, likewise [s]."""
+
 BACKLOG = 256
 """Frames taken at once when a wait is over: a flood must not keep the caller from its own work."""
 
@@ -187,7 +193,9 @@ class Network:
         if not self.wait_for(condition, timeout):
             raise DriverTimeoutError(f"{what}: not within {timeout:g} s")
 
-    def start_heartbeat(self, node_id: int, period: float) -> None:
+    def start_heartbeat(
+        self, node_id: int = CONTROLLER_ID, period: float = HEARTBEAT_PERIOD
+    ) -> None:
         """Send our boot-up message, and from then on a heartbeat each `period` seconds.
 
         Heartbeats are sent while the caller waits, so whoever computes for longer than the period

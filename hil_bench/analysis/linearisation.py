@@ -45,12 +45,6 @@ class SecondOrderSystem:
             self.eigenfrequency * (-self.damping_ratio - root),
         )
 
-    @property
-    def resonance_frequency(self) -> float:
-        """Frequency of the largest gain [Hz]; 0 where the damping leaves no peak."""
-        peak = 1.0 - 2.0 * self.damping_ratio**2
-        return self.eigenfrequency * math.sqrt(max(peak, 0.0)) / (2.0 * math.pi)
-
     def response(self, frequencies: Frequencies) -> Response:
         """Return the frequency response."""
         ratio = 2j * np.pi * np.asarray(frequencies) / self.eigenfrequency

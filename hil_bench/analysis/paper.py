@@ -15,7 +15,7 @@ from hil_bench.analysis.simulated_studies import measured_responses_study, traje
 from hil_bench.analysis.simulation_statements import simulation_statements
 from hil_bench.analysis.statement import Statement, Verdict
 from hil_bench.analysis.study import Study, write_study
-from hil_bench.errors import ConfigError
+from hil_bench.errors import about_file
 
 REPORT = "paper-report.md"
 """Name of the report's file."""
@@ -72,19 +72,12 @@ def write_paper(directory: Path, runs: PaperRuns | None = None) -> list[Path]:
     Args:
         directory: that is there.
         runs: what was simulated; None to simulate it now.
-
-    Raises:
-        ConfigError: a file cannot be written.
     """
     report = directory / REPORT
     images = directory / IMAGES
-    try:
+    with about_file(directory, right="give a directory of yours"):
         images.mkdir(exist_ok=True)
         report.touch()
-    except OSError as error:
-        raise ConfigError(
-            f"{error.filename}: cannot be written: {error.strerror}; give a directory of yours"
-        ) from None
     runs = run_paper() if runs is None else runs
     files = [path for study in paper_studies(runs) for path in write_study(study, images)]
     report.write_text(report_text(runs), encoding="utf-8")

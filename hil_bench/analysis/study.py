@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.analysis.errors import require_extra
-from hil_bench.errors import ConfigError
+from hil_bench.errors import about_file
 from hil_bench.figure_style import STYLE
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.outside.recording.files import RecordingFile
@@ -97,11 +97,7 @@ def write_study(study: Study, directory: Path) -> list[Path]:
 
 
 def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
-    """Draw a figure in the house style and write it as `stem`.png and `stem`.svg.
-
-    Raises:
-        ConfigError: a file cannot be written.
-    """
+    """Draw a figure in the house style and write it as `stem`.png and `stem`.svg."""
     require_extra("matplotlib", "a figure")
     import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
 
@@ -111,11 +107,7 @@ def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
         for suffix, metadata in _METADATA.items():
             path = stem.with_name(f"{stem.name}.{suffix}")
             options: dict[str, Any] = {"dpi": 150, "metadata": dict(metadata)}
-            try:
+            with about_file(path, right="give a directory of yours"):
                 figure.savefig(path, **options)
-            except OSError as error:
-                raise ConfigError(
-                    f"{path}: cannot be written: {error.strerror}; give a directory of yours"
-                ) from None
             files.append(path)
     return files

@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
-from hil_bench.bench.configuration.register_maps import UNITS
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.objects import parse_object
 from hil_bench.devices.quantities import RegisterValue, object_quantity
 from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.exchange import Entry, Exchange
+from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.register_map import Access, Register
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.modbus.unit_image import UnitImage
 from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.units import UNITS_OF
 
 _SAMPLE = "sample"
 _WATCHDOG = "watchdog"
@@ -66,7 +66,7 @@ class ModbusBinding:
         names = [node.name for node in config.nodes]
         nodes = dict(zip(names, bench.nodes, strict=True))
         fittings = dict(zip(names, bench.fittings, strict=True))
-        entries: list[Entry] = []
+        entries: list[BoundRegister] = []
         units: dict[int, UnitImage] = {}
         for unit in config.modbus.units:
             registers, first = unit.register_map, len(entries)
@@ -113,12 +113,14 @@ def bind_registers(
     return quantities
 
 
-def _entries(unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]) -> Iterator[Entry]:
+def _entries(
+    unit: ModbusUnitConfig, quantities: Sequence[RegisterValue]
+) -> Iterator[BoundRegister]:
     """Yield what stands behind each register of a unit."""
     for register, quantity in zip(unit.register_map.registers, quantities, strict=True):
         source = register.source
         place = parse_object(source) if source.startswith(_OBJECT_PREFIX) else None
-        yield Entry(
+        yield BoundRegister(
             register,
             quantity.read,
             None if register.access is Access.READ else quantity.write,
@@ -145,8 +147,8 @@ def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) ->
         raise ConfigError(
             f'.source: "{source}" is unknown; give an object or one of {_list(known)}'
         )
-    if register.unit not in UNITS[quantity.unit]:
-        right = ", ".join(f'"{unit.symbol}"' for unit in UNITS[quantity.unit])
+    if register.unit not in UNITS_OF[quantity.unit]:
+        right = ", ".join(f'"{unit.symbol}"' for unit in UNITS_OF[quantity.unit])
         raise ConfigError(f'.unit: "{register.unit.symbol}" does not fit; give one of {right}')
     if register.access is not Access.READ and quantity.write is None:
         raise ConfigError(f'.access: "{source}" cannot be written; give "r"')

@@ -25,6 +25,9 @@ GENERIC: Final = 0x01
 COMMUNICATION: Final = 0x10
 """Error register bit 4: communication error (overrun, error state)."""
 
+DEVICE_PROFILE: Final = 0x20
+"""Error register bit 5: what the device profile defines."""
+
 ERROR_RESET: Final = 0x0000
 SYNC_LENGTH: Final = 0x8240
 HEARTBEAT: Final = 0x8130

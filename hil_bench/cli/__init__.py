@@ -127,7 +127,6 @@ def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
         prog="hil-bench",
         description="A hydraulic axis behind CANopen devices, in software: a test bench.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
     add_verbosity_arguments(parser, verbose=0, quiet=False)

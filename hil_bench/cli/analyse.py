@@ -31,7 +31,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Analyse valve and cylinder, of the paper or of your bench. Figures go to\n"
         "standard output; with --output, tables (CSV) and figures (PNG, SVG) go to files.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     names = parser.add_subparsers(title="analyses", metavar="NAME", required=True)
     add_analyses(names)

@@ -63,7 +63,6 @@ def add_analysis(
         help=summary,
         description=f"{summary[0].upper()}{summary[1:]}.",
         epilog=f"examples:\n{examples}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     if study is not None:
         parser.add_argument(

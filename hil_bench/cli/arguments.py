@@ -11,7 +11,7 @@ from can.cli import add_bus_arguments
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.bench.configuration.keys import REALTIME_KEYS
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
 
 _LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
@@ -165,14 +165,6 @@ def find_cylinder(config: BenchConfig, name: str | None, who: str) -> CylinderCo
 
 
 def make_directory(path: Path) -> None:
-    """Make the output directory where it is not there yet.
-
-    Raises:
-        ConfigError: it cannot be made.
-    """
-    try:
+    """Make the output directory where it is not there yet."""
+    with about_file(f"--output {path}", what="cannot be made", right="give a directory of yours"):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(
-            f"--output {path}: cannot be made: {error.strerror}; give a directory of yours"
-        ) from None

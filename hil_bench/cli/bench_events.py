@@ -1,13 +1,16 @@
 """What happens on a bench while it runs, as lines for people: faults, states, errors, SYNC."""
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.schedule import FaultEvent
 from hil_drivers.emergency import Emergency
+
+if TYPE_CHECKING:
+    from hil_bench.devices.faults.schedule import FaultEvent
 
 LOOK = 100_000_000
 """Bench time between two looks [ns]: what comes and goes within it is not seen."""
@@ -45,7 +48,7 @@ class BenchEvents:
                 config.nodes, bench.nodes, bench.fittings, strict=True
             )
         ]
-        self._faults = bench.faults.events
+        self._faults = bench.faults
         self._last_fault: FaultEvent | None = None
         self._sync = _SyncWatch(bench.nodes) if watches_sync else None
         self._budget = _Budget(say)
@@ -60,7 +63,8 @@ class BenchEvents:
         if now < self._look_at:
             return
         self._look_at = now + LOOK
-        for event in self._new_faults():
+        for event in self._faults.events_since(self._last_fault):
+            self._last_fault = event
             verb = "begins" if event.is_begin else "ends"
             self._say(now, event.time, f"fault {event.kind} {event.target} {verb}")
         changed: dict[str, list[str]] = {}
@@ -71,17 +75,6 @@ class BenchEvents:
             self._say(now, now, f"{', '.join(names)}: {change}")
         if self._sync is not None and (what := self._sync.change(now)):
             self._say(now, now, what)
-
-    def _new_faults(self) -> list[FaultEvent]:
-        """Return what began or ended since the last call, the oldest first."""
-        new: list[FaultEvent] = []
-        for event in reversed(self._faults):
-            if event is self._last_fault:
-                break
-            new.append(event)
-        if new:
-            self._last_fault = new[0]
-        return new[::-1]
 
     def _say(self, now: int, time: int, what: str) -> None:
         self._budget.say(now, f"{time / _NS_PER_S:.3f} s: {what}")

@@ -15,7 +15,7 @@ from hil_bench.cli.controller_side import (
     seen_from_bus,
 )
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.comparison import Difference, Mend, compare
 from hil_bench.machine.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
 from hil_drivers import DriverError, Network
@@ -124,19 +124,13 @@ def _verdict(differences: Sequence[Difference]) -> str:
 
 
 def _write_dcf(directory: Path, plans: Sequence[Plan]) -> None:
-    """Write the plans as files.
-
-    Raises:
-        ConfigError: one cannot be written.
-    """
-    try:
+    """Write the plans as files."""
+    with about_file(f"--dcf {directory}"):
         directory.mkdir(parents=True, exist_ok=True)
         for plan in plans:
             path = directory / f"node{plan.config.node_id}.cdcf"
             path.write_bytes(concise_dcf(plan.writes))
             print(f"{path}: {len(plan.writes)} writes", file=sys.stderr)
-    except OSError as error:
-        raise ConfigError(f"--dcf {directory}: cannot be written: {error.strerror}") from None
 
 
 def _is_wanted(plans: Sequence[Plan], args: argparse.Namespace) -> bool:

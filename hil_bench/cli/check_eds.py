@@ -30,7 +30,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Check EDS files (CiA 306) beyond what loaders notice: lists and counts, "
         "formats,\ndata types, limits and defaults, PDO mappings with their targets and lengths.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="an EDS file")
     parser.add_argument("--strict", action="store_true", help="let a warning count as an error")

@@ -80,7 +80,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "leakage. A step that leaves a limit closes the valve at once. Leaves a report and a\n"
         "recording.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("plan", type=Path, metavar="PLAN.toml", help="steps, limits, what is right")
     add_bench_arguments(parser)

@@ -11,7 +11,7 @@ from hil_bench.cli.controller_side import OpenNetwork, bus_words
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.borrowed import Returned
-from hil_bench.machine.commissioning.journal import Setting, SettingsJournal
+from hil_bench.machine.commissioning.journal import BorrowedSetting, SettingsJournal
 from hil_drivers import NmtState
 
 _FILE = "unrestored.jsonl"
@@ -68,7 +68,7 @@ def print_returned(returned: Returned, command: str, *, is_quiet: bool = False) 
         print(line, file=sys.stderr)
 
 
-def _nodes(settings: Sequence[Setting]) -> str:
+def _nodes(settings: Sequence[BorrowedSetting]) -> str:
     numbers = sorted({setting.node_id for setting in settings})
     return f"node{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
@@ -88,7 +88,7 @@ def _state_lines(returned: Returned) -> Iterator[str]:
             yield f"nodes     {', '.join(nodes)}: {text}"
 
 
-def _unrestored_lines(settings: Sequence[Setting], command: str) -> Iterator[str]:
+def _unrestored_lines(settings: Sequence[BorrowedSetting], command: str) -> Iterator[str]:
     ordered = sorted(settings, key=lambda setting: (setting.node_id, setting.problem))
     for (node_id, problem), group in groupby(ordered, lambda s: (s.node_id, s.problem)):
         of_node = list(group)

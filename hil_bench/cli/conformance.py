@@ -26,7 +26,7 @@ from hil_bench.conformance.device import DeviceUnderTest
 from hil_bench.conformance.suite import Result, run_suite
 from hil_bench.conformance.verdicts import Deviation
 from hil_bench.conformance.wire import Wire
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 _EXAMPLES = """\
 examples:
@@ -49,7 +49,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Check a device on a bus, clause by clause, against CiA 301 and CiA 305, and\n"
         "print a line a check. The EDS tells which objects and services the device has.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_network_arguments(parser)
@@ -189,11 +188,7 @@ def _description(dut: DeviceUnderTest) -> str:
 
 
 def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed: Impact) -> None:
-    """Print the summary and write the report.
-
-    Raises:
-        ConfigError: the report cannot be written.
-    """
+    """Print the summary and write the report."""
     if args.json:
         print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
     elif args.quiet:
@@ -204,10 +199,8 @@ def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed:
     if args.report is None:
         return
     text = report.markdown(results, device=device, allowed=allowed, command=_command(args))
-    try:
+    with about_file(f"--report {args.report}"):
         args.report.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError as error:
-        raise ConfigError(f"--report {args.report}: {error.strerror}") from None
 
 
 def _command(args: argparse.Namespace) -> str | None:

@@ -27,7 +27,7 @@ from hil_bench.cli.status_line import StatusLine
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.files import RecordingFile
-from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.plot import plot_result
 
 _LONGEST = 3600.0
@@ -52,7 +52,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "of the bench\nalong a motion profile. Bench and controller meet on a bus inside this "
         "process.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "config",
@@ -104,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     make_directory(args.output)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
-        frames = stack.enter_context(FrameFile(args.output / "demo.log"))
+        frames = stack.enter_context(open_frame_file(args.output / "demo.log"))
         wish = stack.enter_context(interruption())
         line = StatusLine(
             session.snapshot,

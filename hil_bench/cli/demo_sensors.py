@@ -1,14 +1,11 @@
 """The demo's sensors, on CANopen or on Modbus: the controller does not care which."""
 
-from collections.abc import Sequence
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig, NodeConfig
+from hil_bench.bench.members import Members
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.kind import DeviceKind
-from hil_bench.kinds.registry import ENCODER, PRESSURE
-from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network, PositionSensor, PressureSensor, modbus
 from hil_drivers.interfaces import PositionSource, PressureSource
@@ -35,27 +32,22 @@ class Sensors(NamedTuple):
     pressures: tuple[PressureSource, PressureSource]
 
 
-def canopen_sensors(network: Network, members: Sequence[NodeConfig]) -> Sensors:
+def canopen_sensors(network: Network, members: Members) -> Sensors:
     """Return the drivers of an axis' sensors on CANopen."""
-    encoder = the_node(members, ENCODER)
-    pressure_a, pressure_b = (
-        PressureSensor(network, node.node_id, node.eds) for node in transducers(members)
-    )
-    return Sensors(PositionSensor(network, encoder.node_id, encoder.eds), (pressure_a, pressure_b))
+    encoder = members.position
+    at_a, at_b = (PressureSensor(network, node.node_id, node.eds) for node in members[2:])
+    return Sensors(PositionSensor(network, encoder.node_id, encoder.eds), (at_a, at_b))
 
 
-def modbus_sensors(
-    bench: VirtualBench, config: BenchConfig, members: Sequence[NodeConfig]
-) -> Sensors:
+def modbus_sensors(bench: VirtualBench, config: BenchConfig, members: Members) -> Sensors:
     """Return the drivers of an axis' sensors on Modbus TCP, inside this process."""
     client = modbus.ModbusClient(bench.modbus_link(TcpFraming()), clock=bench.now)
-    encoder = the_unit(config, the_node(members, ENCODER))
-    pressure_a, pressure_b = (
-        modbus.PressureSensor(client, unit.unit_id, registers_of(unit))
-        for unit in (the_unit(config, node) for node in transducers(members))
+    encoder, *transducers = (the_unit(config, node) for node in members[1:])
+    at_a, at_b = (
+        modbus.PressureSensor(client, unit.unit_id, registers_of(unit)) for unit in transducers
     )
     position = modbus.PositionSensor(client, encoder.unit_id, registers_of(encoder))
-    return Sensors(position, (pressure_a, pressure_b))
+    return Sensors(position, (at_a, at_b))
 
 
 def registers_of(unit: ModbusUnitConfig) -> RegisterMap:
@@ -73,37 +65,3 @@ def the_unit(config: BenchConfig, node: NodeConfig) -> ModbusUnitConfig:
         if unit.node == node.name:
             return unit
     raise ConfigError(f"no [modbus.units.NAME] shows nodes.{node.name}; the demo needs one")
-
-
-def the_node(members: Sequence[NodeConfig], kind: DeviceKind[Any]) -> NodeConfig:
-    """Return the first node of an axis of this kind.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    for node in members:
-        if node.kind is kind:
-            return node
-    raise ConfigError(
-        f"the first axis has no node of profile {kind.name}; the demo's controller needs one"
-    )
-
-
-def transducers(members: Sequence[NodeConfig]) -> tuple[NodeConfig, NodeConfig]:
-    """Return the transducers of an axis at port A and at port B."""
-    at_a, at_b = (transducer(members, port) for port in PORTS)
-    return at_a, at_b
-
-
-def transducer(members: Sequence[NodeConfig], port: str) -> NodeConfig:
-    """Return the transducer at one port.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    for node in members:
-        if node.kind.measured(node) == port:
-            return node
-    raise ConfigError(
-        f"the first axis has no {PRESSURE.name} at {port}; the demo's controller needs one"
-    )

@@ -3,7 +3,7 @@
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -11,17 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.cli.demo_sensors import (
-    SensorBus,
-    Sensors,
-    canopen_sensors,
-    modbus_sensors,
-    the_node,
-)
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import Members, find_members
+from hil_bench.cli.demo_sensors import SensorBus, Sensors, canopen_sensors, modbus_sensors
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.registry import VALVE
 from hil_bench.outside.processes.snapshot import Snapshot
 from hil_bench.outside.realtime.clock import MonotonicClock, ScaledClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -48,15 +42,10 @@ from hil_drivers import (
     PositionLoop,
     ProportionalValve,
 )
+from hil_drivers.network import HEARTBEAT_PERIOD
 
 CYCLE = 0.002
 """Period of the controller [s]."""
-
-CONTROLLER_ID = 127
-"""Node-ID under which the controller sends its heartbeat."""
-
-HEARTBEAT_PERIOD = 0.05
-"""Time between two heartbeats of the controller [s]."""
 
 _SET_UP_TIME = 5.0  # more than it takes to boot and configure the nodes [s]
 _LOGGED_FRAMES = 2_000_000
@@ -223,16 +212,17 @@ class DemoSession:
         Yields:
             The control loop.
         """
-        members = [n for n in self._config.nodes if n.axis == self._config.axes[0].name]
-        valve_node = the_node(members, VALVE)
-        network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
-        with ProportionalValve(network, valve_node.node_id, valve_node.eds) as valve:
+        members = find_members(self._config, self._config.axes[0].name, "the demo")
+        network.start_heartbeat()
+        with ProportionalValve(network, members.valve.node_id, members.valve.eds) as valve:
             sensors = self._sensors(network, members)
             valve.setup(heartbeat_timeout=4 * HEARTBEAT_PERIOD)
             for sensor in (sensors.position, *sensors.pressures):
                 sensor.setup()
-            for node in members if self._sensor_bus is SensorBus.CANOPEN else [valve_node]:
-                network.start_node(node.node_id)
+            started = members if self._sensor_bus is SensorBus.CANOPEN else members[:1]
+            for node in self._config.nodes:
+                if node in started:
+                    network.start_node(node.node_id)
             valve.enable()
             yield PositionLoop(
                 network,
@@ -243,7 +233,7 @@ class DemoSession:
                 period=CYCLE,
             )
 
-    def _sensors(self, network: Network, members: Sequence[NodeConfig]) -> Sensors:
+    def _sensors(self, network: Network, members: Members) -> Sensors:
         if self._sensor_bus is SensorBus.CANOPEN:
             return canopen_sensors(network, members)
         return modbus_sensors(self.bench, self._config, members)

@@ -24,7 +24,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Print the device table: node-ID, profile, EDS file and the PDOs of each node\n"
         "at power-on, with identifier, transmission type, timer and mapped objects.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_json_argument(parser)

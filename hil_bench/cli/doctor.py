@@ -15,6 +15,7 @@ from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.session.doctor.buses import examine_buses
+from hil_bench.session.doctor.extensions import examine_extensions
 from hil_bench.session.doctor.finding import Topic, Verdict, read_file
 from hil_bench.session.doctor.lateness import LatenessTest, measure_lateness
 from hil_bench.session.doctor.machine import examine_machine
@@ -40,9 +41,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "doctor",
         description="Show what this machine can do for a bench in real time: permissions, kernel,\n"
-        "processors, CAN, the lateness of a short run; and what to change. Nothing is changed.",
+        "processors, CAN, software, installed kinds of devices and plants, the lateness of a\n"
+        "short run; and what to change. Nothing is changed.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_json_argument(parser)
     parser.add_argument(
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     permissions, machine = examine_permissions(read_file), examine_machine(read_file)
     buses = examine_buses(read_file)
     tests = measure(args.seconds, permissions)
-    topics = (permissions, machine, buses, examine_software())
+    topics = (permissions, machine, buses, examine_software(), examine_extensions())
     if args.json:
         print(json_text(topics, tests))
     else:

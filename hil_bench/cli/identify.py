@@ -10,7 +10,7 @@ from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord
@@ -35,7 +35,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "trial.png and .svg, the model beside the part of the record that was not fitted.\n"
         "Exit code 1: the model does not explain the record.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("recording", type=Path, metavar="RECORDING", help="signals: .csv or .mf4")
     parser.add_argument(
@@ -108,17 +107,9 @@ def _identify(
 
 
 def _write(directory: Path, found: Identification, source: str) -> list[Path]:
-    """Write the parameters and the figure; return the files.
-
-    Raises:
-        ConfigError: a file cannot be written.
-    """
+    """Write the parameters and the figure; return the files."""
     parameters = directory / "parameters.toml"
-    try:
+    with about_file(parameters, right="give a directory of yours"):
         text = to_toml(found, source)
         parameters.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError as error:
-        raise ConfigError(
-            f"{parameters}: cannot be written: {error.strerror}; give a directory of yours"
-        ) from None
     return [parameters, *write_figure(lambda: draw_trial(found), directory / "trial")]

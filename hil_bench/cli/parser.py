@@ -4,7 +4,7 @@ import argparse
 import difflib
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from hil_bench.cli.exit_codes import ExitCode
 
@@ -14,10 +14,15 @@ _MOST_CHOICES = 8  # more of them are for --help
 class Parser(argparse.ArgumentParser):
     """An argument parser for people: errors of one line, with the nearest name that is right.
 
+    Its description and its epilog stand as they are written.
+
     It leaves an optional positional for the arguments that stand behind an option. In
     ``FILE --virtual bench.toml`` Python before 3.12.7 has bench.toml's place empty as soon as it
     has seen FILE, and refuses bench.toml then.
     """
+
+    def __init__(self, **options: Any) -> None:  # noqa: ANN401 - as argparse
+        super().__init__(**{"formatter_class": argparse.RawDescriptionHelpFormatter, **options})
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where help is, without the usage of all options, and exit."""

@@ -46,7 +46,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Print the register map of each Modbus unit: tables, addresses, types, units "
         "and who\nmay write. Without [modbus] in the file, what it would be.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     parser.add_argument("--csv", action="store_true", help="print CSV for a program to read")

@@ -52,7 +52,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Put the frames of a recording back on a bus with their timing; or, with\n"
         "--virtual, drive the plant of a bench with the recorded spool set-points and compare.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
     add_bench_arguments(parser)

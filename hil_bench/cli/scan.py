@@ -38,7 +38,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "Nothing is written to any node, and no node changes its state, but with --by boot-up,\n"
         "and with --by guarding where life guarding is set.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_network_arguments(parser)

@@ -75,7 +75,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "the bus, and show what sets the machine apart from it. It joins at any moment: while the\n"
         "axis moves, stands, or has a fault. Nothing is sent.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     parser.add_argument(

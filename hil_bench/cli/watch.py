@@ -33,7 +33,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Show the values, nodes, faults and timing of a bench that hil-bench run runs\n"
         "on this machine, until Ctrl-C. A bench that ends is waited for.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_argument(parser)
     parser.add_argument("--once", action="store_true", help="show one picture, and end")

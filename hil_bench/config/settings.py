@@ -7,7 +7,10 @@ from typing import Any, NamedTuple
 
 from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
-from hil_bench.units import ONE, Unit
+from hil_bench.units import MICROSECOND, ONE, Unit
+
+CLOCK_MICROSECOND = MICROSECOND._replace(factor=1000)
+"""Of a key whose record counts ns, as the clock of a bench does."""
 
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
 
@@ -90,8 +93,8 @@ class Problems:
         return f"{self.source}:{'.'.join(quote_name(name) for name in (table, key) if name)}"
 
     def add(self, place: str, what: object) -> None:
-        """Note one problem; `what` says what is wrong and what would be right."""
-        self._lines.append(f"{place}: {what}")
+        """Note problems, one a line; `what` says what is wrong and what would be right."""
+        self._lines += [f"{place}: {line}" for line in str(what).splitlines()]
 
     def raise_any(self) -> None:
         """End the loading if there is a problem.
@@ -142,8 +145,6 @@ def _read_key(table: str, given: Given | None, key: Key, problems: Problems) -> 
 
 
 def _to_si(value: Value, unit: Unit) -> Value:
-    if isinstance(value, float):
-        return unit.to_si(value)
-    if isinstance(value, tuple) and not any(isinstance(part, tuple) for part in value):
-        return tuple(unit.to_si(bound) for bound in value)
-    return value  # points are in SI as they are given
+    if isinstance(value, tuple):
+        return tuple(_to_si(part, unit) for part in value)
+    return unit.to_si(value) if type(value) in {int, float} else value

@@ -8,7 +8,6 @@ import difflib
 import json
 import math
 from collections.abc import Callable, Iterable
-from enum import StrEnum
 from typing import Any
 
 import can
@@ -165,14 +164,14 @@ def node_id(value: object) -> int:
     return value
 
 
-def choice(choices: type[StrEnum]) -> Reader:
-    """Return a reader of the values of an enumeration."""
-    known = ", ".join(f'"{member.value}"' for member in choices)
+def choice(choices: Iterable[str]) -> Reader:
+    """Return a reader of words, which may be the values of an enumeration."""
+    known = ", ".join(f'"{word}"' for word in choices)
 
-    def read(value: object) -> StrEnum:
-        for member in choices:
-            if member.value == value:
-                return member
+    def read(value: object) -> str:
+        for word in choices:
+            if word == value:
+                return word
         raise ConfigError(f"{describe(value)} is unknown; give one of {known}")
 
     return read

@@ -11,15 +11,13 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16
-from hil_bench.canopen_device.emcy import EmcyProducer
+from hil_bench.canopen_device.emcy import DEVICE_PROFILE, EmcyProducer
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.devices.profile_objects import optional
 from hil_bench.errors import SdoAbort
 
 DEVIATION_EMCY: Final = 0x8301
 """Position control monitoring."""
-DEVICE_PROFILE_ERROR: Final = 0x20
-"""Bit of the error register that it sets."""
 
 _MILLISECOND: Final = 1_000_000
 
@@ -63,7 +61,7 @@ class DeviationMonitor:
         if self.has_tripped or now - self._outside_since < self._delay.value * _MILLISECOND:
             return False
         self.has_tripped = True
-        self._emcy.raise_error(DEVIATION_EMCY, DEVICE_PROFILE_ERROR)
+        self._emcy.raise_error(DEVIATION_EMCY, DEVICE_PROFILE)
         return True
 
     def _recover(self) -> None:

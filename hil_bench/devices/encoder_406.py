@@ -26,6 +26,7 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32, UNSIGNED16, UNSIGNED32
+from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
@@ -51,8 +52,6 @@ OVERSPEED: Final = 1 << 0
 """Bit of the warnings 0x6505 and 0x6506."""
 
 POSITION_EMCY: Final = 0x1000
-DEVICE_PROFILE_ERROR: Final = 0x20
-"""Bit of the error register that a position error sets."""
 
 _END_OF_TIME: Final = 1 << 63
 
@@ -208,7 +207,7 @@ class EncoderDevice:
         self._show_position(saturate(steps, self._lowest, self._highest, unknown=last))
         if not self._alarms.value:
             self._alarms.value = POSITION_ERROR
-            self.node.emcy.raise_error(POSITION_EMCY, DEVICE_PROFILE_ERROR)
+            self.node.emcy.raise_error(POSITION_EMCY, DEVICE_PROFILE)
 
     def _end_position_error(self) -> None:
         self._alarms.value = 0

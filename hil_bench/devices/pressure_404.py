@@ -32,6 +32,7 @@ from hil_bench.canopen_device.datatypes import (
     UNSIGNED8,
     UNSIGNED32,
 )
+from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
@@ -61,8 +62,6 @@ OVERLOAD_MARGIN: Final = 0.03125
 """How far beyond the span a pressure is still measured, as a part of the span."""
 
 OVERLOAD_EMCY: Final = 0xF001
-DEVICE_PROFILE_ERROR: Final = 0x20
-"""Bit of the error register that an overload sets."""
 
 _MOST_DIGITS: Final = 3
 ZERO: Final = int.from_bytes(b"zero", "little")
@@ -180,7 +179,7 @@ class PressureDevice:
         self._int32.value = -2147483648
 
     def _show_overload(self, pressure: float) -> None:
-        self.node.emcy.raise_error(OVERLOAD_EMCY, DEVICE_PROFILE_ERROR)
+        self.node.emcy.raise_error(OVERLOAD_EMCY, DEVICE_PROFILE)
         self._status.value = NOT_VALID
         if pressure > self._highest:
             self._status.value |= POSITIVE_OVERLOAD

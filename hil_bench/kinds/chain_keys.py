@@ -8,7 +8,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.config.settings import Key
+from hil_bench.config.settings import CLOCK_MICROSECOND, Key
 from hil_bench.config.values import (
     Reader,
     Value,
@@ -29,7 +29,6 @@ from hil_bench.units import (
     MICROMETRE,
     MICROMETRE_PER_KELVIN,
     MICROMETRE_PER_ROOT_HERTZ,
-    MICROSECOND,
     MILLIMETRE,
     PASCAL,
     PERCENT,
@@ -66,7 +65,7 @@ def _amount(name: str, unit: Unit, field: str) -> Key:
 
 
 def _microseconds(name: str, field: str, low: int = 0) -> Key:
-    return Key(name, zero_or(integer(low, _LONGEST_US)), 0, MICROSECOND, field)
+    return Key(name, zero_or(integer(low, _LONGEST_US)), 0, CLOCK_MICROSECOND, field)
 
 
 _GAIN_KEYS = (

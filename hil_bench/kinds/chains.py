@@ -13,7 +13,6 @@ from hil_bench.kinds.chain_keys import CHAIN_KEYS, PRESETS
 CHAIN_TABLE = "chain"
 """Name of the table of a measuring chain, within the table of its sensor."""
 
-_NS_PER_US = 1000
 _MOST_WARMTH = 1000  # [K]
 
 
@@ -64,13 +63,8 @@ def check_chain(table: str, chain: Settings, problems: Problems) -> None:
 
 def build_chain(unit: str, chain: Settings) -> ChainParameters:
     """Return the record of a checked chain."""
-    points = chain["warming_s_k"]
-    keys = [key for key in CHAIN_KEYS[unit] if key.name not in {"preset", points.key.name}]
-    values = convert(chain, keys)
-    for name in values:
-        if name.endswith("_ns"):
-            values[name] *= _NS_PER_US
-    return ChainParameters(**values, temperature=points.value)
+    keys = [key for key in CHAIN_KEYS[unit] if key.name != "preset"]
+    return ChainParameters(**convert(chain, keys))
 
 
 def preset_chain(unit: str, preset: StrEnum) -> ChainParameters:

@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
-CONTROLLER_ID = 127
-"""Node-ID under which the `network` fixture sends its heartbeat."""
-
 _FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
@@ -303,7 +300,7 @@ def network(
     request: pytest.FixtureRequest, can_bus: "can.BusABC", pytestconfig: pytest.Config
 ) -> "Iterator[Network]":
     """The drivers' network on that bus, which sends a heartbeat."""
-    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD, hide_drivers_from_tracebacks
+    from hil_bench.pytest_plugin.devices import hide_drivers_from_tracebacks
     from hil_bench.pytest_plugin.recording import make_recording_path, record_frames
     from hil_drivers import Network
 
@@ -317,7 +314,7 @@ def network(
         network = Network(can_bus, clock=bench.now)
     bench.pump = network.pump
     with network, record_frames(network, path):
-        network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+        network.start_heartbeat()
         yield network
 
 
@@ -329,7 +326,6 @@ def _networks(
     from contextlib import ExitStack
 
     from hil_bench.outside.transports.opening import open_can_bus
-    from hil_bench.pytest_plugin.devices import HEARTBEAT_PERIOD
     from hil_bench.pytest_plugin.networks import Networks
     from hil_drivers import Network
 
@@ -344,7 +340,7 @@ def _networks(
             else:
                 made = Network(bench.buses[name], clock=bench.now)
             stack.enter_context(made)
-            made.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+            made.start_heartbeat()
             return made
 
         first = next(iter(_bench_config.buses))

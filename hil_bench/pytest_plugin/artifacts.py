@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from hil_bench.outside.recording.files import RecordingFile
-from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.plot import Span, has_axis, plot_result
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -41,7 +41,7 @@ def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str
     """
     directory.mkdir(parents=True, exist_ok=True)
     files = {"trace": directory / f"{stem}.log", "signals": directory / f"{stem}.csv"}
-    with FrameFile(files["trace"]) as trace:
+    with open_frame_file(files["trace"]) as trace:
         trace.write_frames(tuple(bench.frames))
     with RecordingFile(files["signals"]) as signals:
         signals.write(bench.signals)

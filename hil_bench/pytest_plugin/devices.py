@@ -11,10 +11,7 @@ from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.pytest_plugin.networks import Networks
 from hil_drivers import PositionSensor, PressureSensor, ProportionalValve
 from hil_drivers.errors import DriverError
-from hil_drivers.network import Network
-
-HEARTBEAT_PERIOD = 0.05
-"""Time between two heartbeats of the `network` fixture [s]."""
+from hil_drivers.network import HEARTBEAT_PERIOD, Network
 
 EVENT_TIMER = 0.005
 """Time after which each device sends its values again [s]."""

@@ -9,11 +9,10 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.members import find_members
 from hil_bench.errors import ConfigError
-from hil_bench.kinds.kind import DeviceKind
-from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import (
     ControllerParameters,
@@ -29,12 +28,6 @@ from hil_drivers import (
 
 CYCLE = 0.002
 """Period of the controllers [s]."""
-
-CONTROLLER_ID = 127
-"""Node-ID under which they send their heartbeat."""
-
-HEARTBEAT_PERIOD = 0.05
-"""Time between two heartbeats [s]."""
 
 _FOR_EVER = 1e9  # [s]
 _PAUSE = 0.1  # between a fault of the valve and a new start [s]
@@ -183,35 +176,18 @@ def _set_up(
     Raises:
         ConfigError: one is missing, or on another bus.
     """
-    nodes = [node for node in config.nodes if node.axis == config.first_axis.name]
-    valve_node, position_node = _of(nodes, VALVE), _of(nodes, ENCODER)
-    pressure_nodes = [node for node in nodes if node.kind is PRESSURE]
+    nodes = find_members(config, config.first_axis.name, "the controller")
     if any(node.bus != FIRST_BUS for node in nodes):
         raise ConfigError("controller: the examples need all devices of the axis on the first bus")
-    if len(pressure_nodes) < 2:
-        raise ConfigError("controller: needs two pressure transducers on the first axis")
-    network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
-    valve = ProportionalValve(network, valve_node.node_id, valve_node.eds)
+    network.start_heartbeat()
+    valve = ProportionalValve(network, nodes.valve.node_id, nodes.valve.eds)
     stack.enter_context(valve)
-    first, second = (PressureSensor(network, n.node_id, n.eds) for n in pressure_nodes[:2])
-    devices = Devices(
-        valve, PositionSensor(network, position_node.node_id, position_node.eds), (first, second)
-    )
+    at_a, at_b = (PressureSensor(network, node.node_id, node.eds) for node in nodes[2:])
+    position = PositionSensor(network, nodes.position.node_id, nodes.position.eds)
+    devices = Devices(valve, position, (at_a, at_b))
     for sensor in (devices.position, *devices.pressures):
         sensor.setup()
     valve.setup(heartbeat_timeout=settings.heartbeat_timeout_ms, command_timeout=command_timeout)
     for node in network.nodes:
         network.start_node(node)
     return devices
-
-
-def _of(nodes: list[NodeConfig], kind: DeviceKind) -> NodeConfig:  # type: ignore[type-arg]
-    """Return the node of a kind.
-
-    Raises:
-        ConfigError: there is none.
-    """
-    for node in nodes:
-        if node.kind is kind:
-            return node
-    raise ConfigError(f"controller: needs a device of the kind {kind.name} on the first axis")

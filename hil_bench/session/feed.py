@@ -11,7 +11,6 @@ from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.schedule import FaultEvent
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.feed.messages import (
     ANSWER,
@@ -44,6 +43,8 @@ from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
+
+    from hil_bench.devices.faults.schedule import FaultEvent
 
 LOOK = 100_000_000
 """Time between two looks at nodes and faults, and for clients [ns]."""
@@ -129,7 +130,8 @@ class Feed:
     def _publish(self) -> None:
         if not self._wanted & WANTS_ROWS:
             self._put_row(self._session.row())
-        for event in self._new_faults():
+        for event in self._session.bench.faults.events_since(self._last_fault):
+            self._last_fault = event
             content = {
                 "time": event.time * 1e-9,
                 "what": "fault",
@@ -171,17 +173,6 @@ class Feed:
             for fault in session.bench.faults.active
         ]
         return {"nodes": nodes, "faults": faults}
-
-    def _new_faults(self) -> list[FaultEvent]:
-        """Return what began or ended since the last look, the oldest first."""
-        new: list[FaultEvent] = []
-        for event in reversed(self._session.bench.faults.events):
-            if event is self._last_fault:
-                break
-            new.append(event)
-        if new:
-            self._last_fault = new[0]
-        return new[::-1]
 
     def _put_row(self, values: Sequence[float]) -> None:
         self._put(ROW, self._pack_row(*values))

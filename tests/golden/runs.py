@@ -1,4 +1,4 @@
-"""A dozen varied runs of the bench, each of which leaves files behind: ``RUNS[name](directory)``.
+"""Varied runs of the bench, each of which leaves files behind: ``RUNS[name](directory)``.
 
 What drives a bench is the same everywhere: NMT start, control words up to operation, a spool
 set-point that follows two sines, a SYNC a tick; in `mixed_traffic` all sorts of frames besides. All
@@ -10,6 +10,7 @@ import io
 import math
 import os
 import random
+import shutil
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -54,6 +55,32 @@ model = "reduced"
 spool_delay_ms = 1.2
 """
 )
+
+PLAN = """
+[plan]
+bench = "sheet.toml"
+period_ms = 4
+
+[limits]
+position_mm = [-150, 150]
+speed_mm_s = 400
+pressure_bar = [-1, 110]
+
+[communication]
+
+[sensors]
+duration_s = 0.2
+
+[direction]
+"""
+
+DRIFT = """
+[[faults]]
+kind = "drift"
+target = "pressure_a"
+drift_bar_s = 2.0
+at_s = 0.1
+"""
 
 FAULTS = """
 [[faults]]
@@ -276,11 +303,40 @@ def lockstep_firmware(directory: Path) -> None:
     (directory / "signals.bin").write_bytes(signals.tobytes())
 
 
+def commissioning(directory: Path) -> None:
+    """Commission a virtual machine: the first steps of a plan, what they recorded and found."""
+    (directory / "sheet.toml").write_text("[bench]\ntick_us = 2000\nstep_us = 200\n")
+    plan = directory / "plan.toml"
+    plan.write_text(PLAN)
+    run("commission", plan, "--virtual", "--output", directory / "out")
+    report = (directory / "out" / "report.md").read_text(encoding="utf-8")
+    of_today = ("| date |", "| plan |", "| data sheet |", "| versions |")
+    lines = [line for line in report.splitlines() if not line.startswith(of_today)]
+    (directory / "found.txt").write_text("\n".join(lines), encoding="utf-8")
+    (directory / "out" / "commissioning.mf4").rename(directory / "commissioning.mf4")
+    shutil.rmtree(directory / "out")
+
+
+def shadow(directory: Path) -> None:
+    """Let a twin follow the recorded frames of a machine whose pressure sensor drifts."""
+    log = directory / "machine.log"
+    record(bench_of(directory, DRIFT), log)
+    run("shadow", "--log", log, "--horizon", "0.1", "--record", directory / "residuals.csv")
+    log.unlink()
+
+
+def analysis(directory: Path) -> None:
+    """Draw the static curves of both models, of which the table is kept."""
+    run("analyse", "flow-pressure", "--output", directory)
+    (directory / "flow-pressure.svg").unlink()
+
+
 RUNS: dict[str, Callable[[Path], None]] = {
     run.__name__: run
     for run in (
         *(demo, demo_modbus, formats, trigger, two_axes, two_buses, real_sensors, generic),
         *(imitated, faults, extended, reduced, mixed_traffic, modbus, lockstep_firmware),
+        *(commissioning, shadow, analysis),
     )
 }
 

@@ -1,4 +1,4 @@
-"""A dozen varied runs leave the same bytes as they did when `digests.json` was written.
+"""Varied runs leave the same bytes as they did when `digests.json` was written.
 
 Written by this file run as a program, ``python tests/golden/test_golden.py``. A change that is
 meant to move no byte must leave `digests.json` as it is; one that moves some says in its message

@@ -25,7 +25,7 @@ from support.modbus_traffic import (
 from support.virtual_loop import VirtualLoop
 
 from hil_bench.outside.modbus.data_types import DATA_TYPES
-from hil_bench.outside.modbus.exchange import Entry, Exchange
+from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.register_map import (
     Access,
@@ -91,7 +91,7 @@ class Device:
 
     def _entry(self, register, unit_id):
         if register.access is Access.READ:
-            return Entry(register, lambda: 0.0, None)
+            return BoundRegister(register, lambda: 0.0, None)
         cell = [0.0]
 
         def put(value, _now):
@@ -99,7 +99,7 @@ class Device:
             if unit_id == UNIT:
                 self.journal.append(int(value))
 
-        return Entry(register, lambda: cell[0], put)
+        return BoundRegister(register, lambda: cell[0], put)
 
 
 def _register_map(count):

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+from device_profiles import REGISTERS
 from hil_drivers.errors import DeviceMismatchError, ModbusExceptionError, StaleValueError
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.register_map import Register, RegisterMap
@@ -18,10 +19,12 @@ _NO_SUCH_FUNCTION = 1
 class ModbusDevice:
     """Base of the Modbus drivers.
 
+    Values may stand in the map in any type and scale.
+
     Args:
         client: the client that reaches the device.
         unit_id: its unit-ID.
-        registers: its register map, or the file of it.
+        registers: its register map, or the file of it; None for the one of its profile.
         max_age: values older than this [s] are refused.
 
     Attributes:
@@ -32,7 +35,8 @@ class ModbusDevice:
 
     Raises:
         ValueError: the unit-ID is out of range.
-        DeviceMismatchError: the map is for another kind of device.
+        RegisterMapError: the register map cannot be read.
+        DeviceMismatchError: the map is for another kind of device, or lacks what the driver needs.
     """
 
     PROFILE: ClassVar[str]
@@ -42,7 +46,7 @@ class ModbusDevice:
         self,
         client: ModbusClient,
         unit_id: int,
-        registers: RegisterMap | Path | str,
+        registers: RegisterMap | Path | str | None = None,
         *,
         max_age: float = 0.1,
     ) -> None:
@@ -50,15 +54,16 @@ class ModbusDevice:
             raise ValueError(f"unit-ID {unit_id}: 1 to 247 is right")
         self.client = client
         self.unit_id = unit_id
-        self.map = registers if isinstance(registers, RegisterMap) else RegisterMap(registers)
+        if not isinstance(registers, RegisterMap):
+            registers = RegisterMap(registers or REGISTERS / f"{self.PROFILE}.toml")
+        self.map = registers
         self.max_age = max_age
         if self.map.profile != self.PROFILE:
             raise DeviceMismatchError(
                 f"{self.map.path} is for {self.map.profile}; a map for {self.PROFILE} is right"
             )
         self._sample_register = self.map.find(_INPUTS, _SAMPLE)
-        self._polled: list[Register] = []
-        self._blocks: list[tuple[int, int]] = []
+        self._poll_registers(self._find_registers())
         self._values: dict[Register, float] = {}
         self._sample: float | None = None
         self._received_at = -math.inf
@@ -101,11 +106,15 @@ class ModbusDevice:
         self._values = values
         return True
 
+    def _find_registers(self) -> Sequence[Register | None]:
+        """Find what the driver needs in the map; return what is to be polled."""
+        raise NotImplementedError
+
     def _poll_registers(self, registers: Sequence[Register | None]) -> None:
         """Have `poll` read these, and the number of the sample, by as few requests as it can."""
         wanted = {register for register in (*registers, self._sample_register) if register}
         self._polled = sorted(wanted, key=lambda register: register.address)
-        self._blocks = []
+        self._blocks: list[tuple[int, int]] = []
         for register in self._polled:
             if self._blocks and sum(self._blocks[-1]) == register.address:
                 address, count = self._blocks.pop()

@@ -1,47 +1,25 @@
 """Driver for a linear position sensor on Modbus."""
 
-from pathlib import Path
+from collections.abc import Sequence
 
-from device_profiles import REGISTERS
 from hil_drivers.errors import DeviceMismatchError
 from hil_drivers.interfaces import Reading
-from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.device import ModbusDevice
-from hil_drivers.modbus.register_map import RegisterMap
+from hil_drivers.modbus.register_map import Register
 
 _INPUTS = "input_registers"
 
 
 class PositionSensor(ModbusDevice):
-    """A linear position sensor.
-
-    Args:
-        client: the client that reaches the device.
-        unit_id: its unit-ID.
-        registers: its register map; position and speed may be of any type and scale.
-        max_age: values older than this [s] are refused.
-
-    Raises:
-        ValueError: the unit-ID is out of range.
-        RegisterMapError: the register map cannot be read.
-        DeviceMismatchError: the register map has no position.
-    """
+    """A linear position sensor."""
 
     PROFILE = "encoder_406"
 
-    def __init__(
-        self,
-        client: ModbusClient,
-        unit_id: int,
-        registers: RegisterMap | Path | str = REGISTERS / "encoder_406.toml",
-        *,
-        max_age: float = 0.1,
-    ) -> None:
-        super().__init__(client, unit_id, registers, max_age=max_age)
+    def _find_registers(self) -> Sequence[Register | None]:
         self._position = self.map.require(_INPUTS, "position")
         self._speed = self.map.find(_INPUTS, "speed")
         self._alarms = self.map.find(_INPUTS, "0x6503")
-        self._poll_registers([self._position, self._speed, self._alarms])
+        return [self._position, self._speed, self._alarms]
 
     @property
     def position(self) -> float:

@@ -1,47 +1,25 @@
 """Driver for a pressure transducer on Modbus."""
 
 import math
-from pathlib import Path
+from collections.abc import Sequence
 
-from device_profiles import REGISTERS
 from hil_drivers.interfaces import Reading
-from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.device import ModbusDevice
-from hil_drivers.modbus.register_map import RegisterMap
+from hil_drivers.modbus.register_map import Register
 
 _NOT_VALID = 0x01
 _INPUTS = "input_registers"
 
 
 class PressureSensor(ModbusDevice):
-    """One channel of a pressure transducer.
-
-    Args:
-        client: the client that reaches the device.
-        unit_id: its unit-ID.
-        registers: its register map; the pressure may be of any type and scale.
-        max_age: values older than this [s] are refused.
-
-    Raises:
-        ValueError: the unit-ID is out of range.
-        RegisterMapError: the register map cannot be read.
-        DeviceMismatchError: the register map has no pressure.
-    """
+    """One channel of a pressure transducer."""
 
     PROFILE = "pressure_404"
 
-    def __init__(
-        self,
-        client: ModbusClient,
-        unit_id: int,
-        registers: RegisterMap | Path | str = REGISTERS / "pressure_404.toml",
-        *,
-        max_age: float = 0.1,
-    ) -> None:
-        super().__init__(client, unit_id, registers, max_age=max_age)
+    def _find_registers(self) -> Sequence[Register | None]:
         self._pressure = self.map.require(_INPUTS, "pressure")
         self._status = self.map.find(_INPUTS, "0x6150.01")
-        self._poll_registers([self._pressure, self._status])
+        return [self._pressure, self._status]
 
     @property
     def pressure(self) -> float:

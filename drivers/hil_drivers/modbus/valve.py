@@ -1,12 +1,11 @@
 """Driver for a proportional valve with spool position feedback on Modbus."""
 
-from pathlib import Path
+from collections.abc import Sequence
 
-from device_profiles import REGISTERS
 from hil_drivers.errors import DeviceFaultError
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.device import ModbusDevice
-from hil_drivers.modbus.register_map import Register, RegisterMap
+from hil_drivers.modbus.register_map import Register
 from hil_drivers.valve_control import ValveControl
 from hil_drivers.valve_state import ValveState
 
@@ -19,31 +18,12 @@ class ProportionalValve(ValveControl, ModbusDevice):
     `setup` takes control of the valve, `close` gives it back. A valve that was set up with a
     command time-out must be told its set-point again and again, by `spool_setpoint` or `send`; it
     has a fault otherwise, which is its protection against a controller that died.
-
-    Args:
-        client: the client that reaches the device.
-        unit_id: its unit-ID.
-        registers: its register map.
-        max_age: values older than this [s] are refused.
-
-    Raises:
-        ValueError: the unit-ID is out of range.
-        RegisterMapError: the register map cannot be read.
-        DeviceMismatchError: the register map lacks what the driver needs.
     """
 
     PROFILE = "valve_408"
     RELEASED = "given back"
 
-    def __init__(
-        self,
-        client: ModbusClient,
-        unit_id: int,
-        registers: RegisterMap | Path | str = REGISTERS / "valve_408.toml",
-        *,
-        max_age: float = 0.1,
-    ) -> None:
-        super().__init__(client, unit_id, registers, max_age=max_age)
+    def _find_registers(self) -> Sequence[Register | None]:
         self._status = self.map.require(_INPUTS, "0x6041")
         self._actual = self.map.require(_INPUTS, "spool_position")
         self._error = self.map.find(_INPUTS, "0x604E")
@@ -51,7 +31,7 @@ class ProportionalValve(ValveControl, ModbusDevice):
         self._control_word = self.map.require(_HOLDING, "control_word")
         self._watchdog = self.map.require(_HOLDING, "watchdog")
         self._control = self.map.require(_COILS, "0x604F")
-        self._poll_registers([self._actual, self._status, self._error])
+        return [self._actual, self._status, self._error]
 
     def setup(self, *, command_timeout: float = 0.1) -> None:
         """Check the device and take control of it.

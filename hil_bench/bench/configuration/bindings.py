@@ -7,8 +7,7 @@ In both, value of the object = quantity in `unit` × `scale` + `offset`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import SINK_KEYS, SOURCE_KEYS
@@ -24,31 +23,7 @@ from hil_bench.kinds.chains import CHAIN_TABLE, build_chain, check_chain, read_c
 from hil_bench.kinds.registry import GENERIC
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.quantity import Quantity
-from hil_bench.units import (
-    BAR,
-    CUBIC_METRE_PER_SECOND,
-    LITRE_PER_MINUTE,
-    MEGAPASCAL,
-    METRE,
-    METRE_PER_SECOND,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    ONE,
-    PASCAL,
-    PERCENT,
-    Unit,
-)
-
-UNITS: Final[Mapping[str, tuple[Unit, ...]]] = MappingProxyType(
-    {
-        "m": (METRE, MILLIMETRE),
-        "m/s": (METRE_PER_SECOND, MILLIMETRE_PER_SECOND),
-        "Pa": (PASCAL, BAR, MEGAPASCAL),
-        "m³/s": (CUBIC_METRE_PER_SECOND, LITRE_PER_MINUTE),
-        "-": (ONE, PERCENT),
-    }
-)
-"""The units in which a quantity may be given, by its SI unit; others by that alone."""
+from hil_bench.units import UNITS_OF, Unit
 
 _FIRST_BINDABLE = 0x2000
 _HINT = 'give source = "AXIS.P_A" or sink = "AXIS.spool_setpoint"'
@@ -209,7 +184,7 @@ def _find_unit(symbol: str | None, quantity: Quantity) -> Unit:
     Raises:
         ConfigError: the quantity has no such unit.
     """
-    units = UNITS.get(quantity.unit, (Unit(quantity.unit, ""),))
+    units = UNITS_OF.get(quantity.unit, (Unit(quantity.unit, ""),))
     for unit in units:
         if symbol in {None, unit.symbol}:
             return unit

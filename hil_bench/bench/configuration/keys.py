@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.config.objects import objects
-from hil_bench.config.settings import Key
+from hil_bench.config.settings import CLOCK_MICROSECOND, Key
 from hil_bench.config.values import (
     channel,
     choice,
@@ -26,7 +26,6 @@ from hil_bench.kinds.registry import KINDS, kind_name
 from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
-from hil_bench.units import MICROSECOND
 
 TABLES = ("bench", "bus", "buses", "plant", "nodes", "modbus", "faults")
 
@@ -38,13 +37,14 @@ REALTIME_KEYS = (
     Key("overrun", choice(OverrunPolicy), OverrunPolicy.COUNT),
 )
 
-BENCH_KEYS = (
-    Key("tick_us", integer(100, 1_000_000), 1000, MICROSECOND),
-    Key("step_us", integer(1, 10_000), round(1e6 * DEFAULT_STEP), MICROSECOND),
-    Key("sync_period_us", integer(100, 60_000_000), None, MICROSECOND),
+LOOP_KEYS = (
+    Key("tick_us", integer(100, 1_000_000), 1000, CLOCK_MICROSECOND, "tick_ns"),
+    Key("step_us", integer(1, 10_000), round(1e6 * DEFAULT_STEP), CLOCK_MICROSECOND, "step_ns"),
+    Key("sync_period_us", integer(100, 60_000_000), None, CLOCK_MICROSECOND, "sync_period_ns"),
     Key("seed", integer(0), 1),
-    *REALTIME_KEYS,
 )
+
+BENCH_KEYS = (*LOOP_KEYS, *REALTIME_KEYS)
 
 BUS_KEYS = (
     Key("interface", interface),

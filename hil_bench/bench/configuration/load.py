@@ -14,7 +14,7 @@ from hil_bench.bench.configuration.faults import (
     find_targets,
     read_faults,
 )
-from hil_bench.bench.configuration.keys import BENCH_KEYS, REALTIME_KEYS, TABLES
+from hil_bench.bench.configuration.keys import BENCH_KEYS, LOOP_KEYS, REALTIME_KEYS, TABLES
 from hil_bench.bench.configuration.modbus import (
     ModbusSettings,
     build_modbus,
@@ -114,10 +114,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     used = (bench, bus, *further.values(), *plants, *members, *_tables(served), *read)
     return BenchConfig(
         path=file,
-        tick_ns=bench["tick_us"].value * 1000,
-        step_ns=bench["step_us"].value * 1000,
-        sync_period_ns=bench["sync_period_us"].value * 1000,
-        seed=bench["seed"].value,
+        **convert(bench, LOOP_KEYS),
         bus=build_bus(bus),
         further_buses={name: build_bus(table) for name, table in further.items()},
         axes=built_axes,

@@ -12,7 +12,7 @@ from hil_bench.bench.configuration.register_maps import (
 )
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections, read_section
-from hil_bench.config.settings import Key, Origin, Problems, Settings, read_table
+from hil_bench.config.settings import Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import (
     boolean,
     choice,
@@ -58,10 +58,11 @@ UNIT_KEYS = (
     Key("registers", text),
     Key("word_order", choice(WordOrder)),
     Key("commands", boolean, False),
-    Key("watchdog_ms", number(MILLISECOND, low=0, high=65535), 1000, MILLISECOND),
+    Key("watchdog_ms", number(MILLISECOND, low=0, high=65535), 1000, MILLISECOND, "watchdog"),
     Key("holes", choice(Holes), Holes.REFUSE),
     Key("inputs_also_at", integer(0, HIGHEST_ADDRESS)),
 )
+_RECORD_KEYS = tuple(key for key in UNIT_KEYS if key.name not in {"registers", "inputs_also_at"})
 _OF_VALVES = ("commands", "watchdog_ms")
 
 
@@ -248,19 +249,9 @@ def _build_unit(
             place = problems.place(f"modbus.units.{name}", "inputs_also_at")
             register_map = copy_inputs(register_map, unit["inputs_also_at"].value)
     except ConfigError as error:
-        for line in str(error).splitlines():
-            problems.add(place, line)
+        problems.add(place, error)
         return None
     if register_map.profile != profile:
         wrong = f"{register_map.source} is for {register_map.profile}"
         problems.add(place, f"{wrong}; give a map for {profile}")
-    return ModbusUnitConfig(
-        name=name,
-        node=unit["node"].value,
-        unit_id=unit["unit_id"].value,
-        register_map=register_map,
-        commands=unit["commands"].value,
-        word_order=unit["word_order"].value,
-        watchdog=MILLISECOND.to_si(unit["watchdog_ms"].value),
-        holes=unit["holes"].value,
-    )
+    return ModbusUnitConfig(name=name, register_map=register_map, **convert(unit, _RECORD_KEYS))

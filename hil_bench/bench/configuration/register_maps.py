@@ -3,7 +3,7 @@
 `docs/modbus.md` tells the meaning of each key.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -26,35 +26,9 @@ from hil_bench.outside.modbus.register_map import (
     RegisterMap,
     Table,
 )
-from hil_bench.units import (
-    BAR,
-    KILOPASCAL,
-    MEGAPASCAL,
-    METRE,
-    MICROMETRE,
-    MICROSECOND,
-    MILLIBAR,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    MILLISECOND,
-    ONE,
-    PASCAL,
-    PERCENT,
-    Unit,
-)
+from hil_bench.units import ONE, UNITS_OF
 
-_SECOND, _METRE_PER_SECOND = Unit("s", "_s"), Unit("m/s", "_m_s")
-
-UNITS: Mapping[str, tuple[Unit, ...]] = {
-    "-": (ONE, PERCENT),
-    "Pa": (PASCAL, MILLIBAR, KILOPASCAL, BAR, MEGAPASCAL),
-    "m": (METRE, MILLIMETRE, MICROMETRE),
-    "m/s": (_METRE_PER_SECOND, MILLIMETRE_PER_SECOND),
-    "s": (_SECOND, MILLISECOND, MICROSECOND),
-}
-"""Units that a register may have, by the SI unit of its quantity."""
-
-_KNOWN_UNITS = {unit.symbol: unit for units in UNITS.values() for unit in units}
+_KNOWN_UNITS = {unit.symbol: unit for units in UNITS_OF.values() for unit in units}
 HIGHEST_ADDRESS = 0xFFFF
 _LONGEST_TEXT = 64
 
@@ -70,18 +44,6 @@ def _identity(value: object) -> str:
             f"{describe(value)} cannot be sent; give at most {_LONGEST_TEXT} ASCII characters"
         )
     return value
-
-
-def _one_of(known: Iterable[str]) -> Callable[[object], str]:
-    names = list(known)
-
-    def read(value: object) -> str:
-        if value not in names:
-            right = ", ".join(f'"{name}"' for name in names)
-            raise ConfigError(f"{describe(value)} is unknown; give one of {right}")
-        return str(value)
-
-    return read
 
 
 def _scale(value: object) -> float:
@@ -116,8 +78,8 @@ _REGISTER_KEYS = (
 
 _NUMBER_KEYS = (
     *_REGISTER_KEYS,
-    Key("type", _one_of(DATA_TYPES), example='"float32"'),
-    Key("unit", _one_of(_KNOWN_UNITS), ONE.symbol),
+    Key("type", choice(DATA_TYPES), example='"float32"'),
+    Key("unit", choice(_KNOWN_UNITS), ONE.symbol),
     Key("scale", _scale, 1.0),
     Key("word_order", choice(WordOrder)),
     Key("low", number()),

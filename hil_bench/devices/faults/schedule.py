@@ -1,13 +1,13 @@
 """When faults begin and end."""
 
 from collections import deque
+from itertools import takewhile
 from typing import NamedTuple, TypedDict
 
+from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.checks import to_ns
 from hil_bench.devices.faults.fault import Effect, Fault
 from hil_bench.devices.faults.kinds import FaultKind
-
-NEVER = 1 << 63
 
 _KEPT_EVENTS = 1000
 
@@ -59,6 +59,11 @@ class FaultSchedule:
     def active(self) -> tuple[Fault, ...]:
         """The faults that are there now."""
         return tuple(fault for fault in self._faults if fault.is_active)
+
+    def events_since(self, last: FaultEvent | None) -> list[FaultEvent]:
+        """Return what began or ended after an event, oldest first; None for all that is kept."""
+        newest = takewhile(lambda event: event is not last, reversed(self.events))
+        return list(newest)[::-1]
 
     def start(self, now: int) -> None:
         """Let bench time begin at `now` [ns]."""

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hil_bench.machine.commissioning.journal import Setting, SettingsJournal
+from hil_bench.machine.commissioning.journal import BorrowedSetting, SettingsJournal
 from hil_drivers import BusLostError, Network, NmtState, Node
 
 STATE_TIMEOUT = 0.25
@@ -20,11 +20,11 @@ class Returned:
         states: NMT states that the nodes were found in, by node-ID; None where a node does not say.
     """
 
-    settings: tuple[Setting, ...] = ()
+    settings: tuple[BorrowedSetting, ...] = ()
     states: Mapping[int, NmtState | None] = field(default_factory=dict)
 
     @property
-    def unrestored(self) -> list[Setting]:
+    def unrestored(self) -> list[BorrowedSetting]:
         """The settings that could not be restored."""
         return [setting for setting in self.settings if setting.problem]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from hil_bench.machine.commissioning import estimation
-from hil_bench.machine.commissioning.measures import Finding, Measure, StepResult
+from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult
 from hil_bench.machine.commissioning.plan import Step
 from hil_bench.machine.commissioning.procedure import REST, Procedure
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
@@ -52,7 +52,7 @@ def direction(procedure: Procedure, step: Step) -> StepResult:
 
 def _findings(
     procedure: Procedure, v: float, change: float, follows: float, *, stands: bool
-) -> list[Finding]:
+) -> list[Diagnosis]:
     """Return what the signs say; see `direction`."""
     evidence = (
         f"speed {0.5e3 * v:+z.1f} mm/s, change of P_A A_A - P_B A_B {change:+.0f} N for a positive "
@@ -60,16 +60,16 @@ def _findings(
     )
     if -1.5 < follows < -0.5:
         what = f"the spool goes to {100 * follows:.0f} % of its set-point: {evidence}"
-        return [Finding("valve inverted", what, "invert the valve's set-point")]
+        return [Diagnosis("valve inverted", what, "invert the valve's set-point")]
     if not 0.5 < follows < 1.5:
         what = f"the spool is at {100 * follows:.0f} % of its set-point"
-        return [Finding("valve does not follow", what, "look at the valve's supply and enable")]
+        return [Diagnosis("valve does not follow", what, "look at the valve's supply and enable")]
     if stands:
         return [_why_it_stands(procedure.parameters, change, evidence)]
     if v > 0 and change > 0:
         return []
     name, mend = _WRONG_WAYS[v > 0, change > 0]
-    return [Finding(name, evidence, mend)]
+    return [Diagnosis(name, evidence, mend)]
 
 
 _WRONG_WAYS = {
@@ -89,15 +89,15 @@ _WRONG_WAYS = {
 """What is wrong and how to mend it, by whether the speed is positive and whether the force is."""
 
 
-def _why_it_stands(parameters: PlantParameters, change: float, evidence: str) -> Finding:
+def _why_it_stands(parameters: PlantParameters, change: float, evidence: str) -> Diagnosis:
     """Return why the position does not change though the spool moves."""
     if abs(change) > 0.4 * parameters.P_S * parameters.mean_area:
         mend = "look for what holds the piston"
-        return Finding("axis blocked", f"full pressure and no motion: {evidence}", mend)
+        return Diagnosis("axis blocked", f"full pressure and no motion: {evidence}", mend)
     if abs(change) < 0.1 * parameters.F_c:
         mend = "switch the supply on, look at shut-off valves and at the valve's dead band"
-        return Finding("no supply pressure", f"no motion and no force: {evidence}", mend)
-    return Finding(
+        return Diagnosis("no supply pressure", f"no motion and no force: {evidence}", mend)
+    return Diagnosis(
         "position sensor stuck",
         f"the pressures show a moving piston, the position stands still: {evidence}",
         "look at the position sensor, its magnet or coupling",

@@ -13,7 +13,7 @@ from typing import Self
 
 from canopen.objectdictionary import datatypes
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.comparison import Key
 from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
 from hil_drivers.node import object_name
@@ -27,7 +27,7 @@ _LONGEST_VALUE = 64
 
 
 @dataclass(slots=True)
-class Setting:
+class BorrowedSetting:
     """One object that was written.
 
     Attributes:
@@ -77,8 +77,8 @@ class SettingsJournal:
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path
-        self.settings: list[Setting] = []
-        self._known: dict[tuple[int, Key], Setting] = {}
+        self.settings: list[BorrowedSetting] = []
+        self._known: dict[tuple[int, Key], BorrowedSetting] = {}
         self._is_closed = False
 
     @classmethod
@@ -89,12 +89,11 @@ class SettingsJournal:
             ConfigError: the file cannot be read, or is no journal.
         """
         journal = cls(path)
+        with about_file(path, what="cannot be read"):
+            lines = path.read_bytes().splitlines()
         try:
-            text = path.read_text(encoding="utf-8")
-            for line in text.splitlines():
+            for line in lines:
                 journal._add(_parse(json.loads(line)))
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None
         except (ValueError, KeyError, TypeError):
             raise ConfigError(
                 f"{path}: is no journal of settings; each line of one names node, object and value"
@@ -135,12 +134,12 @@ class SettingsJournal:
             self.path.unlink(missing_ok=True)
 
     @property
-    def changed(self) -> list[Setting]:
+    def changed(self) -> list[BorrowedSetting]:
         """The settings that held something else meanwhile, or still do."""
         return [setting for setting in self.settings if setting.has_changed or setting.problem]
 
     @property
-    def unrestored(self) -> list[Setting]:
+    def unrestored(self) -> list[BorrowedSetting]:
         """The settings that could not be restored."""
         return [setting for setting in self.settings if setting.problem]
 
@@ -156,20 +155,16 @@ class SettingsJournal:
         except SdoAbortError:
             return  # it can be written only, so it is a command
         name = node.variable(*key).qualname if node.has(*key) else ""
-        setting = Setting(node.node_id, key, name, before, raw)
+        setting = BorrowedSetting(node.node_id, key, name, before, raw)
         self._keep(setting)
         self._add(setting)
 
-    def _add(self, setting: Setting) -> None:
+    def _add(self, setting: BorrowedSetting) -> None:
         self._known[setting.node_id, setting.key] = setting
         self.settings.append(setting)
 
-    def _keep(self, setting: Setting) -> None:
-        """Add a setting to the file before it is changed.
-
-        Raises:
-            ConfigError: it cannot be written.
-        """
+    def _keep(self, setting: BorrowedSetting) -> None:
+        """Add a setting to the file before it is changed."""
         if self.path is None:
             return
         index, subindex = setting.key
@@ -180,14 +175,11 @@ class SettingsJournal:
             "before": setting.before.hex(),
             "during": setting.during.hex(),
         }
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-        except OSError as error:
-            raise ConfigError(f"{self.path}: cannot be written: {error.strerror}") from None
+        with about_file(self.path), self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
 
 
-def _parse(line: dict[str, object]) -> Setting:
+def _parse(line: dict[str, object]) -> BorrowedSetting:
     """Return the setting of one line of a journal.
 
     Raises:
@@ -200,7 +192,7 @@ def _parse(line: dict[str, object]) -> Setting:
         raise ValueError
     if not 1 <= len(before) <= _LONGEST_VALUE:
         raise ValueError
-    return Setting(node_id, key, str(line["name"]), before, during)
+    return BorrowedSetting(node_id, key, str(line["name"]), before, during)
 
 
 def _eds_of(network: Network, node_id: int) -> Path | None:
@@ -208,7 +200,7 @@ def _eds_of(network: Network, node_id: int) -> Path | None:
     return None if known is None else known.eds
 
 
-def _restore_node(node: Node, settings: Sequence[Setting]) -> None:
+def _restore_node(node: Node, settings: Sequence[BorrowedSetting]) -> None:
     node.before_download = None
     gone = ""
     for group in _groups(settings):
@@ -227,7 +219,7 @@ def _restore_node(node: Node, settings: Sequence[Setting]) -> None:
                 setting.problem = problem
 
 
-def _groups(settings: Iterable[Setting]) -> Iterator[list[Setting]]:
+def _groups(settings: Iterable[BorrowedSetting]) -> Iterator[list[BorrowedSetting]]:
     """Yield the settings of a PDO together, all others by themselves."""
     ordered = sorted(settings, key=lambda setting: setting.key)
     for (_, _), group in groupby(ordered, key=lambda setting: _group_key(setting.key)):
@@ -239,7 +231,7 @@ def _group_key(key: Key) -> tuple[int, int]:
     return (key[0], 0) if is_pdo else key
 
 
-def _restore_group(node: Node, group: Sequence[Setting]) -> None:
+def _restore_group(node: Node, group: Sequence[BorrowedSetting]) -> None:
     """Write back what differs; a PDO is disabled meanwhile, as CiA 301 has it for 0x1800."""
     for setting in group:
         setting.problem = ""
@@ -257,7 +249,7 @@ def _restore_group(node: Node, group: Sequence[Setting]) -> None:
     node.download(index, _COB_ID, identifier)
 
 
-def _write_back(node: Node, settings: Iterable[Setting]) -> None:
+def _write_back(node: Node, settings: Iterable[BorrowedSetting]) -> None:
     for setting in settings:
         try:
             node.download(*setting.key, setting.before)

@@ -96,7 +96,7 @@ def shown_unit(symbol: str) -> Unit:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """A fault that the step can name.
 
     Attributes:
@@ -154,7 +154,7 @@ class StepResult:
     kind: str
     verdict: Verdict = Verdict.PASSED
     measures: list[Measure] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Diagnosis] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     problem: str = ""
     trace: Recording | None = None

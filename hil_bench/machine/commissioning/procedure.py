@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import Members
 from hil_bench.machine.commissioning.comparison import (
     IDENTITY,
     MAPPING,
@@ -14,8 +15,7 @@ from hil_bench.machine.commissioning.comparison import (
     Mend,
     compare,
 )
-from hil_bench.machine.commissioning.measures import Finding, Measure, StepResult, Verdict
-from hil_bench.machine.commissioning.members import Members
+from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.machine.commissioning.plan import Step, expected_speed
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.outside.recording.channels import Recording
@@ -107,7 +107,7 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
     remapped = [difference for difference in settings if _is_mapping(difference)]
     result.findings += [_identity_finding(difference) for difference in foreign]
     result.findings += [
-        Finding("another PDO mapping", difference.what, "hil-bench check --bus --apply mends it")
+        Diagnosis("another PDO mapping", difference.what, "hil-bench check --bus --apply mends it")
         for difference in remapped
     ]
     result.notes += [difference.what for difference in settings if difference not in remapped]
@@ -129,7 +129,7 @@ def _is_mapping(difference: Difference) -> bool:
     return difference.key is not None and any(difference.key[0] in block for block in MAPPING)
 
 
-def _identity_finding(difference: Difference) -> Finding:
+def _identity_finding(difference: Difference) -> Diagnosis:
     if difference.key == REVISION:
         name = "wrong EDS revision"
     elif difference.key in {*IDENTITY, SERIAL_NUMBER}:
@@ -137,4 +137,4 @@ def _identity_finding(difference: Difference) -> Finding:
     else:
         name = "node missing" if difference.is_missing else "node not usable"
     mend = "look at the device, or take the EDS that belongs to it: hil-bench scan"
-    return Finding(name, difference.what, mend)
+    return Diagnosis(name, difference.what, mend)

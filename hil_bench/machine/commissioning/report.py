@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import about_file
 from hil_bench.machine.commissioning.identity import NodeDescription
-from hil_bench.machine.commissioning.measures import Finding, Measure, StepResult, Verdict
+from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.machine.commissioning.report_plots import plot_step
 from hil_bench.machine.commissioning.session import Commissioning
 
@@ -65,9 +65,6 @@ def write_report(directory: Path, found: Commissioning, head: ReportHead) -> lis
     """Write ``report.md``, ``report.html`` and a picture a step, and return their paths.
 
     Without matplotlib the report has no pictures.
-
-    Raises:
-        ConfigError: a file cannot be written.
     """
     pictures = _draw_pictures(directory, found)
     files = {
@@ -75,11 +72,9 @@ def write_report(directory: Path, found: Commissioning, head: ReportHead) -> lis
         "report.html": _html(found, head, pictures),
     }
     paths = [directory / name for name in files]
-    try:
+    with about_file(directory):
         for path, text in zip(paths, files.values(), strict=True):
             path.write_text(text, encoding="utf-8", errors="backslashreplace")
-    except OSError as error:
-        raise ConfigError(f"{directory}: cannot be written: {error.strerror}") from None
     return [*paths, *pictures.values()]
 
 
@@ -182,7 +177,7 @@ def _markdown_cell(text: str) -> str:
     return _plain(text).replace("|", "\\|")
 
 
-def _markdown_finding(finding: Finding) -> str:
+def _markdown_finding(finding: Diagnosis) -> str:
     return f"**{_plain(finding.name)}**: {_plain(finding.evidence)}. {_plain(finding.mend)}."
 
 

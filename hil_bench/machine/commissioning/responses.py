@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.machine.commissioning import estimation
-from hil_bench.machine.commissioning.measures import Curve, Finding, Measure, StepResult
+from hil_bench.machine.commissioning.measures import Curve, Diagnosis, Measure, StepResult
 from hil_bench.machine.commissioning.plan import SETTLING, Step, expected_speed, expected_travel
 from hil_bench.machine.commissioning.procedure import REST, Procedure
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
@@ -112,8 +112,8 @@ def hydraulic_frequency(parameters: PlantParameters, position: float) -> float:
     return math.sqrt(stiffness / parameters.m) / (2.0 * math.pi)
 
 
-def _soft_oil(frequency: float, sheet: float, modulus: float, expected: float) -> Finding:
-    return Finding(
+def _soft_oil(frequency: float, sheet: float, modulus: float, expected: float) -> Diagnosis:
+    return Diagnosis(
         "air in the oil",
         f"eigenfrequency {frequency:.1f} Hz where the data sheet gives {sheet:.1f} Hz: the oil is "
         f"as soft as {modulus * 1e-6:.0f} MPa, not {expected * 1e-6:.0f} MPa",

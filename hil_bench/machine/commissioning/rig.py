@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hil_bench.bench.members import Members
 from hil_bench.machine.commissioning.borrowed import BorrowedNodes, Returned
 from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
 from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
-from hil_bench.machine.commissioning.members import Members
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.outside.recording.channels import TIME, Recording, recording_dtype
 from hil_bench.outside.recording.inline_recorder import RecordingSink
@@ -28,14 +28,9 @@ from hil_drivers import (
     ProportionalValve,
     ValveState,
 )
+from hil_drivers.network import HEARTBEAT_PERIOD
 
 logger = logging.getLogger(__name__)
-
-CONTROLLER_ID = 127
-"""Node-ID under which we send our heartbeat, which the valve watches."""
-
-HEARTBEAT_PERIOD = 0.05
-"""Time between two of our heartbeats [s]."""
 
 COMMAND_TIMEOUT = 0.1
 """Time without command after which the valve closes by itself [s]."""
@@ -113,7 +108,7 @@ class Rig:
         """Configure the devices, bring their nodes to OPERATIONAL and take first values."""
         network = self._network
         begin = network.now()
-        network.start_heartbeat(CONTROLLER_ID, HEARTBEAT_PERIOD)
+        network.start_heartbeat()
         self.valve.setup(command_timeout=COMMAND_TIMEOUT, heartbeat_timeout=4 * HEARTBEAT_PERIOD)
         self._position.setup()
         for sensor in self._pressures:

@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import find_members
 from hil_bench.machine.commissioning.borrowed import Returned
 from hil_bench.machine.commissioning.direction import direction
 from hil_bench.machine.commissioning.discovery import Method, discover
 from hil_bench.machine.commissioning.guard import LimitError
 from hil_bench.machine.commissioning.identity import NodeDescription, describe
 from hil_bench.machine.commissioning.journal import SettingsJournal
-from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS, Finding, StepResult, Verdict
-from hil_bench.machine.commissioning.members import find_members
+from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS, Diagnosis, StepResult, Verdict
 from hil_bench.machine.commissioning.plan import (
     CommissioningPlan,
     Step,
@@ -91,7 +91,7 @@ class Commissioning:
         return all(result.verdict is Verdict.PASSED for result in self.results)
 
     @property
-    def findings(self) -> list[Finding]:
+    def findings(self) -> list[Diagnosis]:
         """The faults named, in the order of the steps."""
         return [finding for result in self.results for finding in result.findings]
 
@@ -141,7 +141,7 @@ def commission(
     """
     axis = choose_axis(plan, config)
     check_against(plan, axis)
-    members = find_members(config, axis.name)
+    members = find_members(config, axis.name, "commissioning")
     rig = Rig(
         network,
         members,

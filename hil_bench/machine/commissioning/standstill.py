@@ -3,7 +3,7 @@
 import numpy as np
 
 from hil_bench.machine.commissioning import estimation
-from hil_bench.machine.commissioning.measures import Finding, Measure, StepResult
+from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult
 from hil_bench.machine.commissioning.plan import Step
 from hil_bench.machine.commissioning.procedure import REST, Procedure
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, PORTS
@@ -81,5 +81,5 @@ def leakage(procedure: Procedure, step: Step) -> StepResult:
     if not all(measure.is_right for measure in result.measures):
         evidence = ", ".join(f"{m.name} {m.text()}" for m in result.measures if not m.is_right)
         mend = "look at the piston seal, the valve's edges and the fittings"
-        result.findings.append(Finding("leakage", evidence, mend))
+        result.findings.append(Diagnosis("leakage", evidence, mend))
     return result

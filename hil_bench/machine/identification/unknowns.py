@@ -5,7 +5,7 @@ relative and no step makes it negative. Dead-zone, leakage and F_s / F_c - 1 may
 sought as multiples of a scale.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -132,10 +132,6 @@ class Unknowns:
         variables = [self._variable(name, guess.parameters) for name in self.names]
         lowest, highest = self.bounds
         return np.asarray(np.clip([*variables, *(guess.offsets / _OFFSET_SCALE)], lowest, highest))
-
-    def without(self, names: Sequence[str]) -> "Unknowns":
-        """Return the unknowns less some of them."""
-        return Unknowns(self.known, tuple(name for name in self.names if name not in names))
 
     def _variable(self, name: str, parameters: PlantParameters) -> float:
         if name == "F_s":

@@ -25,7 +25,7 @@ class RowSink(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class BoundRegister:
     """One register of one unit, and the value of the device behind it.
 
     Attributes:
@@ -52,7 +52,7 @@ class Exchange:
         mailbox: where the orders come from.
     """
 
-    def __init__(self, entries: Sequence[Entry], rows: RowSink, mailbox: Mailbox) -> None:
+    def __init__(self, entries: Sequence[BoundRegister], rows: RowSink, mailbox: Mailbox) -> None:
         self._entries = tuple(entries)
         self._readers = [entry.read for entry in entries]
         self._rows = rows
@@ -104,7 +104,7 @@ class Exchange:
             entry.write(value, now)
 
 
-def _masked(entry: Entry, assignment: Assignment) -> float:
+def _masked(entry: BoundRegister, assignment: Assignment) -> float:
     """Return the SI value of a register with some of its bits changed.
 
     (contents AND and_mask) OR (or_mask AND NOT and_mask): MODBUS Application Protocol V1.1b3, 6.16.

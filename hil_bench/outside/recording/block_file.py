@@ -4,20 +4,32 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Self
 
 from hil_bench.errors import ConfigError, RecordingError
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 
-class BlockFile(Protocol):
+class BlockFile:
     """A file of a recording; what its format has no place for, it leaves out.
 
     After an `OSError` from any method the file ends with the last complete block.
+
+    Args:
+        path: the file; one that is there is replaced.
+        head: what it begins with.
+
+    Attributes:
+        path: as passed in.
+
+    Raises:
+        ConfigError: it cannot be written.
     """
 
-    path: Path
+    def __init__(self, path: Path, head: bytes = b"") -> None:
+        self.path = path
+        self._file = OutputFile(path, head)
 
     def write_rows(self, rows: Recording) -> None:
         """Append rows of signals."""
@@ -27,12 +39,28 @@ class BlockFile(Protocol):
 
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written; see `OutputFile.flush`."""
+        self._complete()
+        self._file.flush(durable=durable)
 
     def close(self) -> None:
         """Write what is left and close the file."""
+        try:
+            self._complete()
+        finally:
+            self._file.close()
 
     def abandon(self) -> None:
         """Close the file as it is, after an `OSError`."""
+        self._file.abandon()
+
+    def _complete(self) -> None:
+        """Append what waits in memory."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class OutputFile:

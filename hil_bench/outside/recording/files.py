@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from hil_bench.errors import ConfigError, printable
+from hil_bench.errors import ConfigError, about_file, printable
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -42,12 +42,8 @@ class RecordingFile:
         self._part = path.with_name(path.name + ".part")
         if path.is_dir():
             raise ConfigError(f"{path}: is a directory; give the name of a file to write")
-        try:
+        with about_file(path, right="give a file in a directory of yours"):
             self._file = self._part.open("w", encoding="utf-8", newline="")
-        except OSError as error:
-            raise ConfigError(
-                f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"
-            ) from None
 
     def write(self, recording: Recording) -> None:
         """Write the whole recording and put the file in its place."""
@@ -83,13 +79,12 @@ def read_recording(path: Path) -> Recording:
     """
     if path.suffix.lower() == ".mf4":
         return read_mdf(path).signals
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return _parse(list(csv.reader(_complete_lines(file))))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
-    except (ValueError, csv.Error) as error:
-        raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
+    with about_file(path, what="cannot be read", right="give a recording"):
+        try:
+            with path.open(encoding="utf-8", newline="") as file:
+                return _parse(list(csv.reader(_complete_lines(file))))
+        except (ValueError, csv.Error) as error:
+            raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
 
 
 def _complete_lines(lines: Iterable[str]) -> Iterator[str]:

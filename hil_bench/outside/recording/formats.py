@@ -9,7 +9,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.outside.recording import frames
 from hil_bench.outside.recording.block_file import BlockFile, why_unwritable
 from hil_bench.outside.recording.channels import TIME, Channel
-from hil_bench.outside.recording.frames import FrameFile
+from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.mdf_writer import MdfFile
 from hil_bench.outside.recording.signal_csv import SignalCsvFile
 
@@ -80,4 +80,4 @@ def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFil
                 path, (TIME, *channels), comment=heading.comment, started=heading.started
             )
         case _:
-            return FrameFile(path, heading.started)
+            return open_frame_file(path, heading.started)

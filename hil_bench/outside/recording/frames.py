@@ -2,10 +2,10 @@
 
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import IO, Any
 
 import can
 from can.io.asc import ASCReader, ASCWriter
@@ -13,9 +13,8 @@ from can.io.blf import BLFParseError, BLFReader, BLFWriter
 from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import OutputFile
-from hil_bench.outside.recording.channels import Recording
+from hil_bench.errors import ConfigError, about_file
+from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
@@ -40,8 +39,8 @@ _DIRECTIONS = (" R", " T")
 damaged, so ours end with the data, as those of candump do."""
 
 
-class FrameFile:
-    """A file of frames on the recording's time base, written block by block.
+def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
+    """Return a file of frames on the recording's time base, written block by block.
 
     Args:
         path: the file; its suffix, one of `SUFFIXES`, is its format.
@@ -50,65 +49,22 @@ class FrameFile:
     Raises:
         ConfigError: the suffix is unknown, or the file cannot be written.
     """
-
-    def __init__(self, path: Path, started: datetime | None = None) -> None:
-        self.path = path
-        suffix = path.suffix.lower()
-        if suffix not in SUFFIXES:
-            right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
-            raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
-        self._sink: _CandumpSink | _AscSink | _BlfSink
-        match suffix:
-            case ".log":
-                self._sink = _CandumpSink(path)
-            case ".asc":
-                self._sink = _AscSink(path, started)
-            case _:
-                self._sink = _BlfSink(path)
-
-    def write_rows(self, rows: Recording) -> None:
-        """Leave signals out: the format has no place for them."""
-
-    def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
-        """Append frames."""
-        self._sink.write(frames)
-
-    def flush(self, *, durable: bool) -> None:
-        """Put on the disk what was written; see `OutputFile.flush`."""
-        self._sink.flush(durable=durable)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._sink.close()
-
-    def abandon(self) -> None:
-        """Close the file as it is."""
-        self._sink.abandon()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    match path.suffix.lower():
+        case ".log":
+            return _CandumpFile(path)
+        case ".asc":
+            return _AscFile(path, started)
+        case ".blf":
+            return _BlfFile(path)
+    right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
+    raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
 
 
-class _CandumpSink:
+class _CandumpFile(BlockFile):
     """Appends lines as candump -L writes them."""
 
-    def __init__(self, path: Path) -> None:
-        self._file = OutputFile(path)
-
-    def write(self, frames: Iterable[LoggedFrame]) -> None:
+    def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
         self._file.append("".join(map(_candump_line, frames)).encode())
-
-    def flush(self, *, durable: bool) -> None:
-        self._file.flush(durable=durable)
-
-    def close(self) -> None:
-        self._file.close()
-
-    def abandon(self) -> None:
-        self._file.abandon()
 
 
 def _candump_line(logged: LoggedFrame) -> str:
@@ -129,36 +85,26 @@ class _AscWriter(ASCWriter):
         return super()._format_header_datetime(self._started)
 
 
-class _AscSink:
+class _AscFile(BlockFile):
     """Has python-can write lines into memory, and appends them to the file as one block."""
 
     def __init__(self, path: Path, started: datetime | None) -> None:
-        self._file = OutputFile(path)
+        super().__init__(path)
         self._text = _Text()
         self._writer = _AscWriter(self._text, started)
         # Its times count from its first entry, and ours from the recording's start.
         self._writer.log_event("Start of recording", 0.0)
 
-    def write(self, frames: Iterable[LoggedFrame]) -> None:
+    def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
         for logged in frames:
             self._writer(message_of(logged))
-        self._append()
-
-    def flush(self, *, durable: bool) -> None:
-        self._append()
-        self._file.flush(durable=durable)
+        self._complete()
 
     def close(self) -> None:
         self._writer.stop()
-        try:
-            self._append()
-        finally:
-            self._file.close()
+        super().close()
 
-    def abandon(self) -> None:
-        self._file.abandon()
-
-    def _append(self) -> None:
+    def _complete(self) -> None:
         text = self._text.getvalue()
         self._text.seek(0)
         self._text.truncate()
@@ -172,31 +118,18 @@ class _Text(io.StringIO):
         """Stay open."""
 
 
-class _BlfSink:
+class _BlfFile(BlockFile):
     """Has python-can write containers into memory, and appends them to the file as one block."""
 
     def __init__(self, path: Path) -> None:
         self._writer = _BlockBlfWriter()
-        self._file = OutputFile(path, self._writer.take_head(0))
+        super().__init__(path, self._writer.take_head(0))
 
-    def write(self, frames: Iterable[LoggedFrame]) -> None:
+    def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
         for logged in frames:
             self._writer(message_of(logged))
 
-    def flush(self, *, durable: bool) -> None:
-        self._append()
-        self._file.flush(durable=durable)
-
-    def close(self) -> None:
-        try:
-            self._append()
-        finally:
-            self._file.close()
-
-    def abandon(self) -> None:
-        self._file.abandon()
-
-    def _append(self) -> None:
+    def _complete(self) -> None:
         self._file.append(self._writer.take_containers())
         self._file.overwrite(0, self._writer.take_head(self._file.size))
 
@@ -248,12 +181,8 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
     if suffix not in SUFFIXES:
         right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
-    try:
+    with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be read: {error.strerror}; give a log of frames"
-        ) from None
     with file:
         if suffix == ".blf":
             yield from map(logged_frame_of, _messages(path, _BlfReader, file))

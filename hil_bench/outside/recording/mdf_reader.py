@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -41,10 +41,8 @@ def read_mdf(path: Path) -> MdfContent:
     Raises:
         ConfigError: it cannot be read, or is no MF4 of ours.
     """
-    try:
+    with about_file(path, what="cannot be read", right="give a recording"):
         content = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a recording") from None
     try:
         return _Reader(content).read()
     except _CutOffError:

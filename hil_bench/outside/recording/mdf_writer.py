@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 import hil_bench
 from hil_bench.outside.recording import mdf_blocks as mdf
-from hil_bench.outside.recording.block_file import OutputFile
+from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
@@ -26,7 +26,7 @@ _LINK = struct.Struct("<Q")
 _COMPRESSION_LEVEL = 4
 
 
-class MdfFile:
+class MdfFile(BlockFile):
     """An MF4 file of signals and frames.
 
     Args:
@@ -47,7 +47,6 @@ class MdfFile:
         comment: str = "",
         started: datetime | None = None,
     ) -> None:
-        self.path = path
         header = _Header(mdf.IDENTIFICATION_SIZE + len(_hd_block(0, 0, 0, 0)))
         groups = [
             header.add_frame_group(mdf.REMOTE_FRAME, mdf.REMOTE_RECORD, next_group=0),
@@ -56,7 +55,7 @@ class MdfFile:
         groups.append(header.add_signal_group(channels, groups[-1].dg))
         self._remote, self._data, self._signals = groups
         start_ns = 0 if started is None else round(started.timestamp() * 1e9)
-        self._file = OutputFile(path, header.finish(groups[-1].dg, start_ns, comment))
+        super().__init__(path, header.finish(groups[-1].dg, start_ns, comment))
         self._links: list[tuple[int, bytes]] = []
 
     def write_rows(self, rows: Recording) -> None:
@@ -78,20 +77,9 @@ class MdfFile:
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written, then link it in; see `OutputFile.flush`."""
         self._file.flush(durable=durable)
-        self._link_in()
+        self._complete()
 
-    def close(self) -> None:
-        """Close the file."""
-        try:
-            self._link_in()
-        finally:
-            self._file.close()
-
-    def abandon(self) -> None:
-        """Close the file as it is."""
-        self._file.abandon()
-
-    def _link_in(self) -> None:
+    def _complete(self) -> None:
         """Make what was appended part of the file."""
         links, self._links = self._links, []
         for address, link in links:

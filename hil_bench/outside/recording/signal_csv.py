@@ -5,12 +5,11 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_bench.outside.recording.block_file import OutputFile
+from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import Channel, Recording
-from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 
-class SignalCsvFile:
+class SignalCsvFile(BlockFile):
     """A CSV file of signals, in the format of `RecordingFile`.
 
     Args:
@@ -22,29 +21,13 @@ class SignalCsvFile:
     """
 
     def __init__(self, path: Path, channels: Sequence[Channel]) -> None:
-        self.path = path
         names = [channel.name for channel in channels]
         units = [channel.unit for channel in channels]
-        self._file = OutputFile(path, _csv_text([names, units]))
+        super().__init__(path, _csv_text([names, units]))
 
     def write_rows(self, rows: Recording) -> None:
         """Append rows of the channels."""
         self._file.append(_csv_text(rows.tolist()))
-
-    def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
-        """Leave frames out: the format has no place for them."""
-
-    def flush(self, *, durable: bool) -> None:
-        """Put on the disk what was written; see `OutputFile.flush`."""
-        self._file.flush(durable=durable)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def abandon(self) -> None:
-        """Close the file as it is."""
-        self._file.abandon()
 
 
 def _csv_text(rows: Sequence[Sequence[object]]) -> bytes:

@@ -11,6 +11,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -66,7 +67,7 @@ class HostedBus:
         self._clock = clock
         self._arrived: deque[Frame] = deque()
         self._clients: list[_Client] = []
-        self._received = self._sent = self._refused = 0
+        self._counters = TransportCounters()
         self._selector = selectors.DefaultSelector()
         try:
             self._server = socket.create_server((host, port))
@@ -92,7 +93,7 @@ class HostedBus:
         if not arrived:
             self._serve(0.0)
         frames = [arrived.popleft() for _ in range(min(limit, len(arrived)))]
-        self._received += len(frames)
+        self._counters.received += len(frames)
         return frames
 
     def wait(self, timeout: float) -> bool:
@@ -107,8 +108,8 @@ class HostedBus:
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order to all clients; the protocol has no remote frames."""
         told = [frame for frame in frames if not frame.is_remote]
-        self._sent += len(told)
-        self._refused += len(frames) - len(told)
+        self._counters.sent += len(told)
+        self._counters.send_failures += len(frames) - len(told)
         self._tell(told, None)
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
@@ -116,9 +117,7 @@ class HostedBus:
 
     def counters(self) -> TransportCounters:
         """Return what passed so far."""
-        return TransportCounters(
-            received=self._received, sent=self._sent, send_failures=self._refused
-        )
+        return replace(self._counters)
 
     def close(self) -> None:
         """Cut all clients off and stop listening; a second call does nothing."""

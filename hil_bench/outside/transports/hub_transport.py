@@ -6,17 +6,18 @@ bus and joins the next hub. Nothing here waits for the hub but `join`.
 
 import logging
 import os
-import select
 import socket
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 from hil_bench.frame import frame_bits
 from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, format_send, parse_frame
 from hil_bench.outside.transports.transport import TransportCounters
+from hil_bench.outside.transports.waiting import has_exact_wait, is_readable
 
 logger = logging.getLogger(__name__)
 
@@ -25,7 +26,6 @@ MAX_UNSENT = 256 * 1024
 
 _CHUNK = 65_536
 _HANDSHAKE_TIMEOUT = 5.0
-_FD_SETSIZE = 1024  # of sys/select.h
 
 
 class HubTransport:
@@ -48,8 +48,7 @@ class HubTransport:
         self._address = address
         self._words = [f"owner {owner}"] if owner else []
         self._words += [f"open {channel}", "rawmode"]
-        self._received = self._sent = self._ignored = self._send_failures = self._outages = 0
-        self._bits = 0.0
+        self._counters = TransportCounters()
         self._is_closed = False
         self._link: _Link | None = None
         self.join()
@@ -58,7 +57,7 @@ class HubTransport:
     def has_exact_wait(self) -> bool:
         """Whether `wait` ends on time to some 10 us."""
         link = self._link
-        return os.name == "posix" and (link is None or link.socket.fileno() < _FD_SETSIZE)
+        return os.name == "posix" and (link is None or has_exact_wait(link.socket))
 
     @property
     def is_down(self) -> bool:
@@ -91,8 +90,8 @@ class HubTransport:
             self._read(link)
         arrived = link.arrived
         frames = [arrived.popleft() for _ in range(min(limit, len(arrived)))]
-        self._received += len(frames)
-        self._bits += _bits_of(frames)
+        self._counters.received += len(frames)
+        self._counters.bits += _bits_of(frames)
         return frames
 
     def wait(self, timeout: float) -> bool:
@@ -101,7 +100,7 @@ class HubTransport:
         if link is None:
             time.sleep(timeout)
             return False
-        if not link.arrived and link.has_come(timeout):
+        if not link.arrived and is_readable(link.socket, timeout):
             self._read(link)
         return bool(link.arrived)
 
@@ -114,9 +113,9 @@ class HubTransport:
         told = [frame for frame in frames if not frame.is_remote]
         if link is None or not link.has_room:
             told = []
-        self._send_failures += len(frames) - len(told)
-        self._sent += len(told)
-        self._bits += _bits_of(told)
+        self._counters.send_failures += len(frames) - len(told)
+        self._counters.sent += len(told)
+        self._counters.bits += _bits_of(told)
         if link is not None:
             try:
                 link.write(b"".join(map(format_send, told)))
@@ -135,15 +134,7 @@ class HubTransport:
 
     def counters(self) -> TransportCounters:
         """Return what passed so far."""
-        return TransportCounters(
-            received=self._received,
-            sent=self._sent,
-            ignored=self._ignored,
-            send_failures=self._send_failures,
-            outages=self._outages,
-            is_down=self.is_down,
-            bits=self._bits,
-        )
+        return replace(self._counters, is_down=self.is_down)
 
     def close(self) -> None:
         """Leave the hub; a second call does nothing."""
@@ -154,7 +145,7 @@ class HubTransport:
 
     def _read(self, link: "_Link") -> None:
         try:
-            self._ignored += link.read()
+            self._counters.ignored += link.read()
         except OSError:
             self._lose(link)
 
@@ -163,7 +154,7 @@ class HubTransport:
         link.socket.close()
         if self._link is link:
             self._link = None
-            self._outages += 1
+            self._counters.outages += 1
 
 
 class _Link:
@@ -196,14 +187,6 @@ class _Link:
             self._expect(b"< ok ")
         self._take(b"")
         self.socket.setblocking(False)
-
-    def has_come(self, timeout: float) -> bool:
-        """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
-        if self.socket.fileno() < _FD_SETSIZE:
-            return bool(select.select([self.socket], [], [], timeout)[0])
-        poll = select.poll()
-        poll.register(self.socket, select.POLLIN)
-        return bool(poll.poll(timeout * 1e3))
 
     def read(self) -> int:
         """Take what has arrived; return how many words of it are no frames.

@@ -1,6 +1,7 @@
 """Any bus that python-can knows, through its `can.BusABC`."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import can
 
@@ -55,11 +56,7 @@ class PythonCanTransport:
         self.has_exact_wait = has_exact_wait
         self._bus = bus
         self._waiting: can.Message | None = None
-        self._received = 0
-        self._sent = 0
-        self._ignored = 0
-        self._send_failures = 0
-        self._bits = 0.0
+        self._counters = TransportCounters()
 
     def receive(self, limit: int) -> list[Frame]:
         """Return what has arrived, reading at most `limit` messages, without waiting."""
@@ -70,11 +67,11 @@ class PythonCanTransport:
                 break
             frame = frame_of(message)
             if frame is None:
-                self._ignored += 1
+                self._counters.ignored += 1
             else:
                 frames.append(frame)
-                self._bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
-        self._received += len(frames)
+                self._counters.bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
+        self._counters.received += len(frames)
         return frames
 
     def wait(self, timeout: float) -> bool:
@@ -108,25 +105,19 @@ class PythonCanTransport:
             try:
                 self._bus.send(message_of(frame))
             except can.CanOperationError:
-                self._send_failures += 1
+                self._counters.send_failures += 1
             except (can.CanError, OSError, ValueError) as error:
                 raise BusError(f"{self.description}: bus lost: {error}") from error
             else:
-                self._sent += 1
-                self._bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
+                self._counters.sent += 1
+                self._counters.bits += frame_bits(len(frame.data), is_extended=frame.is_extended)
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
         """Leave the filters open: python-can filters most buses in Python, which saves nothing."""
 
     def counters(self) -> TransportCounters:
         """Return what passed so far; python-can tells nothing of losses in the kernel."""
-        return TransportCounters(
-            received=self._received,
-            sent=self._sent,
-            ignored=self._ignored,
-            send_failures=self._send_failures,
-            bits=self._bits,
-        )
+        return replace(self._counters)
 
     def close(self) -> None:
         """Shut the bus down; a second call does nothing."""

@@ -9,11 +9,11 @@ of the Linux kernel, and `linux/can.h`, `linux/can/raw.h`.
 import errno
 import logging
 import os
-import select
 import socket
 import struct
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from hil_bench.canopen_device.frame import Frame, make_frame
@@ -21,6 +21,7 @@ from hil_bench.errors import BusError
 from hil_bench.frame import FRAME_BITS
 from hil_bench.outside.transports.can_interfaces import is_up
 from hil_bench.outside.transports.transport import TransportCounters
+from hil_bench.outside.transports.waiting import has_exact_wait, is_readable
 
 logger = logging.getLogger(__name__)
 
@@ -54,9 +55,6 @@ _SO_TIMESTAMPNS = 35
 _SO_RXQ_OVFL = 40
 _DROP_COUNTER = struct.Struct("=I")
 _ANCILLARY_SIZE = 64
-
-# Of sys/select.h. select() waits to the microsecond, poll() to the millisecond.
-_FD_SETSIZE = 1024
 
 # While the interface is down, who asks often is not to ask the kernel each time.
 _CALLS_PER_LOOK = 20
@@ -130,15 +128,8 @@ class SocketCanTransport:
         self._bus = bus
         self._socket = bus.socket
         self._pending: deque[bytes] = deque()
-        self._received = 0
-        self._sent = 0
-        self._ignored = 0
-        self._dropped = 0
+        self._counters = TransportCounters()
         self._drop_counter = 0
-        self._send_failures = 0
-        self._bits = 0.0
-        self._outages = 0
-        self._is_down = False
         self._looks = 0
         self._socket.setblocking(False)
         self.receive_buffer = _enlarge_receive_buffer(self._socket)
@@ -161,7 +152,7 @@ class SocketCanTransport:
     @property
     def has_exact_wait(self) -> bool:
         """Whether the socket is one that `select` takes."""
-        return self._socket.fileno() < _FD_SETSIZE
+        return has_exact_wait(self._socket)
 
     def fileno(self) -> int:
         """Return the socket's descriptor, for `select`."""
@@ -173,7 +164,7 @@ class SocketCanTransport:
         While the interface is down, nothing arrives.
         """
         frames: list[Frame] = []
-        if self._is_down:
+        if self._counters.is_down:
             self._looks += 1
             if self._looks % _CALLS_PER_LOOK == 0:
                 self._look()
@@ -184,15 +175,15 @@ class SocketCanTransport:
                     self._count_drops(ancillary)
                 frame = unpack_frame(raw)
                 if frame is None:
-                    self._ignored += 1
+                    self._counters.ignored += 1
                 else:
                     frames.append(frame)
-                    self._bits += FRAME_BITS[len(frame.data)]
+                    self._counters.bits += FRAME_BITS[len(frame.data)]
         except BlockingIOError:
             pass
         except OSError as error:
             self._give_up(error)
-        self._received += len(frames)
+        self._counters.received += len(frames)
         return frames
 
     def wait(self, timeout: float) -> bool:
@@ -200,18 +191,10 @@ class SocketCanTransport:
 
         An error of the interface ends the wait too; `receive` raises it.
         """
-        has_come = self._select(timeout)
-        if self._is_down and not has_come and timeout >= _LONG_WAIT:
+        has_come = is_readable(self._socket, timeout)
+        if self._counters.is_down and not has_come and timeout >= _LONG_WAIT:
             self._look()
         return has_come
-
-    def _select(self, timeout: float) -> bool:
-        """Wait until there is something to read, at most `timeout` [s]; return whether there is."""
-        if not self.has_exact_wait:
-            poll = select.poll()
-            poll.register(self._socket, select.POLLIN)
-            return bool(poll.poll(timeout * 1e3))
-        return bool(select.select([self._socket], [], [], timeout)[0])
 
     def send(self, frames: Sequence[Frame]) -> None:
         """Send frames in order, those that are still waiting first.
@@ -225,15 +208,15 @@ class SocketCanTransport:
         try:
             while pending:
                 self._socket.send(pending[0])
-                self._bits += FRAME_BITS[pending.popleft()[_LENGTH]]
-                self._sent += 1
+                self._counters.bits += FRAME_BITS[pending.popleft()[_LENGTH]]
+                self._counters.sent += 1
         except OSError as error:
             if error.errno not in _TRY_LATER:
                 self._give_up(error)
-        limit = 0 if self._is_down else RETRY_LIMIT
+        limit = 0 if self._counters.is_down else RETRY_LIMIT
         while len(pending) > limit:
             pending.popleft()
-            self._send_failures += 1
+            self._counters.send_failures += 1
 
     def listen_to(self, can_ids: Iterable[int]) -> None:
         """Let the kernel pass only these 11-bit identifiers, and error frames.
@@ -248,16 +231,7 @@ class SocketCanTransport:
 
     def counters(self) -> TransportCounters:
         """Return what passed so far."""
-        return TransportCounters(
-            received=self._received,
-            sent=self._sent,
-            ignored=self._ignored,
-            dropped=self._dropped,
-            send_failures=self._send_failures,
-            outages=self._outages,
-            is_down=self._is_down,
-            bits=self._bits,
-        )
+        return replace(self._counters)
 
     def close(self) -> None:
         """Close the socket; a second call does nothing."""
@@ -268,7 +242,7 @@ class SocketCanTransport:
         for level, kind, data in ancillary:
             if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
                 (counter,) = _DROP_COUNTER.unpack(data)
-                self._dropped += (counter - self._drop_counter) % 2**32
+                self._counters.dropped += (counter - self._drop_counter) % 2**32
                 self._drop_counter = counter
 
     def _give_up(self, error: OSError) -> None:
@@ -279,16 +253,16 @@ class SocketCanTransport:
         """
         if error.errno != errno.ENETDOWN:
             raise BusError(self._lost(error)) from error
-        if not self._is_down:
-            self._is_down = True
-            self._outages += 1
+        if not self._counters.is_down:
+            self._counters.is_down = True
+            self._counters.outages += 1
             reason = _reason(error.errno, self.channel)
             logger.warning("%s: %s; the bench goes on without it", self.description, reason)
 
     def _look(self) -> None:
         """Find out whether the interface is up again; its socket then works on."""
         if is_up(self.channel):
-            self._is_down = False
+            self._counters.is_down = False
             logger.warning("%s: the interface is up again", self.description)
 
     def _lost(self, error: OSError) -> str:

@@ -8,7 +8,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class TransportCounters:
     """What passed a transport since it was opened, in frames.
 

@@ -114,7 +114,7 @@ def test_interrupted_it_leaves_its_files_and_the_valve_disabled(tmp_path, monkey
 def test_an_axis_without_the_sensors_is_refused(tmp_path, capsys):
     (tmp_path / "bench.toml").write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n')
     assert demo(tmp_path, str(tmp_path / "bench.toml")) == 2
-    expected = "the first axis has no node of profile encoder_406; the demo's controller needs one"
+    expected = "plant.axis1: no node is its encoder_406; the demo needs one"
     assert capsys.readouterr().err == f"hil-bench: error: {expected}\n"
 
 

@@ -10,7 +10,7 @@ from hil_bench.machine.commissioning.identity import NodeDescription
 from hil_bench.machine.commissioning.measures import (
     SAMPLE_CHANNELS,
     Curve,
-    Finding,
+    Diagnosis,
     Measure,
     StepResult,
     Verdict,
@@ -34,7 +34,7 @@ def found():
             Measure("speed", 0.1, "m/s", low=0.05),
             Measure("load force", -12.5, "N"),
         ],
-        [Finding("valve inverted", "speed < 0", "exchange the hoses")],
+        [Diagnosis("valve inverted", "speed < 0", "exchange the hoses")],
         trace=trace,
         curves=[curve],
     )
@@ -86,7 +86,7 @@ def test_what_a_device_says_is_no_markup_in_either(tmp_path):
     node = NodeDescription(4, "OPERATIONAL", False, 0x196, 1, 2, 3, 4, hostile)
     step = StepResult("sensors", Verdict.STOPPED, problem=f"{hostile}\n# not a heading")
     step.notes.append(hostile)
-    step.findings.append(Finding(hostile, hostile, hostile))
+    step.findings.append(Diagnosis(hostile, hostile, hostile))
     markdown, page = write_report(
         tmp_path,
         Commissioning("axis1", (step,), (node,), 0),
@@ -130,7 +130,7 @@ def test_a_step_fails_by_a_measure_or_a_finding_but_stays_stopped():
     for result, verdict in (
         (StepResult("ramp"), Verdict.PASSED),
         (StepResult("ramp", measures=[wrong]), Verdict.FAILED),
-        (StepResult("ramp", findings=[Finding("a", "b", "c")]), Verdict.FAILED),
+        (StepResult("ramp", findings=[Diagnosis("a", "b", "c")]), Verdict.FAILED),
         (StepResult("ramp", Verdict.STOPPED, measures=[wrong]), Verdict.STOPPED),
     ):
         result.judge()

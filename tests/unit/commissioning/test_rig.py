@@ -8,8 +8,8 @@ import can
 import pytest
 
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.members import find_members
 from hil_bench.machine.commissioning.guard import LimitError, Sample, check_sample
-from hil_bench.machine.commissioning.members import find_members
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.session.virtual_bench import VirtualBench
@@ -34,7 +34,7 @@ class Axis:
         self.recorded = []
         self.rig = Rig(
             self.network,
-            find_members(config, "axis1"),
+            find_members(config, "axis1", "commissioning"),
             period=PERIOD,
             recording=self,
         )

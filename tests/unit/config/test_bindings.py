@@ -106,7 +106,7 @@ IN_THE_FILE = [
     ('"0x6401.01" = { source = "axis1.spool_setpoint" }', f'{BOUND}.source: "axis1.spool_setpoint" can be no source; the nearest that can is "axis1.spool_position"'),
     ('"0x6401.01" = { source = "axs1.positio" }', f'{BOUND}.source: "axs1.positio" names no axis of the bench; the nearest that can is "axis1.position"'),
     ('"0x6401.01" = { source = "P_A" }', f'{BOUND}.source: "P_A" names no axis of the bench; the nearest that can is "axis1.P_A"'),
-    ('"0x6401.01" = { source = "axis1.P_A", unit = "psi" }', f'{BOUND}.unit: "psi" is no unit of P_A; give one of "Pa", "bar", "MPa"'),
+    ('"0x6401.01" = { source = "axis1.P_A", unit = "psi" }', f'{BOUND}.unit: "psi" is no unit of P_A; give one of "Pa", "mbar", "kPa", "bar", "MPa"'),
     ('"0x6411.01" = { sink = "axis1.P_A" }', 'nodes.io.objects.0x6411.01.sink: "axis1.P_A" can be no sink; the nearest that can is "axis1.spool_setpoint"'),
     # Numbers
     ('"0x6401.01" = { source = "axis1.P_A", scale = 0 }', f"{BOUND}.scale: 0 would lose the quantity; give a number other than 0"),

@@ -105,7 +105,8 @@ def register(*lines: str, table: str = "input_registers") -> str:
             register('unit = "furlong"'),
             (
                 'input_registers.p.unit: "furlong" is unknown; give one of "-", "%", "Pa", "mbar", '
-                '"kPa", "bar", "MPa", "m", "mm", "um", "m/s", "mm/s", "s", "ms", "us"'
+                '"kPa", "bar", "MPa", "m", "mm", "um", "m/s", "mm/s", "s", "ms", "us", '
+                '"m³/s", "l/min"'
             ),
         ),
         (

@@ -2,8 +2,9 @@
 
 import pytest
 
+from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.devices.faults.kinds import FaultKind
-from hil_bench.devices.faults.schedule import NEVER, FaultSchedule
+from hil_bench.devices.faults.schedule import FaultSchedule
 from hil_bench.errors import ConfigError
 
 MS = 1_000_000

@@ -26,20 +26,6 @@ BENCH = PLUGIN / "bench.toml"
 
 
 @pytest.fixture
-def site(tmp_path, monkeypatch):
-    """A folder in which distributions may be installed for one test."""
-    folder = tmp_path / "site"
-    folder.mkdir()
-    monkeypatch.syspath_prepend(folder)
-    before = set(sys.modules)
-    for registry in (KINDS, PLANTS):
-        monkeypatch.setattr(registry, "_loaded", {})
-    yield folder
-    for name in set(sys.modules) - before:
-        del sys.modules[name]
-
-
-@pytest.fixture
 def rig(site):
     """The example's bench, with its package installed."""
     package = PLUGIN / "spring_rig"

@@ -10,7 +10,7 @@ from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.frames import SUFFIXES, FrameFile, read_frames
+from hil_bench.outside.recording.frames import SUFFIXES, open_frame_file, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
@@ -22,7 +22,7 @@ def logged(can_id: int, data: bytes, milliseconds: int, *, is_received: bool = T
 
 def test_candump_log_is_written_as_candump_writes_it(tmp_path: Path) -> None:
     path = tmp_path / "bus.log"
-    with FrameFile(path) as file:
+    with open_frame_file(path) as file:
         file.write_frames(
             [
                 logged(0x201, b"\x07\x00\x00\x20", 1000),
@@ -48,7 +48,7 @@ def test_a_candump_log_says_a_direction_where_python_can_wrote_it(tmp_path: Path
 
 
 def every_kind(path: Path) -> None:
-    with FrameFile(path) as file:
+    with open_frame_file(path) as file:
         file.write_frames(
             [
                 logged(0x000, b"\x01\x00", 1001),
@@ -110,7 +110,7 @@ def test_can_utils_read_a_candump_log(tmp_path: Path) -> None:
 def test_a_full_disk_is_told_with_the_file(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     path.symlink_to("/dev/full")
-    with pytest.raises(OSError, match="No space left") as caught, FrameFile(path) as file:
+    with pytest.raises(OSError, match="No space left") as caught, open_frame_file(path) as file:
         file.write_frames([logged(0x201, b"\x07", 1)])
 
     assert caught.value.filename == str(path)
@@ -124,7 +124,7 @@ def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: st
         logged(0x181 + tick, bytes([tick]), 1500 + tick, is_received=bool(tick % 2))
         for tick in range(3)
     ]
-    with FrameFile(path) as file:
+    with open_frame_file(path) as file:
         file.write_frames(frames[:2])
         file.flush(durable=True)
         file.write_frames(frames[2:])
@@ -142,7 +142,7 @@ def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: st
 def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     for name, suffix in (("bus.pcap", ".pcap"), ("bus", ""), ("bus.log.gz", ".gz")):
         with pytest.raises(ConfigError) as caught:
-            FrameFile(tmp_path / name)
+            open_frame_file(tmp_path / name)
         assert str(caught.value) == (
             f'{tmp_path}/{name}: no format has the suffix "{suffix}"; '
             "give a file name that ends in one of .asc .blf .log"
@@ -153,7 +153,7 @@ def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path)
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        FrameFile(tmp_path / "no" / f"bus{suffix}")
+        open_frame_file(tmp_path / "no" / f"bus{suffix}")
 
     assert str(caught.value) == (
         f"{tmp_path}/no/bus{suffix}: cannot be written: No such file or directory; "
@@ -183,7 +183,7 @@ def test_a_missing_log_says_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("suffix", "place"), [(".log", "can1 181#2A\n"), (".asc", " 2  181 ")])
 def test_a_frame_of_another_bus_has_its_channel(tmp_path: Path, suffix: str, place: str) -> None:
     path = tmp_path / f"bus{suffix}"
-    with FrameFile(path) as file:
+    with open_frame_file(path) as file:
         file.write_frames([LoggedFrame(Frame(0x181, b"\x2a", bus=1), MILLISECOND, True)])
     assert place in path.read_text()
 
@@ -193,7 +193,7 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
     # Found by fuzzing: an object header of 16 bytes and size 0 in the one container; python-can's
     # reader goes to "the next object", which is the same one, without end.
     path = tmp_path / "bus.blf"
-    with FrameFile(path) as file:
+    with open_frame_file(path) as file:
         file.write_frames([logged(0x181, b"\x2a", 1)])
     whole = path.read_bytes()
     header, claim = whole[:144], struct.pack("<4sHHLL", b"LOBJ", 16, 99, 0, 1)
@@ -206,7 +206,7 @@ def test_a_blf_object_that_claims_no_bytes_ends_the_log(tmp_path: Path) -> None:
 def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path: Path) -> None:
     dates = []
     for started in (None, datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC)):
-        with FrameFile(tmp_path / "bus.asc", started) as file:
+        with open_frame_file(tmp_path / "bus.asc", started) as file:
             file.write_frames([logged(0x181, b"\x2a", 1)])
         lines = (tmp_path / "bus.asc").read_text().splitlines()
         dates.append([line for line in lines if line.lower().startswith(("date", "begin"))])

@@ -177,7 +177,7 @@ VALVE_ALONE = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\
 @pytest.mark.parametrize(
     ("bench", "wrong"),
     [
-        (VALVE_ALONE, "controller: needs a device of the kind encoder_406"),
+        (VALVE_ALONE, "plant.axis1: no node is its encoder_406; the controller needs one"),
         (TWO_BUSES.read_text(), "controller: the examples need all devices of the axis on the f"),
     ],
 )

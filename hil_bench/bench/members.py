@@ -1,4 +1,4 @@
-"""The nodes of the axis that is commissioned."""
+"""The nodes of a cylinder: which of them does what."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -21,15 +21,21 @@ class Members(NamedTuple):
     pressure_b: PressureConfig
 
 
-def find_members(config: BenchConfig, axis: str) -> Members:
-    """Return the nodes of an axis: valve, position sensor, pressure transducers at A and B."""
+def find_members(config: BenchConfig, axis: str, who: str) -> Members:
+    """Return the nodes of an axis: valve, position sensor, pressure transducers at A and B.
+
+    Args:
+        config: the bench.
+        axis: name of the axis.
+        who: needs them, for the message that says which is missing.
+    """
     nodes = [node for node in config.nodes if node.axis == axis]
 
     def find(what: str, wanted: Callable[[NodeConfig], bool]) -> Any:  # noqa: ANN401 - of its type
         for node in nodes:
             if wanted(node):
                 return node
-        raise ConfigError(f"plant.{axis}: no node is its {what}; commissioning needs one")
+        raise ConfigError(f"plant.{axis}: no node is its {what}; {who} needs one")
 
     return Members(
         find(VALVE.name, lambda node: isinstance(node, ValveConfig)),

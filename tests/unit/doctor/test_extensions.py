@@ -1,0 +1,53 @@
+"""The kinds that other distributions bring, as `hil-bench doctor` lists them."""
+
+import importlib
+import json
+
+from support.distribution import declare
+
+from hil_bench.cli import main
+from hil_bench.kinds.registry import KINDS
+from hil_bench.plants.registry import PLANTS
+from hil_bench.session.doctor.extensions import examine_extensions
+from hil_bench.session.doctor.finding import Verdict, absent, good
+
+SPRING = """
+from hil_bench.plants.hydraulic_cylinder.kind import HydraulicCylinder
+class Spring(HydraulicCylinder):
+    name = "spring"
+KIND = Spring()
+"""
+
+
+def install(site):
+    """Put a plant that works and a device that does not onto the path."""
+    (site / "spring.py").write_text(SPRING)
+    (site / "stick.py").write_text("raise RuntimeError('no\\nlicence')")
+    declare(site, "spring-maker", "2.0", {PLANTS.group: {"spring": "spring:KIND"}})
+    declare(site, "stick-maker", "1.5", {KINDS.group: {"stick": "stick:KIND"}})
+    importlib.invalidate_caches()
+
+
+def test_each_is_listed_with_its_distribution_and_whether_it_loads(site):
+    install(site)
+    stick, spring = examine_extensions().findings
+    assert spring == good("spring", "kind of plant, spring-maker 2.0")
+    assert (stick.name, stick.verdict) == ("stick", Verdict.MISSING)
+    assert stick.value == "kind of device, stick-maker 1.5, not loaded"
+    assert stick.advice == (
+        'stick-maker 1.5: hil_bench.kinds: "stick" (stick:KIND) cannot be imported: '
+        "RuntimeError: no licence"
+    )
+
+
+def test_without_any_it_says_so(site):
+    assert list(site.iterdir()) == []
+    assert examine_extensions().findings == (absent("kinds", "none installed"),)
+
+
+def test_the_verb_reports_them(site, capsys):
+    install(site)
+    assert main(["doctor", "--json", "--seconds", "0"]) == 0
+    found = {item["name"]: item for item in json.loads(capsys.readouterr().out)["findings"]}
+    assert found["spring"]["topic"] == found["stick"]["topic"] == "Extensions"
+    assert (found["spring"]["verdict"], found["stick"]["verdict"]) == ("good", "missing")

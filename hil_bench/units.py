@@ -79,3 +79,16 @@ UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
     "m³/s": (CUBIC_METRE_PER_SECOND, LITRE_PER_MINUTE),
 }
 """Units in which bindings and registers may have a quantity, by its SI unit."""
+
+DISPLAY_UNITS: Mapping[str, Unit] = {
+    "m": MILLIMETRE,
+    "m/s": MILLIMETRE_PER_SECOND,
+    "Pa": BAR,
+    "-": PERCENT,
+}
+"""In which unit people are shown a quantity, by its SI unit."""
+
+
+def display_unit(symbol: str) -> Unit:
+    """Return the unit in which people are shown a quantity of this SI unit; most as they are."""
+    return DISPLAY_UNITS.get(symbol, Unit(symbol, ""))

@@ -29,9 +29,7 @@ from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.recording.trigger import quantity
 from hil_bench.outside.transports.opening import open_can_bus
-from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
-
-_DISPLAY = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
+from hil_bench.units import display_unit
 
 _EXAMPLES = """\
 examples:
@@ -164,7 +162,7 @@ _HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"
 
 
 def _line(deviation: Deviation) -> str:
-    unit = _DISPLAY.get(deviation.unit, Unit(deviation.unit, ""))
+    unit = display_unit(deviation.unit)
     numbers = [
         f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)
     ]

@@ -17,12 +17,11 @@ from hil_bench.machine.shadow import (
     widening,
 )
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
-from hil_bench.units import BAR, MILLIMETRE, PERCENT, Unit
+from hil_bench.units import display_unit
 
 Limits = Mapping[str, Mapping[str, float]]
 """By axis and quantity, in SI units."""
 
-_DISPLAY: dict[str, Unit] = {"m": MILLIMETRE, "Pa": BAR, "-": PERCENT}
 _NAMES = {"status_word": "state of the valve", "set-point": "set-point of the valve"}
 _PATIENCE = 1.0
 """Time without a twin that follows after which it is said what is missing [s]."""
@@ -253,5 +252,5 @@ def _joined(missing: Mapping[str, str]) -> str:
 
 
 def _text(symbol: str, value: float) -> str:
-    unit = _DISPLAY.get(symbol, Unit(symbol, ""))
+    unit = display_unit(symbol)
     return f"{unit.from_si(value):.3f} {unit.symbol}"

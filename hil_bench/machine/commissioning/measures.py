@@ -10,23 +10,9 @@ import numpy.typing as npt
 
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
-from hil_bench.units import (
-    BAR,
-    MILLIMETRE,
-    MILLIMETRE_PER_SECOND,
-    MILLISECOND,
-    PERCENT,
-    Unit,
-)
+from hil_bench.units import BAR_PER_SECOND, DISPLAY_UNITS, MILLISECOND, Unit
 
-SHOWN_UNITS: Mapping[str, Unit] = {
-    "m": MILLIMETRE,
-    "m/s": MILLIMETRE_PER_SECOND,
-    "Pa": BAR,
-    "Pa/s": Unit("bar/s", "", 1e5),
-    "s": MILLISECOND,
-    "-": PERCENT,
-}
+SHOWN_UNITS: Mapping[str, Unit] = {**DISPLAY_UNITS, "Pa/s": BAR_PER_SECOND, "s": MILLISECOND}
 """In which unit a measure is shown, by the symbol of its SI unit; others as they are."""
 
 SAMPLE_CHANNELS = tuple(Channel(q.name, q.unit) for q in QUANTITIES if q.is_recorded)

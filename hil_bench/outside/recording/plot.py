@@ -16,14 +16,11 @@ from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
-from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
+from hil_bench.units import Unit, display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-DISPLAY_UNITS = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
-"""In which unit a figure shows a quantity, by the symbol of the SI unit."""
 
 _SAME = 0.01  # of a panel's range: a sensor that errs by less is not drawn beside the actual value
 
@@ -220,7 +217,7 @@ def _lines(recording: Recording, axis: str, panel: _Panel) -> list[_Line]:
         names = [f"{axis}.{quantity}" for quantity in (curve.quantity, curve.minus) if quantity]
         if all(name in units for name in names):
             symbol = units[names[0]]
-            unit = DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
+            unit = display_unit(symbol)
             values = recording[names[0]] - (recording[names[1]] if curve.minus else 0.0)
             lines.append(_Line(curve, values / unit.factor, unit))
     if lines and panel.measured and len(_axis_names(recording)) == 1:

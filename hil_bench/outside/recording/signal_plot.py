@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from hil_bench.errors import ConfigError
 from hil_bench.figure_style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_channels
-from hil_bench.outside.recording.plot import DISPLAY_UNITS, save_figure
-from hil_bench.units import Unit
+from hil_bench.outside.recording.plot import save_figure
+from hil_bench.units import display_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +71,7 @@ def signal_figure(
 def _draw_panel(
     place: "Axes", recording: Recording, channels: Sequence[Channel], symbol: str
 ) -> None:
-    unit = DISPLAY_UNITS.get(symbol, Unit(symbol, ""))
+    unit = display_unit(symbol)
     for channel, colour in zip(channels, cycle(_COLOURS), strict=False):
         values = recording[channel.name] / unit.factor
         place.plot(recording[TIME.name], values, color=colour, label=channel.name, linewidth=1.2)

@@ -8,20 +8,7 @@ import numpy as np
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
-from hil_bench.units import BAR, MEGAPASCAL, MILLIMETRE, MILLIMETRE_PER_SECOND, PASCAL, PERCENT
-
-_SYMBOLS = {
-    unit.symbol: (unit.factor, si)
-    for unit, si in (
-        (BAR, "Pa"),
-        (MEGAPASCAL, "Pa"),
-        (PASCAL, "Pa"),
-        (MILLIMETRE, "m"),
-        (MILLIMETRE_PER_SECOND, "m/s"),
-        (PERCENT, "-"),
-    )
-}
-"""Units that may follow a level: their SI value and the SI unit they stand for."""
+from hil_bench.units import UNITS_OF
 
 _CONDITION = re.compile(r"\s*(\S+?)\s*([<>])\s*([-+.\deE]+)\s*(\S*)\s*")
 
@@ -78,12 +65,11 @@ def quantity(text: str, level: str, symbol: str, unit: str) -> float:
     Raises:
         ConfigError: it is no number, or the unit is none of the quantity's.
     """
-    factor, si = _SYMBOLS.get(symbol, (1.0, symbol or unit))
-    if si != unit:
-        right = [unit, *(name for name, (_, si) in _SYMBOLS.items() if si == unit)]
-        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(right)}')
+    units = {each.symbol: each.factor for each in UNITS_OF.get(unit, ())} or {unit: 1.0}
+    if symbol and symbol not in units:
+        raise ConfigError(f'"{text}": {symbol} is no unit of it; give one of {", ".join(units)}')
     try:
-        value = float(level) * factor
+        value = float(level) * units.get(symbol, 1.0)
     except ValueError:
         raise ConfigError(f'"{text}": {level} is no number') from None
     return value

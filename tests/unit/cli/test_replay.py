@@ -95,7 +95,7 @@ def test_what_is_out_of_tolerance_fails(run_mf4, tmp_path, capsys):
         ),
         (
             ["--virtual", "--tolerance", "position=1 bar"],
-            '"position=1 bar": bar is no unit of it; give one of m, mm',
+            '"position=1 bar": bar is no unit of it; give one of m, mm, um',
         ),
     ],
 )

@@ -263,7 +263,7 @@ def test_a_trigger_that_never_comes_leaves_an_empty_file(tmp_path):
         ),
         (
             "axis1.P_A > 3 mm",
-            '"axis1.P_A > 3 mm": mm is no unit of it; give one of Pa, bar, MPa, Pa',
+            '"axis1.P_A > 3 mm": mm is no unit of it; give one of Pa, mbar, kPa, bar, MPa',
         ),
         ("axis1.P_A > 1-2", '"axis1.P_A > 1-2": 1-2 is no number'),
     ],

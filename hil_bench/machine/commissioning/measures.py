@@ -135,6 +135,8 @@ class StepResult:
         trace: its samples; None without motion or recording.
         curves: its characteristics.
         duration: how long it took [s].
+        is_interrupted: whether Ctrl-C ended it.
+        is_bus_lost: whether the loss of the bus did.
     """
 
     kind: str
@@ -146,6 +148,8 @@ class StepResult:
     trace: Recording | None = None
     curves: list[Curve] = field(default_factory=list)
     duration: float = 0.0
+    is_interrupted: bool = False
+    is_bus_lost: bool = False
 
     def judge(self) -> None:
         """Set the verdict by measures and findings, unless the step was stopped or not run."""

@@ -57,8 +57,6 @@ _STEPS: Mapping[StepKind, Callable[[Procedure, Step], StepResult]] = {
     StepKind.LEAKAGE: leakage,
 }
 
-_LOST = "the bus was lost"
-
 _DECISIVE = {StepKind.COMMUNICATION, StepKind.DIRECTION}
 """Steps without which the axis is not moved any further."""
 
@@ -158,14 +156,13 @@ def commission(
     finally:
         returned = rig.close()
         console.returned(returned)
-    problems = [result.problem for result in results]
     return Commissioning(
         axis.name,
         tuple(results),
         tuple(nodes),
         rig.missed,
-        lost=next((problem for problem in problems if problem.startswith(_LOST)), ""),
-        is_interrupted=any(problem.startswith(INTERRUPTED) for problem in problems),
+        lost=next((result.problem for result in results if result.is_bus_lost), ""),
+        is_interrupted=any(result.is_interrupted for result in results),
         returned=returned,
     )
 
@@ -179,6 +176,7 @@ def _run_steps(procedure: Procedure, planned: Sequence[Step], console: Console) 
         console.begin(step)
         if obstacle:
             result = StepResult(step.kind, Verdict.NOT_RUN, problem=obstacle)
+            result.is_interrupted = obstacle == INTERRUPTED
         else:
             result = _run_step(procedure, number, step)
             if step.kind in _DECISIVE and result.verdict is not Verdict.PASSED:
@@ -210,9 +208,11 @@ def _run_step(procedure: Procedure, number: int, step: Step) -> StepResult:
         if step.kind.moves:
             rig.close_valve()
     except KeyboardInterrupt:
+        result.is_interrupted = True
         result.problem = f"{INTERRUPTED}; {_closing(rig, step)}"
     except BusLostError as error:
-        result.problem = f"{_LOST}: {error}; the valve closes by itself"
+        result.is_bus_lost = True
+        result.problem = f"the bus was lost: {error}; the valve closes by itself"
     except (LimitError, DriverError) as error:
         result.problem = f"{error}; {_closing(rig, step)}"
     result.duration = network.now() - begin

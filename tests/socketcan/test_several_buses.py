@@ -33,7 +33,7 @@ def test_each_interface_has_the_nodes_of_its_bus(start, bench_file, channel, own
         can.Bus(interface="socketcan", channel=channel) as first,
         can.Bus(interface="socketcan", channel=own_channel) as second,
     ):
-        bench = start("hil-bench", "run", bench_file, "--quiet")
+        bench = start("hil-bench", "run", bench_file)
         boots = [second.recv(GUARD).arbitration_id for _ in range(3)]
         assert boots == [0x701, 0x702, 0x703]
         assert first.recv(10.0).arbitration_id == 0x701

@@ -38,9 +38,8 @@ def test_a_device_without_0x1005_hears_sync_at_0x080(object_dictionary):
     node.start(0)
     node.serve(0, [].append)
     node.receive(START, 0)
-    for _ in range(3):
-        node.receive(Frame(0x080), 0)
-        node.receive(Frame(0x081), 0)
+    for can_id in (0x080, 0x080, 0x080, 0x081):
+        node.receive(Frame(can_id), 0)
     assert node.syncs == 3
 
 

@@ -9,6 +9,7 @@ sheet only. Where there is no vcan: tests/socketcan/with_vcan.py python benchmar
 """
 
 import argparse
+import json
 import random
 import re
 import signal
@@ -142,21 +143,21 @@ def run_processes(
     machine_path, sheet_path = write_files(folder, machine, sheet)
     bus = ["-i", "socketcan", "-c", channel, "--lockstep", "--sync-period-us", str(sync_period_us)]
     bench = subprocess.Popen(  # noqa: S603 - our own program
-        [*PROGRAM, "run", machine_path, *bus, "--quiet"], stdout=subprocess.PIPE, text=True
+        [*PROGRAM, "run", machine_path, *bus], stdout=subprocess.PIPE, text=True
     )
     wait_until_on_bus(bench)
-    arguments = [PLAN, sheet_path, *bus, "--yes", "--quiet", "--output", folder / "output"]
+    arguments = [PLAN, sheet_path, *bus, "--yes", "--json", "--output", folder / "output"]
     told = subprocess.run(  # noqa: S603 - our own program
         [*PROGRAM, "commission", *arguments], capture_output=True, text=True, check=False
     )
     bench.send_signal(signal.SIGINT)
     summary, _ = bench.communicate(timeout=30)
-    found = re.findall(r"^(found|verdict) +([^:\n]*)", told.stdout, re.MULTILINE)
     moved = re.search(r"SYNCs of .*: ([0-9.]+) s in", summary)
-    if told.stderr or moved is None:
+    if not told.stdout or moved is None:
         raise SystemExit(f"{told.stderr}{summary}")
-    names = [text for kind, text in found if kind == "found"]
-    return Outcome(names, dict(found)["verdict"], float(moved[1]))
+    found = json.loads(told.stdout)
+    names = [finding["name"] for finding in found["findings"]]
+    return Outcome(names, found["verdict"], float(moved[1]))
 
 
 def wait_until_on_bus(bench: "subprocess.Popen[str]") -> None:

@@ -15,40 +15,22 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-try:
-    from hil_bench.plants.hydraulic_cylinder.model import (
-        ConstantLoad,
-        EntrainedAir,
-        FullOrderPlant,
-        LoadSeries,
-        LuGreFriction,
-        MassOnSlope,
-        PlantInput,
-        PlantOptions,
-        PlantParameters,
-        Solver,
-        SpringLoad,
-        SupplyUnit,
-        balanced_state,
-        paper_parameters,
-    )
-except ModuleNotFoundError:  # a revision before the models moved
-    from hil_bench.plant import (
-        ConstantLoad,
-        EntrainedAir,
-        FullOrderPlant,
-        LoadSeries,
-        LuGreFriction,
-        MassOnSlope,
-        PlantInput,
-        PlantOptions,
-        PlantParameters,
-        Solver,
-        SpringLoad,
-        SupplyUnit,
-        balanced_state,
-        paper_parameters,
-    )
+from hil_bench.plants.hydraulic_cylinder.model import (
+    ConstantLoad,
+    EntrainedAir,
+    FullOrderPlant,
+    LoadSeries,
+    LuGreFriction,
+    MassOnSlope,
+    PlantInput,
+    PlantOptions,
+    PlantParameters,
+    Solver,
+    SpringLoad,
+    SupplyUnit,
+    balanced_state,
+    paper_parameters,
+)
 
 Array = npt.NDArray[np.float64]
 

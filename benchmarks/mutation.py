@@ -55,7 +55,9 @@ class MutatedModule(importlib.machinery.SourceFileLoader):
     """Hands out one module with a fault in it; also the finder of that module."""
 
     def __init__(self, path: Path, tree: ast.Module) -> None:
-        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        drivers = ROOT / "drivers"
+        root = drivers if path.is_relative_to(drivers) else ROOT
+        name = ".".join(path.relative_to(root).with_suffix("").parts)
         super().__init__(name, str(path))
         self.tree = tree
         self.is_imported = False

@@ -45,17 +45,17 @@ AREAS: Final = {
 TESTS: Final = {
     "sdo": [
         *_DIALOGUES,
-        *_tests("canopen_device", "boundaries sdo_ends sdo sdo_block"),
+        *_tests("canopen_device", "boundaries flags_and_ranges sdo_ends sdo sdo_block"),
         *_tests("canopen_device", "sdo_dialogue"),
     ],
     "pdo": [
         *_DIALOGUES,
-        *_tests("canopen_device", "boundaries pdo_ends pdo_mapping"),
+        *_tests("canopen_device", "boundaries flags_and_ranges pdo_ends pdo_mapping"),
         *_tests("canopen_device", "shared_rounds node"),
     ],
     "sync": [
         *_DIALOGUES,
-        *_tests("canopen_device", "boundaries sync_parameters sync"),
+        *_tests("canopen_device", "boundaries flags_and_ranges sync_parameters sync"),
         *_tests("canopen_device", "pdo_ends shared_rounds node"),
     ],
     "valve": _tests("devices", f"{_VALVE} valve_deviation valve_supervision ramp compensation"),
@@ -68,7 +68,7 @@ TESTS: Final = {
     # The area of limits spans packages, so each of its modules has its own.
     "hil_bench/canopen_device/object_dictionary.py": [
         *_DIALOGUES,
-        *_tests("canopen_device", "object_dictionary sdo eds"),
+        *_tests("canopen_device", "object_dictionary flags_and_ranges sdo eds"),
     ],
     "hil_bench/devices/measuring_range.py": _tests("devices", "measuring_range unsigned_range"),
     "hil_bench/devices/saturation.py": _tests(
@@ -76,6 +76,8 @@ TESTS: Final = {
     ),
     "hil_bench/machine/commissioning/guard.py": _tests("commissioning", "rig session"),
     "hil_bench/machine/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
-    "drivers/hil_drivers/valve.py": _tests("drivers", "valve valve_setup_limits device"),
+    "drivers/hil_drivers/valve.py": _tests(
+        "drivers", "valve valve_setup_limits valve_without_setup device"
+    ),
 }
 """Test files of each area, or of a module."""

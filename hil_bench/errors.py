@@ -8,10 +8,10 @@ Each error is also the builtin that it is, so that a caller may catch either::
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
      ├── TimingError               a tick took too long, and the loop is to stop then: exit code 4
-     ├── RecordingError (OSError)   a recording could not be written on
+     ├── RecordingError (OSError)   a recording could not be written on: exit code 5
      ├── StorageError (OSError)     stored parameters could not be read or written
-     ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time
-     ├── ControllerError (RuntimeError)   the controller of a bench has ended or is silent
+     ├── WaitTimeoutError (TimeoutError)  a condition was not met in bench time: exit code 3
+     ├── ControllerError (RuntimeError)   the controller of a bench is silent: exit code 3
      └── SdoAbort                   an access to an object was refused, with its CiA 301 abort code
 
 `hil_bench.canopen_device`, which knows nothing of the bench, has those that a device by itself may

@@ -64,7 +64,6 @@ class Bench:
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
         self._switchboard.start(now)
-        self.faults.start(now)
 
     @property
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:

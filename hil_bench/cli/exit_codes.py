@@ -2,7 +2,14 @@
 
 from enum import IntEnum
 
-from hil_bench.errors import BusError, ConfigError, TimingError
+from hil_bench.errors import (
+    BusError,
+    ConfigError,
+    ControllerError,
+    RecordingError,
+    TimingError,
+    WaitTimeoutError,
+)
 
 
 class ExitCode(IntEnum):
@@ -15,7 +22,7 @@ class ExitCode(IntEnum):
     USAGE = 2
     """The command line, the configuration or a file is wrong."""
     BUS = 3
-    """A bus or a port could not be opened, or was lost."""
+    """A bus or a port could not be opened, or was lost; a bench or a controller is silent."""
     TIMING = 4
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     LOST = 5
@@ -33,8 +40,10 @@ def exit_code_of(error: Exception) -> ExitCode:
     match error:
         case ConfigError():
             return ExitCode.USAGE
-        case BusError():
+        case BusError() | ControllerError() | WaitTimeoutError():
             return ExitCode.BUS
+        case RecordingError():
+            return ExitCode.LOST
         case TimingError():
             return ExitCode.TIMING
         case _:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 from hil_bench.errors import ConfigError
-from hil_bench.outside.realtime.statistics import DurationHistogram
+from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.bus_load import load_of
 from hil_bench.session.paced import RunReport
@@ -54,17 +54,25 @@ def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:
     ticks = report.ticks
     elapsed = (ticks.ticks + ticks.skipped) * period_ns
     statistics = report.statistics
-    return {
-        "tick_us": period_ns / 1000,
-        "ticks": ticks.ticks,
-        "overruns": ticks.overruns,
-        "skipped": ticks.skipped,
+    return figures(ticks, period_ns) | {
         "lateness": asdict(ticks.lateness) | {"bins": bins(statistics.lateness)},
         "work": asdict(ticks.work) | {"bins": bins(statistics.work)},
         "frames": asdict(report.frames),
         "bus_load": load_of(report.frames.bits, elapsed, bitrate),
         "bitrate": bitrate,
         "ended_by": None if report.lost is None else str(report.lost),
+    }
+
+
+def figures(ticks: TickSummary, period_ns: int) -> dict[str, Any]:
+    """Return what a loop did: counts, and percentiles of each duration."""
+    return {
+        "tick_us": period_ns / 1000,
+        "ticks": ticks.ticks,
+        "overruns": ticks.overruns,
+        "skipped": ticks.skipped,
+        "lateness": asdict(ticks.lateness),
+        "work": asdict(ticks.work),
     }
 
 

@@ -16,6 +16,8 @@ from hil_bench.cli.loop_summary import fault_lines, frame_lines, helper_lines, n
 from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
+from hil_bench.cli.results import print_results
+from hil_bench.cli.run_content import lockstep_content
 from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import StatusLine
 from hil_bench.errors import ConfigError
@@ -43,7 +45,8 @@ def run(args: argparse.Namespace) -> int:
         announce()
         report, helpers = follow(setup)
     lines = summary_lines(report, config, setup.session.bench) + recording_lines(setup.recording)
-    print("\n".join((*lines, *helper_lines(helpers.lines()))), flush=True)
+    lines += helper_lines(helpers.lines())
+    print_results(args, lines, lockstep_content(report, setup, helpers))
     if report.lost is not None:
         raise report.lost
     return setup.exit_code(helpers)

@@ -23,6 +23,8 @@ from hil_bench.cli.loop_summary import (
 )
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
+from hil_bench.cli.results import print_results
+from hil_bench.cli.run_content import paced_content
 from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import (
     StatusLine,
@@ -59,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
         histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
     lines = summary_lines(report, paced, setup) + recording_lines(setup.recording)
-    print("\n".join(lines), flush=True)
+    content = paced_content(report, setup, paced.helpers, is_timed=paced.is_timed)
+    print_results(args, lines, content)
     if report.lost is not None:
         raise report.lost
     is_late = args.strict_timing and report.ticks.overruns > 0

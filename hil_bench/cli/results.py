@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 
@@ -33,6 +34,7 @@ def print_results(
     elif not args.quiet:
         for line in lines:
             print(line)
+    sys.stdout.flush()  # before an error may follow on standard error
 
 
 def _plain(value: object) -> object:

@@ -16,6 +16,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import add_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
+from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -33,6 +34,8 @@ examples:
                                        --bus-kwargs host=127.0.0.1 port={DEFAULT_PORT}
   hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
                 --fault freeze pressure_a at_s=10
+  hil-bench run -i socketcan -c vcan0 --duration 60 --json > summary.json
+                                       the summary for a program; all else on standard error
   hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
 """
 
@@ -99,6 +102,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_feed_arguments(parser)
     add_loss_argument(parser)
+    add_json_argument(parser)
     parser.set_defaults(run=run)
 
 

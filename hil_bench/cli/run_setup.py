@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -53,13 +54,15 @@ class RunSetup(NamedTuple):
     def announcement(self) -> Callable[[], None]:
         """Return what tells a controller engineer, once, how to join.
 
-        The text is made now, when there is no tick yet to hold up.
+        The text is made now, when there is no tick yet to hold up. Standard output is left to the
+        summary where a program reads it.
         """
-        left = [introduction(self.config, self.bus, self.modbus)]
+        left = [] if self.args.quiet else [introduction(self.config, self.bus, self.modbus)]
+        stream = sys.stderr if self.args.json else sys.stdout
 
         def announce() -> None:
             while left:
-                print(left.pop(), flush=True)
+                print(left.pop(), file=stream, flush=True)
 
         return announce
 

@@ -42,13 +42,13 @@ def objects(value: object) -> ObjectTable:
     return table
 
 
-def parse_object(name: str) -> tuple[int, int]:
+def parse_object(name: object) -> tuple[int, int]:
     """Return index and sub-index of an object's name; without a sub-index it is 0.
 
     Raises:
         ConfigError: it is no name of an object.
     """
-    match = _OBJECT.fullmatch(name)
+    match = _OBJECT.fullmatch(name) if isinstance(name, str) else None
     if match is None:
         right = 'write index and sub-index in hexadecimal, as in "0x1400.05" or "0x6042"'
         raise ConfigError(f"{describe(name)} is no object; {right}")

@@ -195,7 +195,8 @@ def _bench_config(request: pytest.FixtureRequest, hil_config: "BenchConfig") -> 
     try:
         return load_config(hil_config.path, seed=hil_config.seed, tables=tables)
     except ConfigError as error:
-        pytest.fail(f"@pytest.mark.hil: {error}", pytrace=False)
+        problem = str(error)
+    pytest.fail(f"@pytest.mark.hil: {problem}", pytrace=False)
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import can
 import pytest
+from support.patience import GUARD
 
 pytestmark = [
     pytest.mark.slow,  # real processes, which start twice
@@ -74,7 +75,7 @@ def start():
 
 
 def pressure_registers(port):
-    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
         connection.sendall(READ_PRESSURE)
         return connection.recv(100)
 
@@ -104,7 +105,7 @@ def test_a_hub_comes_back_and_the_bench_answers_on_it(start):
     with can.Bus(interface="socketcand", channel="can0", host="127.0.0.1", port=port) as bus:
         request = can.Message(arbitration_id=0x601, data=READ_DEVICE_TYPE, is_extended_id=False)
         bus.send(request)
-        answer = bus.recv(30)
+        answer = bus.recv(GUARD)
     assert answer.arbitration_id == 0x581
     assert bytes(answer.data[:4]) == bytes.fromhex("43001000")  # an upload of 0x1000.00
     code, out, err = run.stop()
@@ -118,4 +119,4 @@ def test_a_run_ends_with_its_recording_where_that_is_wanted(start, tmp_path):
     run = start(*words)
     run.kill_helper()
     assert f"{path}: recording ended at " in run.hear()
-    assert run._process.wait(30) == 5
+    assert run._process.wait(GUARD) == 5

@@ -140,6 +140,7 @@ def test_each_data_type_is_set_and_read(device, name, value, held):
         ("0x1018.01", 7, '0x1018.01 "Vendor-ID" is const; give it as power-on value in [nodes.io.objects]'),
         ("0x2f00", 7, '0x2f00 is not in'),
         ("2011", 7, '"2011" is no object; write index and sub-index in hexadecimal, as in "0x1400.05" or "0x6042"'),
+        (0x2011, 7, '8209 is no object; write index and sub-index in hexadecimal, as in "0x1400.05" or "0x6042"'),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_refused_by_name_and_changes_nothing(device, name, value, message):

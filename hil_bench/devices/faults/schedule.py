@@ -52,7 +52,7 @@ class FaultSchedule:
     def __init__(self) -> None:
         self.due = NEVER
         self.events: deque[FaultEvent] = deque(maxlen=_KEPT_EVENTS)
-        self._origin = self._now = 0
+        self._now = 0
         self._faults: list[Fault] = []
 
     @property
@@ -65,21 +65,15 @@ class FaultSchedule:
         newest = takewhile(lambda event: event is not last, reversed(self.events))
         return list(newest)[::-1]
 
-    def start(self, now: int) -> None:
-        """Let bench time begin at `now` [ns]."""
-        self._origin = self._now = now
-        self._set_due()
-
     def advance(self, now: int) -> None:
         """End and begin what is due at `now` [ns]."""
         self._now = now
-        time = now - self._origin
         for fault in self.active:
-            if fault.ends is not None and fault.ends <= time:
+            if fault.ends is not None and fault.ends <= now:
                 self._end(fault)
         for fault in self._faults:
-            if not fault.is_active and (fault.begins is None or fault.begins <= time):
-                self._begin(fault, time)
+            if not fault.is_active and (fault.begins is None or fault.begins <= now):
+                self._begin(fault)
         self._set_due()
 
     def clear(self, fault: Fault | None = None) -> None:
@@ -110,21 +104,20 @@ class FaultSchedule:
         self._set_due()
         return fault
 
-    def _begin(self, fault: Fault, time: int) -> None:
+    def _begin(self, fault: Fault) -> None:
         if fault.begins is None:
-            fault.begins = time
+            fault.begins = self._now
         fault.effect.begin(self._now)
         fault.is_active = True
-        self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=True))
+        self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=True))
 
     def _end(self, fault: Fault) -> None:
         self._faults.remove(fault)
         if fault.is_active:
             fault.is_active = False
             fault.effect.end(self._now)
-            time = self._now - self._origin
-            self.events.append(FaultEvent(time, fault.kind, fault.target, is_begin=False))
+            self.events.append(FaultEvent(self._now, fault.kind, fault.target, is_begin=False))
 
     def _set_due(self) -> None:
         times = [0 if fault.is_active else fault.begins or 0 for fault in self._faults]
-        self.due = min((self._origin + time for time in times), default=NEVER)
+        self.due = min(times, default=NEVER)

@@ -17,7 +17,16 @@ from hil_bench import __version__, cli
 from hil_bench.__main__ import main as command
 from hil_bench.cli import VERBS, main
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import BusError, ConfigError, HilBenchError, SdoAbort
+from hil_bench.errors import (
+    BusError,
+    ConfigError,
+    ControllerError,
+    HilBenchError,
+    RecordingError,
+    SdoAbort,
+    TimingError,
+    WaitTimeoutError,
+)
 
 
 class Verb:
@@ -130,6 +139,10 @@ def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
     [
         (ConfigError(""), ExitCode.USAGE),
         (BusError(""), ExitCode.BUS),
+        (ControllerError(""), ExitCode.BUS),
+        (WaitTimeoutError(""), ExitCode.BUS),
+        (RecordingError(""), ExitCode.LOST),
+        (TimingError(""), ExitCode.TIMING),
         (SdoAbort(0x06020000, ""), ExitCode.INTERNAL),
         (HilBenchError(""), ExitCode.INTERNAL),
     ],

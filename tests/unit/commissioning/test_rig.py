@@ -246,6 +246,14 @@ def test_an_approach_ends_where_the_piston_stands_at_its_target(axis):
     assert not axis.is_closed  # it stays enabled for what follows
 
 
+def test_an_approach_begins_and_ends_with_a_closed_valve(axis):
+    axis.rig.enable()
+    before = len(axis.setpoints())
+    axis.rig.move_to(0.0, lambda _distance: 0.0, timeout=1.0)  # it is there already
+    axis.bench.run(PERIOD)  # so that the last command gets there
+    assert set(axis.setpoints()[before:]) == {0}
+
+
 def test_an_approach_that_takes_too_long_closes_the_valve(axis):
     axis.rig.enable()
     start, axis.recorded[:] = axis.network.now(), []

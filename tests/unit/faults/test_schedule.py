@@ -41,7 +41,6 @@ def run(schedule, *ticks):
 
 
 def test_without_faults_nothing_is_due(schedule):
-    schedule.start(5 * MS)
     assert schedule.due == NEVER
 
 
@@ -79,9 +78,8 @@ def test_even_the_shortest_fault_lasts_a_tick(schedule):
     assert note.times == [("begin", 1), ("end", 2)]
 
 
-def test_bench_time_begins_at_the_start(schedule):
-    note, _ = add(schedule, at=0.002, duration=0.001)
-    schedule.start(1000 * MS)
+def test_a_fault_to_come_is_due_at_its_time(schedule):
+    note, _ = add(schedule, at=1.002, duration=0.001)
     assert schedule.due == 1002 * MS
     run(schedule, 1001, 1002, 1003)
     assert note.times == [("begin", 1002), ("end", 1003)]
@@ -164,8 +162,7 @@ def test_impossible_times_are_refused(schedule, when):
 def test_what_began_and_ended_is_kept(schedule):
     add(schedule, at=0.001, duration=0.002)
     _, other = add(schedule, at=0.002)
-    schedule.start(1000 * MS)
-    run(schedule, 1001, 1002, 1003)
+    run(schedule, 1, 2, 3)
     other.clear()
     assert [(time // MS, is_begin) for time, _, _, is_begin in schedule.events] == [
         *((1, True), (2, True), (3, False), (3, False))

@@ -8,6 +8,7 @@ import stat
 import threading
 
 import pytest
+from support.patience import GUARD
 
 import hil_bench
 from hil_bench.bench.configuration import load_config
@@ -78,13 +79,13 @@ def test_a_bench_is_watched_killed_and_watched_again():
         assert running.process.pid is None  # nobody has asked yet
         assert find_names() == ["bench"]
         assert running.process.pid is None  # and that was no question
-        with hil_bench.attach(timeout=30) as bench:
+        with hil_bench.attach(timeout=GUARD) as bench:
             bench.faults.freeze("pressure_a")
             first = running.process.pid
             os.kill(first, signal.SIGKILL)
             with pytest.raises(BusError, match="bench bench: the connection is lost"):
                 exhaust(bench)
-        with hil_bench.attach(timeout=30) as bench:
+        with hil_bench.attach(timeout=GUARD) as bench:
             (fault,) = bench.status()["state"]["faults"]
             assert fault["target"] == "pressure_a"
             assert running.process.pid not in {None, first}

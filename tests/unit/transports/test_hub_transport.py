@@ -7,6 +7,7 @@ import threading
 
 import can
 import pytest
+from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -53,7 +54,7 @@ def test_every_kind_of_data_frame_goes_both_ways_beside_python_can(hub):
         assert receive(transport, 1) == [Frame(0x123)]
         transport.send(FRAMES)
         for frame in FRAMES:
-            message = peer.recv(20)
+            message = peer.recv(GUARD)
             assert (message.arbitration_id, bytes(message.data)) == (frame.can_id, frame.data)
             assert message.is_extended_id == frame.is_extended
             peer.send(message)
@@ -71,7 +72,7 @@ def test_it_takes_a_share_at_a_time_and_no_remote_frame(hub):
     left, right = hub.join("can1"), hub.join("can1")
     left.send([Frame(0x100 + n) for n in range(10)] + [Frame(0x701, is_remote=True)])
     assert left.counters() == TransportCounters(sent=10, send_failures=1)
-    right.wait(20)
+    right.wait(GUARD)
     shares = []
     while sum(map(len, shares)) < 10:
         shares.append(right.receive(3))

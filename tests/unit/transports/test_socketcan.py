@@ -11,6 +11,7 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
@@ -49,7 +50,7 @@ def wire():
     """A transport and the far end of its wire."""
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     transport = SocketCanTransport(FakeBus(near), "vcan0")
-    far.settimeout(10)
+    far.settimeout(GUARD)
     yield transport, far
     transport.close()
     far.close()
@@ -380,6 +381,6 @@ def test_a_wait_ends_with_a_frame_or_without(wire):
     transport, far = wire
     assert not transport.wait(0.0)
     far.send(can_frame(0x123, 0))
-    assert transport.wait(10.0)
+    assert transport.wait(GUARD)
     assert transport.receive(2) == [Frame(0x123)]
     assert not transport.wait(0.0)

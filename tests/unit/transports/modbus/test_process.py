@@ -55,7 +55,7 @@ def test_garbage_behind_a_write_ends_its_connection_and_not_the_server(tmp_path,
     with ModbusProcess(binding.plan) as server, ticking(side, binding):
         port = server.endpoints.port
         write = bytes.fromhex("0001 0000 0006 02 05 0000 FF00")
-        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
             connection.sendall(write + b"GARBAGE")
             name = "{}:{}".format(*connection.getsockname())
             data = b""
@@ -78,12 +78,12 @@ def test_a_server_that_died_is_started_again_at_its_port(tmp_path):
             port = server.endpoints.port
             assert ask(port, write, 12) == write
         # The loop stands still, so this one is under way when the server dies.
-        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        with socket.create_connection(("127.0.0.1", port), timeout=GUARD) as connection:
             connection.sendall(bytes.fromhex("0002 0000 0006 02 06 0001 0008"))
             while binding.plan.mailbox._number_at(2) != 2:
                 pass
             os.kill(server.pid, signal.SIGKILL)
-            connection.settimeout(30)
+            connection.settimeout(GUARD)
             assert connection.recv(1) == b""
         server.restart()
         assert server.alive

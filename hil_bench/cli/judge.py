@@ -6,9 +6,15 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    recording_chapter,
+    write_report,
+)
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.recorded import Finding, judge_recording
+from hil_bench.scenario.recorded import Finding, judge_with_trace
 from hil_bench.scenario.results import reason_of
 
 _EXAMPLES = """\
@@ -21,6 +27,7 @@ trigger never became true
 examples:
   hil-bench judge requirements.toml run.mf4
   hil-bench judge sag.scenario.toml run1.csv run2.csv --json
+  hil-bench judge requirements.toml run.mf4 --report report.html
 """
 
 
@@ -37,16 +44,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "recordings", type=Path, nargs="+", metavar="RECORDING", help=".mf4 or .csv"
     )
+    add_report_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
-    found = {
-        path: judge_recording(args.requirements, read_recording(path), str(path))
-        for path in args.recordings
-    }
+    check_report_argument(args)
+    judged = {}
+    chapters = []
+    for path in args.recordings:
+        signals = read_recording(path)
+        judged[path] = judge_with_trace(args.requirements, signals, str(path))
+        if args.report:
+            chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
+    found = {path: each.findings for path, each in judged.items()}
     content = {
         str(path): [
             {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
@@ -54,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
         ]
         for path, findings in found.items()
     }
+    if args.report:
+        write_report(args, f"Judgement by {args.requirements}", chapters)
     print_results(args, _lines(found), content)
     outcomes = {each.judgement.outcome for findings in found.values() for each in findings}
     if RequirementOutcome.FAILED in outcomes:

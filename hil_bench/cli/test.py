@@ -7,7 +7,14 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    run_chapter,
+    write_report,
+)
 from hil_bench.errors import ConfigError
+from hil_bench.machine.frame_text import FrameText
 from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.results import (
@@ -28,6 +35,7 @@ examples:
   hil-bench test examples/scenarios
   hil-bench test examples/scenarios/supply_sag.scenario.toml --set position_gain=0.5
   hil-bench test examples/scenarios -k SRS-42 --stop-at-failure --junit result.xml --json
+  hil-bench test examples/scenarios --report report.html
 """
 
 
@@ -59,16 +67,26 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
     )
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    add_report_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Play each scenario and print what was found."""
+    check_report_argument(args)
     given = dict(_parameter(text) for text in args.given)
     chosen = _prepare_all(_find_all(args.paths), given, args)
-    options = PlayOptions(stops_at_failure=args.stop_at_failure)
-    results = [play_for_result(each, options) for each in chosen]
+    reader = FrameText if args.report else None
+    options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
+    results, chapters = [], []
+    for each in chosen:
+        result = play_for_result(each, options)
+        if args.report:
+            chapters.append(run_chapter(each, result, args.given))
+        results.append(replace(result, evidence=None))  # it is large
+    if args.report:
+        write_report(args, "Test report", chapters)
     if args.junit:
         write_junit(results, args.junit)
     print_results(args, _lines(results), {result.path: _content(result) for result in results})
@@ -80,7 +98,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _content(result: ScenarioResult) -> dict[str, object]:
     """Return a result for a program; the keys of a requirement are those of ``judge``."""
-    whole = {each.name: getattr(result, each.name) for each in fields(result)}
+    names = [each.name for each in fields(result) if each.name != "evidence"]
+    whole: dict[str, object] = {name: getattr(result, name) for name in names}
     whole["findings"] = [
         {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
         for each in result.findings

@@ -43,6 +43,13 @@ class Finding(NamedTuple):
     judgement: Judgement
 
 
+class Judged(NamedTuple):
+    """What a recording says of some requirements, and the recording on its ticks."""
+
+    findings: list[Finding]
+    trace: Trace
+
+
 def judge_recording(
     requirements: Path, signals: Recording, source: str = "recording"
 ) -> list[Finding]:
@@ -53,16 +60,22 @@ def judge_recording(
         signals: the recording.
         source: how messages name it.
     """
+    return judge_with_trace(requirements, signals, source).findings
+
+
+def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Judged:
+    """Return the same as `judge_recording`, and the recording on its ticks."""
     expectations, parameters = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source)
-    return [
+    findings = [
         Finding(
             each,
             judge(each.condition, trace.columns, ticks=trace.ticks, tick_ns=trace.tick_ns),
         )
         for each in compile_texts(expectations, vocabulary)
     ]
+    return Judged(findings, trace)
 
 
 def lay_on_ticks(signals: Recording, source: str) -> Trace:

@@ -4,9 +4,9 @@
 one likes, each time on a fresh bench.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.scenario.controllers import CONTROLLERS
 from hil_bench.scenario.director import Director, RunPlan
 from hil_bench.scenario.driving import Driver, ExampleDriver, FirmwareDriver, NobodyDriver
+from hil_bench.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
 from hil_bench.scenario.hand import Hand
 from hil_bench.scenario.judgement import judge
 from hil_bench.scenario.monitor import Monitor
@@ -35,6 +36,7 @@ from hil_bench.scenario.resolve import (
 from hil_bench.scenario.targets import Targets
 from hil_bench.scenario.usage import unused_parameters
 from hil_bench.scenario.witness import Witness, bench_vocabulary, names_in
+from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench
@@ -72,10 +74,12 @@ class PlayOptions(NamedTuple):
     Attributes:
         stops_at_failure: whether a run ends when the first requirement has failed.
         record: what to record in files.
+        reader: makes what reads the frames of the bench; with it, the run keeps its evidence.
     """
 
     stops_at_failure: bool = False
     record: RecordingWish = NO_RECORDING
+    reader: Callable[[VirtualBench], FrameReader] | None = None
 
 
 PLAIN = PlayOptions()
@@ -90,12 +94,14 @@ class Run:
         duration: how long it was [s].
         is_early: whether it ended before the scenario does.
         ending: how the controller ended before the run did; empty where it did not.
+        evidence: for a report; None where none was asked for.
     """
 
     findings: tuple[Finding, ...]
     duration: float
     is_early: bool
     ending: str
+    evidence: Evidence | None = field(default=None, compare=False)
 
 
 def prepare(
@@ -139,7 +145,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
     """
     config, last_tick = prepared.config, prepared.last_tick
     with (
-        VirtualBench(config, recorded_time=0.001, logged_frames=0, record=options.record) as bench,
+        _open_bench(prepared, options) as bench,
         _driver(prepared, bench) as driver,
     ):
         session = bench.session
@@ -156,9 +162,20 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
             session.watch(ticks=_Stopper(prepared, witness, director).look)
         session.intercept = director
         ending = driver.drive(director, last_tick)
+        columns = witness.columns()
+        evidence = None
+        if options.reader is not None:
+            evidence = Evidence(
+                bench.signals[: witness.ticks],
+                columns,
+                witness.ticks,
+                config.tick_ns,
+                tuple(fault_spans(bench)),
+                tuple(bench.frames),
+                options.reader(bench),
+            )
     if director.problem:
         raise ConfigError(director.problem)
-    columns = witness.columns()
     findings = tuple(
         Finding(
             each,
@@ -167,7 +184,15 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
         for each in prepared.requirements
     )
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
-    return Run(findings, duration, witness.ticks <= last_tick, ending)
+    return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)
+
+
+def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
+    config = prepared.config
+    kept, frames = 0.001, 0
+    if options.reader is not None:
+        kept, frames = (prepared.last_tick + 1) * config.tick_ns * 1e-9, MOST_FRAMES
+    return VirtualBench(config, recorded_time=kept, logged_frames=frames, record=options.record)
 
 
 class _Stopper:

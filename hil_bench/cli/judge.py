@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -12,10 +11,9 @@ from hil_bench.cli.scenario_report import (
     recording_chapter,
     write_report,
 )
+from hil_bench.cli.verdicts import exit_code_for, finding_lines
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.recorded import Finding, judge_with_trace
-from hil_bench.scenario.results import reason_of
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
@@ -70,16 +68,10 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         write_report(args, f"Judgement by {args.requirements}", chapters)
     print_results(args, _lines(found), content)
-    outcomes = {each.judgement.outcome for findings in found.values() for each in findings}
-    if RequirementOutcome.FAILED in outcomes:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    return exit_code_for(each.judgement.outcome for findings in found.values() for each in findings)
 
 
 def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:
     for path, findings in found.items():
-        width = max(len(each.requirement.id) for each in findings)
         yield f"{path}:"
-        for each in findings:
-            judgement = each.judgement
-            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {reason_of(judgement)}"
+        yield from finding_lines(findings)

@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from hil_bench.cli import lockstep_run, paced_run
+from hil_bench.cli import lockstep_run, paced_run, scenario_run
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_fault_arguments,
@@ -16,6 +16,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import add_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
+from hil_bench.cli.scenario_run import add_scenario_arguments, check_scenario_arguments
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -34,6 +35,10 @@ examples:
   hil-bench run -i virtual -c bench --speed max --duration 60 --record frozen.mf4
                 --fault freeze pressure_a at_s=10
   hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
+  hil-bench run --scenario examples/scenarios/settling.scenario.toml
+                                       in real time, for people who watch; then the verdicts
+  hil-bench run --scenario sag.scenario.toml -i socketcan -c can0
+                                       the same, driven by the controller on the bus
 """
 
 
@@ -98,6 +103,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "them then costs the loop time (in lock-step the bench hears all frames anyway)",
     )
     add_feed_arguments(parser)
+    add_scenario_arguments(parser)
     add_loss_argument(parser)
     parser.set_defaults(run=run)
 
@@ -121,6 +127,8 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
+    if args.scenario is not None:
+        return scenario_run.run(args)
     return lockstep_run.run(args) if args.lockstep else paced_run.run(args)
 
 
@@ -141,6 +149,7 @@ def check_arguments(args: argparse.Namespace) -> None:
             flag, where = f"--{option.replace('_', '-')}", "in lock-step"
             where = where if args.lockstep else "at --speed max"
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
+    check_scenario_arguments(args)
     check_recording_arguments(args)
     if args.whole_bus and not args.record:
         raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")

@@ -24,12 +24,12 @@ from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding, Judged
 from hil_bench.scenario.report.content import Chapter, Proof, Report
 from hil_bench.scenario.report.exhibits import is_near, make_exhibit, moments_of
 from hil_bench.scenario.report.html import report_html
 from hil_bench.scenario.results import ScenarioResult, reason_of
-from hil_bench.scenario.run import PreparedScenario
 from hil_bench.units import ONE
 
 _SUFFIX = ".html"

@@ -1,11 +1,10 @@
 """`hil-bench test`: scenarios played on the virtual bench, and judged."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
-from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -13,17 +12,22 @@ from hil_bench.cli.scenario_report import (
     run_chapter,
     write_report,
 )
+from hil_bench.cli.verdicts import (
+    add_parameter_argument,
+    exit_code_for,
+    read_parameter,
+    result_lines,
+)
 from hil_bench.errors import ConfigError
 from hil_bench.machine.frame_text import FrameText
-from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.results import (
     ScenarioResult,
     play_for_result,
-    reason_of,
     write_junit,
 )
-from hil_bench.scenario.run import PlayOptions, PreparedScenario, prepare
+from hil_bench.scenario.run import PlayOptions, prepare
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders
 
@@ -54,14 +58,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "-k", metavar="TEXT", default="", help="only requirements with TEXT in file, title or id"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="given",
-        help="value of a parameter, in the unit of its name; again for more",
-    )
+    add_parameter_argument(parser)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
     parser.add_argument(
         "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
@@ -75,7 +72,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Play each scenario and print what was found."""
     check_report_argument(args)
-    given = dict(_parameter(text) for text in args.given)
+    given = dict(read_parameter(text) for text in args.given)
     chosen = _prepare_all(_find_all(args.paths), given, args)
     reader = FrameText if args.report else None
     options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
@@ -89,11 +86,10 @@ def run(args: argparse.Namespace) -> int:
         write_report(args, "Test report", chapters)
     if args.junit:
         write_junit(results, args.junit)
-    print_results(args, _lines(results), {result.path: _content(result) for result in results})
-    outcomes = set().union(*(result.outcomes for result in results))
-    if RequirementOutcome.FAILED in outcomes:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    print_results(
+        args, result_lines(results), {result.path: _content(result) for result in results}
+    )
+    return exit_code_for(set().union(*(result.outcomes for result in results)))
 
 
 def _content(result: ScenarioResult) -> dict[str, object]:
@@ -149,30 +145,3 @@ def _prepare_all(
     if not chosen:
         raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
     return chosen
-
-
-def _parameter(text: str) -> tuple[str, float]:
-    """Return name and value of ``--set``.
-
-    Raises:
-        ConfigError: it is not of this form.
-    """
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
-
-
-def _lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
-    for result in results:
-        yield f"{result.path}: {result.title}"
-        if result.problem:
-            yield f"  {result.problem}"
-        if result.ending:
-            yield f"  {result.ending}"
-        width = max((len(each.requirement.id) for each in result.findings), default=0)
-        for each in result.findings:
-            judgement = each.judgement
-            why = reason_of(judgement)
-            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()

@@ -8,8 +8,9 @@ from pathlib import Path
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
-from hil_bench.scenario.run import PLAIN, PlayOptions, PreparedScenario, play
+from hil_bench.scenario.run import PLAIN, PlayOptions, play
 
 
 @dataclass(frozen=True, slots=True)

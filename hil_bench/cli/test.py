@@ -1,211 +1,166 @@
-"""`hil-bench run --scenario`: a scenario in real time while people watch, then the verdicts.
-
-Without a bus the scenario's own controller drives. With one, a controller there does.
-"""
+"""`hil-bench test`: scenarios played on the virtual bench, and judged."""
 
 import argparse
-import contextlib
-import logging
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 
-from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.feed_side import open_feed
-from hil_bench.cli.helpers import Helpers
-from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.paced_run import IsOver, clock_of, run_bench
-from hil_bench.cli.recording_arguments import recording_wish
-from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
+from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
+from hil_bench.cli.machine_test import INTERRUPTED, play_on_machine
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    run_chapter,
+    write_report,
+)
 from hil_bench.cli.verdicts import (
     add_parameter_argument,
     exit_code_for,
-    finding_lines,
     read_parameter,
     result_lines,
 )
 from hil_bench.errors import ConfigError
-from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.machine.frame_text import FrameText
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.prepared import PreparedScenario
-from hil_bench.scenario.records import FirmwareStep, Scenario
-from hil_bench.scenario.results import play_for_result
-from hil_bench.scenario.run import PlayOptions, prepare
-from hil_bench.scenario.stage import Stage
-from hil_bench.session.session import Session
-from hil_bench.session.virtual_bench import VirtualBench
-
-logger = logging.getLogger(__name__)
-
-_LATE = 0.1  # how much a run may be behind real time without a word [s]
-_NEVER = ("config", "duration", "lockstep", "fault")
-_WITH_A_BUS = (
-    "modbus",
-    "strict_timing",
-    "histograms",
-    "realtime",
-    "realtime_priority",
-    "realtime_cpu",
-    "overrun",
-    "whole_bus",
-    "hub_unlimited",
+from hil_bench.scenario.results import (
+    ScenarioResult,
+    play_for_result,
+    write_junit,
 )
-_INSTEAD = {
-    "config": ("bench.toml", "the scenario names its bench"),
-    "duration": ("--duration", "the scenario has its duration_s"),
-    "lockstep": ("--lockstep", "give [controller] firmware in the scenario"),
-    "fault": ("--fault", "make it a step of the scenario"),
-}
+from hil_bench.scenario.run import PlayOptions, prepare
+
+_SUFFIX = ".scenario.toml"  # of what is looked for in folders
+
+_EXAMPLES = """\
+exit code 1 where a requirement failed, or the firmware did; 6 where none did, but one could not be
+decided, or its trigger never became true
+
+examples:
+  hil-bench test examples/scenarios
+  hil-bench test examples/scenarios/supply_sag.scenario.toml --set position_gain=0.5
+  hil-bench test examples/scenarios -k SRS-42 --stop-at-failure --junit result.xml --json
+  hil-bench test examples/scenarios --report report.html
+  hil-bench test steps.scenario.toml -i socketcan -c can0 --plan plan.toml
+"""
 
 
-def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns a bench that plays a scenario."""
-    group = parser.add_argument_group("scenario")
-    group.add_argument(
-        "--scenario",
-        type=Path,
-        metavar="FILE",
-        help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
-        "own controller drives, with one the controller there",
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "test",
+        description="Play scenarios on the virtual bench, or with -i and -c on a machine, and\n"
+        "judge what they require: verdict, margin, and the comparison that decides.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_parameter_argument(group)
-
-
-def check_scenario_arguments(args: argparse.Namespace) -> None:
-    """Refuse what does not go with a scenario.
-
-    Raises:
-        ConfigError: it says which option and what would be right.
-    """
-    if args.scenario is None:
-        if args.given:
-            raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
-        return
-    for name in _NEVER:
-        if getattr(args, name):
-            option, right = _INSTEAD[name]
-            raise ConfigError(f"{option}: not with --scenario; {right}")
-    for name in () if _has_bus(args) else _WITH_A_BUS:
-        if getattr(args, name):
-            option = f"--{name.replace('_', '-')}"
-            raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")
+    parser.add_argument(
+        "paths", nargs="+", type=Path, metavar="PATH", help=f"scenario, or folder of *{_SUFFIX}"
+    )
+    parser.add_argument(
+        "-k", metavar="TEXT", default="", help="only requirements with TEXT in file, title or id"
+    )
+    add_parameter_argument(parser)
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
+    parser.add_argument(
+        "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
+    )
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    add_report_argument(parser)
+    add_json_argument(parser)
+    add_machine_arguments(parser)
+    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the scenario, print what was found and return the exit code."""
-    scenario = load_scenario(args.scenario)
+    """Play each scenario and print what was found."""
+    check_report_argument(args)
     given = dict(read_parameter(text) for text in args.given)
-    if _has_bus(args):
-        return _run_on_bus(args, scenario, given)
-    return _run_alone(args, prepare(scenario, given, seed=args.seed))
+    paths = _find_all(args.paths)
+    if is_on_machine(args):
+        results = play_on_machine(args, paths, given)
+    else:
+        results = _test_virtually(args, paths, given)
+    if args.junit:
+        write_junit(results, args.junit)
+    print_results(
+        args, result_lines(results), {result.path: _content(result) for result in results}
+    )
+    if any(result.problem.startswith(INTERRUPTED) for result in results):
+        return ExitCode.INTERRUPTED
+    return exit_code_for(set().union(*(result.outcomes for result in results)))
 
 
-def _has_bus(args: argparse.Namespace) -> bool:
-    return args.hub is not None or "interface" in args or "channel" in args
+def _test_virtually(
+    args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
+) -> list[ScenarioResult]:
+    """Play scenarios on the virtual bench, and write the report where one is asked for."""
+    chosen = _prepare_all(paths, given, args)
+    reader = FrameText if args.report else None
+    options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
+    results, chapters = [], []
+    for each in chosen:
+        result = play_for_result(each, options)
+        if args.report:
+            chapters.append(run_chapter(each, result, args.given))
+        results.append(replace(result, evidence=None))  # it is large
+    if args.report:
+        write_report(args, "Test report", chapters)
+    return results
 
 
-def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, float]) -> int:
-    """Play a scenario on a bus, where another program is the controller.
+def _content(result: ScenarioResult) -> dict[str, object]:
+    """Return a result for a program; the keys of a requirement are those of ``judge``."""
+    names = [each.name for each in fields(result) if each.name != "evidence"]
+    whole: dict[str, object] = {name: getattr(result, name) for name in names}
+    whole["findings"] = [
+        {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
+        for each in result.findings
+    ]
+    return whole
+
+
+def _find_all(paths: Sequence[Path]) -> list[Path]:
+    """Return the files of the scenarios.
 
     Raises:
-        ConfigError: the scenario starts or kills firmware, or the bench never ran.
+        ConfigError: a folder has none.
     """
-    for step in scenario.steps:
-        if isinstance(step, FirmwareStep):
-            right = "leave -i, -c and --hub out"
-            raise ConfigError(f"{step.place}: nothing starts firmware on a bus; {right}")
-    args.config = scenario.bench_path
-    config = load_bench_config(args, modbus=args.modbus)
-    prepared = prepare(scenario, given, config=config)
-    stages: list[Stage] = []
-
-    def begin(session: Session) -> IsOver:
-        stage = Stage(prepared, session)
-        stages.append(stage)
-        return lambda: stage.director.is_over
-
-    code = run_bench(args, config, begin)
-    findings = stages[0].judge()
-    print("\n".join((f"{scenario.path}: {scenario.title}", *finding_lines(findings))), flush=True)
-    verdict = exit_code_for(each.judgement.outcome for each in findings)
-    return verdict if code == ExitCode.DONE or verdict == ExitCode.CHECK_FAILED else code
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.rglob(f"*{_SUFFIX}")) if path.is_dir() else [path]
+        if not inside:
+            raise ConfigError(f"{path}: holds no *{_SUFFIX}; give a folder that does, or a file")
+        found += inside
+    return list(dict.fromkeys(found))
 
 
-def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
-    """Play a scenario on a bus inside this process, where its own controller drives."""
-    with interruption() as wish:
-        company = _Company(args, prepared, wish)
-        options = PlayOptions(record=recording_wish(args), beside=company.beside)
-        result = play_for_result(prepared, options)
-    if not args.quiet:
-        print("\n".join((*result_lines([result]), *company.lines())), flush=True)
-    verdict = exit_code_for(result.outcomes)
-    if wish.requested and verdict != ExitCode.CHECK_FAILED:
-        return ExitCode.INTERRUPTED
-    return verdict
+def _prepare_all(
+    paths: Sequence[Path], given: dict[str, float], args: argparse.Namespace
+) -> list[PreparedScenario]:
+    """Return all scenarios with the requirements that were chosen.
 
-
-class _Company:
-    """What goes on beside a run: real time, the status line, and those who watch.
-
-    Args:
-        args: the command line.
-        prepared: what is played.
-        wish: whether somebody wants the end.
+    Raises:
+        ConfigError: something is wrong in any of them, or nothing is chosen.
     """
-
-    def __init__(
-        self, args: argparse.Namespace, prepared: PreparedScenario, wish: Interruption
-    ) -> None:
-        self._args, self._prepared, self._wish = args, prepared, wish
-        self._clock = clock_of(args.speed)
-        self._behind = 0.0
-
-    def lines(self) -> list[str]:
-        """Return what is to be said of real time at the end."""
-        if self._behind < _LATE:
-            return []
-        late = f"the run was up to {self._behind:.1f} s behind real time"
-        return [f"  {late}; its verdicts count bench time"]
-
-    @contextlib.contextmanager
-    def beside(self, bench: VirtualBench, end: Callable[[], None]) -> Iterator[None]:
-        """Hold a run to real time and let people watch it.
-
-        Args:
-            bench: that is to run.
-            end: ends the run.
-
-        Yields:
-            Once, before the first tick.
-        """
-        session, config = bench.session, bench.config
-        channels, fields = bench_status(bench.bench)
-        snapshot = Snapshot(1 + len(channels))
-        line = StatusLine(
-            snapshot, [[Field("{:6.1f} s", 1.0), *fields]], wanted=not self._args.quiet
+    chosen, wrong = [], []
+    for path in paths:
+        try:
+            prepared = prepare(load_scenario(path), given, seed=args.seed)
+        except ConfigError as error:
+            wrong.append(str(error))
+            continue
+        requirements = tuple(
+            each
+            for each in prepared.requirements
+            if args.k.lower() in f"{path}\n{prepared.scenario.title}\n{each.id}".lower()
         )
-        helpers = Helpers([line] if line.is_shown else [], ends_on_loss=self._args.end_on_loss)
-        events = BenchEvents(config, bench.bench, logger.warning)
-        start = self._clock.now()
-        with line, contextlib.closing(helpers), open_feed(self._args, config, session) as feed:
-
-            def look(now: int) -> None:
-                snapshot.write((now * 1e-9, *bench_status_row(bench.bench)))
-                helpers.look()
-                events.look(now)
-                if feed is not None:
-                    feed.look()
-                if self._wish.requested or helpers.is_over:
-                    end()
-                self._wait(start + now)
-
-            session.watch(ticks=look)
-            yield
-
-    def _wait(self, due: int) -> None:
-        if math.isfinite(self._args.speed):
-            self._behind = max(self._behind, (self._clock.now() - due) * 1e-9)
-            self._clock.sleep_until(due)
+        if requirements:
+            chosen.append(replace(prepared, requirements=requirements))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    if not chosen:
+        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
+    return chosen

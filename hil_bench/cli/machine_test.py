@@ -23,9 +23,8 @@ from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.procedure import Procedure, communication
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.outside.recording.channels import Recording
-from hil_bench.scenario.judgement import judge
 from hil_bench.scenario.on_machine import MachineScenario, lay_samples
-from hil_bench.scenario.recorded import Finding
+from hil_bench.scenario.recorded import judge_trace
 from hil_bench.scenario.results import ScenarioResult
 from hil_drivers import BusLostError, DriverError
 
@@ -99,13 +98,7 @@ def _play(opened: OpenNetwork, machine: Machine, each: MachineScenario, rig: Rig
     ticks = round(each.scenario.duration / period) + 1
     fields = {name: channel.name for name, channel in machine.fields.items()}
     trace = lay_samples(samples, fields, ticks, period)
-    findings = tuple(
-        Finding(
-            requirement,
-            judge(requirement.condition, trace.columns, ticks=ticks, tick_ns=trace.tick_ns),
-        )
-        for requirement in each.requirements
-    )
+    findings = tuple(judge_trace(requirement, trace) for requirement in each.requirements)
     result = _result(machine, each)
     return replace(result, findings=findings, duration=(ticks - 1) * period)
 

@@ -12,6 +12,7 @@ from hil_bench.scenario.load import load_requirements
 from hil_bench.scenario.resolve import Requirement, compile_texts
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.vocabulary import channel_vocabulary
+from hil_bench.scenario.witness import names_in
 
 _JITTER = 0.25  # of a tick that a row may be off its grid
 _MOST_TICKS = 100_000_000
@@ -68,14 +69,15 @@ def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Jud
     expectations, parameters = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source)
-    findings = [
-        Finding(
-            each,
-            judge(each.condition, trace.columns, ticks=trace.ticks, tick_ns=trace.tick_ns),
-        )
-        for each in compile_texts(expectations, vocabulary)
-    ]
+    findings = [judge_trace(each, trace) for each in compile_texts(expectations, vocabulary)]
     return Judged(findings, trace)
+
+
+def judge_trace(requirement: Requirement, trace: Trace) -> Finding:
+    """Return what a recording on its ticks says of a requirement, by the signals that it names."""
+    columns = {name: trace.columns[name] for name in names_in([requirement.condition])}
+    judgement = judge(requirement.condition, columns, ticks=trace.ticks, tick_ns=trace.tick_ns)
+    return Finding(requirement, judgement)
 
 
 def lay_on_ticks(signals: Recording, source: str) -> Trace:

@@ -3,10 +3,9 @@
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.director import Director, FirmwareHook, RunPlan
 from hil_bench.scenario.hand import Hand
-from hil_bench.scenario.judgement import judge
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.prepared import PreparedScenario
-from hil_bench.scenario.recorded import Finding
+from hil_bench.scenario.recorded import Finding, Trace, judge_trace
 from hil_bench.scenario.targets import Targets
 from hil_bench.scenario.witness import Witness, names_in
 from hil_bench.session.session import Session
@@ -59,11 +58,8 @@ class Stage:
         if self.director.problem:
             raise ConfigError(self.director.problem)
         columns, ticks = self.witness.columns(), self.witness.ticks
-        tick_ns = self._prepared.config.tick_ns
-        return tuple(
-            Finding(each, judge(each.condition, columns, ticks=ticks, tick_ns=tick_ns))
-            for each in self._prepared.requirements
-        )
+        trace = Trace(columns, ticks, self._prepared.config.tick_ns)
+        return tuple(judge_trace(each, trace) for each in self._prepared.requirements)
 
 
 class _Stopper:

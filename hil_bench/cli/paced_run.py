@@ -151,12 +151,13 @@ class PacedRun:
             statistics=self._statistics if self.is_timed else None,
             health=self._health,
         )
+        is_stopped = self._make_stopped()
         with line, contextlib.closing(self.helpers), feed as self._feed:
             return run_paced(
                 session,
                 self._setup.bus.transport,
                 pacer,
-                stopped=self._make_stopped(),
+                stopped=lambda: is_stopped() or self._is_over(),
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
                 hears_all=args.whole_bus,
@@ -169,8 +170,7 @@ class PacedRun:
 
         def stopped() -> bool:
             ticks = statistics.ticks + statistics.skipped
-            has_ended = ticks >= periods or self._is_over()
-            return wish.requested or helpers.is_over or has_ended
+            return wish.requested or helpers.is_over or ticks >= periods
 
         return stopped
 

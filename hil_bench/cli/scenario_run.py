@@ -31,8 +31,9 @@ from hil_bench.outside.processes.snapshot import Snapshot
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.records import FirmwareStep, Scenario
+from hil_bench.scenario.resolve import parameter_values
 from hil_bench.scenario.results import play_for_result
-from hil_bench.scenario.run import PlayOptions, prepare
+from hil_bench.scenario.run import PlayOptions, prepare, prepare_on
 from hil_bench.scenario.stage import Stage
 from hil_bench.session.session import Session
 from hil_bench.session.virtual_bench import VirtualBench
@@ -118,7 +119,7 @@ def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, f
             raise ConfigError(f"{step.place}: nothing starts firmware on a bus; {right}")
     args.config = scenario.bench_path
     config = load_bench_config(args, modbus=args.modbus)
-    prepared = prepare(scenario, given, config=config)
+    prepared = prepare_on(config, scenario, parameter_values(scenario, given))
     stages: list[Stage] = []
 
     def begin(session: Session) -> IsOver:

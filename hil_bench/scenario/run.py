@@ -83,11 +83,7 @@ class Run:
 
 
 def prepare(
-    scenario: Scenario,
-    given: Mapping[str, float] | None = None,
-    *,
-    seed: int | None = None,
-    config: BenchConfig | None = None,
+    scenario: Scenario, given: Mapping[str, float] | None = None, *, seed: int | None = None
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
@@ -95,13 +91,28 @@ def prepare(
         scenario: as loaded.
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
-        config: takes the place of the bench's file.
+
+    A `ConfigError` has a line for each problem.
+    """
+    bench = scenario.path.parent / scenario.bench if scenario.bench else None
+    config = load_config(bench, seed=seed)
+    values = parameter_values(scenario, given)
+    return prepare_on(config, scenario, values)
+
+
+def prepare_on(
+    config: BenchConfig, scenario: Scenario, values: Mapping[str, float]
+) -> PreparedScenario:
+    """Return a scenario with its numbers in, checked against a bench.
+
+    Args:
+        config: the bench, whatever the scenario names.
+        scenario: as loaded.
+        values: the SI value of each parameter.
 
     Raises:
         ConfigError: something does not fit; a line a problem.
     """
-    config = config or load_config(scenario.bench_path, seed=seed)
-    values = parameter_values(scenario, given)
     actions = resolve_steps(scenario, config.tick_ns, values)
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()

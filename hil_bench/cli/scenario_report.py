@@ -16,7 +16,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.decoding import function_of, meaning_of
 from hil_bench.outside.recording.channels import TIME, Recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES
@@ -84,11 +84,7 @@ def check_report_argument(args: argparse.Namespace) -> None:
 
 
 def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapter]) -> None:
-    """Write the report as HTML, and as JSON beside it.
-
-    Raises:
-        ConfigError: a file cannot be written.
-    """
+    """Write the report as HTML, and as JSON beside it."""
     versions = {"hil-bench": hil_bench.__version__, "Python": platform.python_version()}
     facts = (*versions.items(), *((name, version(name)) for name in ("numpy", "canopen")))
     report = Report(title, facts, tuple(chapters))
@@ -99,10 +95,8 @@ def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapte
         ),
     }
     for path, text in texts.items():
-        try:
+        with about_file(path):
             path.write_text(text, encoding="utf-8", errors="backslashreplace")
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def run_chapter(

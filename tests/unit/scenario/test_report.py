@@ -251,3 +251,10 @@ def test_violated_times_are_those_that_the_monitor_counts():
             if "after 2 ms" not in ours:  # of two conditions, the monitor counts the first
                 assert found.ticks == sum(last - first + 1 for first, last in spans)
     assert seen > 20
+
+
+def test_a_report_that_cannot_be_written_is_a_line(tmp_path, capsys):
+    (tmp_path / "r.html").mkdir()
+    path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"))
+    assert main(["test", str(path), "--report", str(tmp_path / "r.html")]) == ExitCode.USAGE
+    assert "r.html: cannot be written: Is a directory" in capsys.readouterr().err

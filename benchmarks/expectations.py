@@ -8,6 +8,9 @@
 2. Evaluation of 50 requirements over a run of 60 s at 1 kHz, and RTAMT beside it on a shorter run;
    and the run itself, of the built-in bench in virtual time.
 3. The monitor while a run goes on, by the length of the blocks that it gets.
+4. Scenarios in process: runs a second of one of 5 s with 20 requirements, on one core; the same
+   with one requirement, so that the rest is what 20 cost; and what it adds to watch them while the
+   run goes on (`--stop-at-failure`).
 
 Times are processor times, medians of repeats in turn. RTAMT needs Python 3.11 or 3.12.
 """
@@ -17,17 +20,21 @@ import logging
 import statistics
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.scenario.build import AT_START, StreamBuilder
 from hil_bench.scenario.judgement import judge
+from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.nodes import Condition
 from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.prepared import PreparedScenario
+from hil_bench.scenario.run import PlayOptions, play, prepare
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block
 from hil_bench.scenario.vocabulary import Vocabulary
@@ -56,7 +63,7 @@ FORMS: Mapping[str, tuple[str, str]] = {
 
 
 def main() -> None:
-    """Print the three parts."""
+    """Print the four parts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--formulas", type=int, default=1000)
     parser.add_argument("--traces", type=int, default=100, help="of each formula")
@@ -67,6 +74,7 @@ def main() -> None:
     show_agreement(args.formulas, args.traces)
     show_evaluation(args.repeats, args.seconds)
     show_monitor(args.repeats)
+    show_runs(args.repeats)
 
 
 def show_agreement(formulas: int, traces: int) -> None:
@@ -130,9 +138,15 @@ def show_evaluation(repeats: int, seconds: float) -> None:
                 lambda node=node: judge(node, columns, ticks=ticks, tick_ns=TICK_NS)
             )
     each = {name: statistics.median(times) for name, times in rounds.items()}
-    bench_time = processor_time(run_bench)
-    print(f"the run of 60 s itself: {bench_time:.2f} s; judging is", end=" ")
-    print(f"{sum(each.values()) / bench_time:.1%} of it")
+    with TemporaryDirectory() as directory:
+        controlled = prepared(Path(directory), ["always axis1.P_A < 250 bar"], 60.0)
+    for name, work in (
+        ("with nobody on its bus", run_bench),
+        ("with the example controller", lambda: play(controlled)),
+    ):
+        run_time = statistics.median(processor_time(work) for _ in range(repeats))
+        share = sum(each.values()) / run_time
+        print(f"the run of 60 s itself, {name}: {run_time:.2f} s; judging is {share:.1%} of it")
     print(f"50 requirements, 60 s at 1 kHz: {sum(each.values()) * 1e3:.0f} ms", end=" (")
     print(", ".join(f"{name} {t * 1e2:.2f} ms" for name, t in each.items()), end=" each)\n")
     part = {name: column[: int(seconds * 1e3)] for name, column in columns.items()}
@@ -187,6 +201,47 @@ def feed(monitors: list[Monitor], columns: Mapping[str, Floats], size: int, tick
         part = {name: column[start : start + size] for name, column in columns.items()}
         for monitor in monitors:
             monitor.push(part, size)
+
+
+def show_runs(repeats: int) -> None:
+    """Print how many runs of a scenario a core makes in a second."""
+    texts = [f"always axis1.P_A < {level} bar" for level in range(241, 261, 4)]
+    texts += [f"whenever axis1.P_A > {level} bar then axis1.P_B > 1 bar" for level in range(5)]
+    texts += [f"always after 3 s abs(axis1.position) < {level} mm" for level in range(195, 200)]
+    texts += [
+        f"always after 4 s within 200 ms abs(axis1.speed) < {level} mm/s" for level in range(1, 6)
+    ]
+    with TemporaryDirectory() as directory:
+        many, one = (prepared(Path(directory), part) for part in (texts, texts[:1]))
+    cases: dict[str, Callable[[], object]] = {
+        "20 requirements": lambda: play(many),
+        "20 requirements, watched": lambda: play(many, PlayOptions(stops_at_failure=True)),
+        "1 requirement": lambda: play(one),
+    }
+    play(one)  # what is done once only
+    times: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(repeats):
+        for name, case in cases.items():
+            times[name].append(processor_time(case))
+    print("a scenario of 5 s, position control with a supply that sags:")
+    for name, found in times.items():
+        cost = statistics.median(found)
+        print(f"  {name}: {cost * 1e3:.0f} ms, {1 / cost:.2f} runs a second")
+
+
+def prepared(directory: Path, texts: Sequence[str], duration: float = 5.0) -> PreparedScenario:
+    """Return a scenario with some requirements."""
+    path = directory / f"{len(texts)}.scenario.toml"
+    expectations = (
+        f'[[expect]]\nid = "R{number}"\nthat = "{text}"\n' for number, text in enumerate(texts)
+    )
+    path.write_text(
+        f'title = "T"\nduration_s = {duration}\n'
+        '[controller]\nexample = "position_control"\n[[step]]\n'
+        'at_s = 0.5\nfault = "drop_supply"\ntarget = "axis1"\npressure_bar = 40.0\nfor_s = 0.5\n'
+        + "".join(expectations)
+    )
+    return prepare(load_scenario(path))
 
 
 def processor_time(work: Callable[[], object]) -> float:

@@ -4,12 +4,16 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    recording_chapter,
+    write_report,
+)
+from hil_bench.cli.verdicts import exit_code_for, finding_lines
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.recorded import Finding, judge_recording
-from hil_bench.scenario.results import reason_of
+from hil_bench.scenario.recorded import Finding, judge_with_trace
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
@@ -21,6 +25,7 @@ trigger never became true
 examples:
   hil-bench judge requirements.toml run.mf4
   hil-bench judge sag.scenario.toml run1.csv run2.csv --json
+  hil-bench judge requirements.toml run.mf4 --report report.html
 """
 
 
@@ -37,16 +42,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "recordings", type=Path, nargs="+", metavar="RECORDING", help=".mf4 or .csv"
     )
+    add_report_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
-    found = {
-        path: judge_recording(args.requirements, read_recording(path), str(path))
-        for path in args.recordings
-    }
+    check_report_argument(args)
+    judged = {}
+    chapters = []
+    for path in args.recordings:
+        signals = read_recording(path)
+        judged[path] = judge_with_trace(args.requirements, signals, str(path))
+        if args.report:
+            chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
+    found = {path: each.findings for path, each in judged.items()}
     content = {
         str(path): [
             {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
@@ -54,17 +65,13 @@ def run(args: argparse.Namespace) -> int:
         ]
         for path, findings in found.items()
     }
+    if args.report:
+        write_report(args, f"Judgement by {args.requirements}", chapters)
     print_results(args, _lines(found), content)
-    outcomes = {each.judgement.outcome for findings in found.values() for each in findings}
-    if RequirementOutcome.FAILED in outcomes:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    return exit_code_for(each.judgement.outcome for findings in found.values() for each in findings)
 
 
 def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:
     for path, findings in found.items():
-        width = max(len(each.requirement.id) for each in findings)
         yield f"{path}:"
-        for each in findings:
-            judgement = each.judgement
-            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {reason_of(judgement)}"
+        yield from finding_lines(findings)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
 from hil_bench.cli.feed_side import open_feed
@@ -41,22 +42,39 @@ from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.statistics import TickStatistics
 from hil_bench.outside.transports.bus_load import BusLoad
 from hil_bench.session.paced import RunReport, run_paced
+from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
     from hil_bench.session.feed import Feed
 
 logger = logging.getLogger(__name__)
 
+IsOver = Callable[[], bool]
+"""Whether a run has come to its own end."""
+
 
 def run(args: argparse.Namespace) -> int:
     """Run the bench by the clock, print the summary and return the exit code."""
-    config = load_bench_config(args, modbus=args.modbus)
+    return run_bench(args, load_bench_config(args, modbus=args.modbus))
+
+
+def run_bench(
+    args: argparse.Namespace, config: BenchConfig, begin: Callable[[Session], IsOver] | None = None
+) -> int:
+    """Run a bench by the clock, print the summary and return the exit code.
+
+    Args:
+        args: the command line.
+        config: of the bench.
+        begin: called before the first tick; what it returns is asked whether the run is over.
+    """
     with (
         HistogramFile(args.histograms) as histograms,
         set_up(args, config, is_real_time=args.speed <= 1) as setup,
     ):
         announce = setup.announcement()
-        paced = PacedRun(setup, announce, clock_of(args.speed))
+        is_over = None if begin is None else begin(setup.session)
+        paced = PacedRun(setup, announce, clock_of(args.speed), is_over)
         report = paced.run()
         histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
@@ -83,13 +101,21 @@ class PacedRun:
         setup: the bench and what is open around it.
         announce: called once all nodes have booted, and answer.
         clock: that moves the bench.
+        is_over: whether the run has come to its own end; None for one without.
 
     Attributes:
         helpers: the processes beside the loop.
         is_timed: whether there is a time by which ticks are due.
     """
 
-    def __init__(self, setup: RunSetup, announce: Callable[[], None], clock: Clock) -> None:
+    def __init__(
+        self,
+        setup: RunSetup,
+        announce: Callable[[], None],
+        clock: Clock,
+        is_over: IsOver | None = None,
+    ) -> None:
+        self._is_over = is_over or (lambda: False)
         self.is_timed = math.isfinite(setup.args.speed)
         self.helpers = Helpers([])
         self._feed: Feed | None = None
@@ -128,12 +154,13 @@ class PacedRun:
             statistics=self._statistics if self.is_timed else None,
             health=self._health,
         )
+        is_stopped = self._make_stopped()
         with line, contextlib.closing(self.helpers), feed as self._feed:
             return run_paced(
                 session,
                 self._setup.bus.transport,
                 pacer,
-                stopped=self._make_stopped(),
+                stopped=lambda: is_stopped() or self._is_over(),
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
                 hears_all=args.whole_bus,

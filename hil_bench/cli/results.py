@@ -29,7 +29,7 @@ def print_results(
         content: the same for a program: records, paths, numbers in SI units.
     """
     if args.json:
-        text = json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
         print(text)
     elif not args.quiet:
         for line in lines:
@@ -37,16 +37,16 @@ def print_results(
     sys.stdout.flush()  # before an error may follow on standard error
 
 
-def _plain(value: object) -> object:
+def plain(value: object) -> object:
     """Return what JSON can hold: no value where a number is NaN or infinite."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, (str, int)):
         return value
-    return [_plain(item) for item in value] if isinstance(value, Iterable) else str(value)
+    return [plain(item) for item in value] if isinstance(value, Iterable) else str(value)

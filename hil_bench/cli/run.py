@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from hil_bench.cli import lockstep_run, paced_run
+from hil_bench.cli import lockstep_run, paced_run, scenario_run
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_fault_arguments,
@@ -17,6 +17,7 @@ from hil_bench.cli.feed_side import add_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.scenario_run import add_scenario_arguments, check_scenario_arguments
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -37,6 +38,10 @@ examples:
   hil-bench run -i socketcan -c vcan0 --duration 60 --json > summary.json
                                        the summary for a program; all else on standard error
   hil-bench run -i socketcan -c vcan0 --lockstep --sync-period-us 2000 --record trace.log
+  hil-bench run --scenario examples/scenarios/settling.scenario.toml
+                                       in real time, for people who watch; then the verdicts
+  hil-bench run --scenario sag.scenario.toml -i socketcan -c can0
+                                       the same, driven by the controller on the bus
 """
 
 
@@ -101,6 +106,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "them then costs the loop time (in lock-step the bench hears all frames anyway)",
     )
     add_feed_arguments(parser)
+    add_scenario_arguments(parser)
     add_loss_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -125,6 +131,8 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
+    if args.scenario is not None:
+        return scenario_run.run(args)
     return lockstep_run.run(args) if args.lockstep else paced_run.run(args)
 
 
@@ -145,6 +153,7 @@ def check_arguments(args: argparse.Namespace) -> None:
             flag, where = f"--{option.replace('_', '-')}", "in lock-step"
             where = where if args.lockstep else "at --speed max"
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
+    check_scenario_arguments(args)
     check_recording_arguments(args)
     if args.whole_bus and not args.record:
         raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")

@@ -1,22 +1,36 @@
 """`hil-bench test`: scenarios played on the virtual bench, and judged."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
+from hil_bench.cli.machine_test import INTERRUPTED, play_on_machine
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_report import (
+    add_report_argument,
+    check_report_argument,
+    run_chapter,
+    write_report,
+)
+from hil_bench.cli.verdicts import (
+    add_parameter_argument,
+    exit_code_for,
+    read_parameter,
+    result_lines,
+)
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.machine.frame_text import FrameText
 from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.results import (
     ScenarioResult,
     play_for_result,
-    reason_of,
     write_junit,
 )
-from hil_bench.scenario.run import PlayOptions, PreparedScenario, prepare
+from hil_bench.scenario.run import PlayOptions, prepare
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders
 
@@ -28,6 +42,8 @@ examples:
   hil-bench test examples/scenarios
   hil-bench test examples/scenarios/supply_sag.scenario.toml --set position_gain=0.5
   hil-bench test examples/scenarios -k SRS-42 --stop-at-failure --junit result.xml --json
+  hil-bench test examples/scenarios --report report.html
+  hil-bench test steps.scenario.toml -i socketcan -c can0 --plan plan.toml
 """
 
 
@@ -35,8 +51,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "test",
-        description="Play scenarios on the virtual bench, and judge what they require: verdict,\n"
-        "margin, and the comparison that decides.",
+        description="Play scenarios on the virtual bench, or with -i and -c on a machine, and\n"
+        "judge what they require: verdict, margin, and the comparison that decides.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -46,41 +62,59 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "-k", metavar="TEXT", default="", help="only requirements with TEXT in file, title or id"
     )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="given",
-        help="value of a parameter, in the unit of its name; again for more",
-    )
+    add_parameter_argument(parser)
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
     parser.add_argument(
         "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
     )
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    add_report_argument(parser)
     add_json_argument(parser)
+    add_machine_arguments(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Play each scenario and print what was found."""
-    given = dict(_parameter(text) for text in args.given)
-    chosen = _prepare_all(_find_all(args.paths), given, args)
-    options = PlayOptions(stops_at_failure=args.stop_at_failure)
-    results = [play_for_result(each, options) for each in chosen]
+    check_report_argument(args)
+    given = dict(read_parameter(text) for text in args.given)
+    paths = _find_all(args.paths)
+    if is_on_machine(args):
+        results = play_on_machine(args, paths, given)
+    else:
+        results = _test_virtually(args, paths, given)
     if args.junit:
         write_junit(results, args.junit)
-    print_results(args, _lines(results), {result.path: _content(result) for result in results})
-    outcomes = set().union(*(result.outcomes for result in results))
-    if RequirementOutcome.FAILED in outcomes:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if outcomes == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    print_results(
+        args, result_lines(results), {result.path: _content(result) for result in results}
+    )
+    if any(result.problem.startswith(INTERRUPTED) for result in results):
+        return ExitCode.INTERRUPTED
+    return exit_code_for(set().union(*(result.outcomes for result in results)))
+
+
+def _test_virtually(
+    args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
+) -> list[ScenarioResult]:
+    """Play scenarios on the virtual bench, and write the report where one is asked for."""
+    chosen = _prepare_all(paths, given, args)
+    reader = FrameText if args.report else None
+    options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
+    results, chapters = [], []
+    for each in chosen:
+        result = play_for_result(each, options)
+        if args.report:
+            chapters.append(run_chapter(each, result, args.given))
+        results.append(replace(result, evidence=None))  # it is large
+    if args.report:
+        write_report(args, "Test report", chapters)
+    return results
 
 
 def _content(result: ScenarioResult) -> dict[str, object]:
     """Return a result for a program; the keys of a requirement are those of ``judge``."""
-    whole = {each.name: getattr(result, each.name) for each in fields(result)}
+    names = [each.name for each in fields(result) if each.name != "evidence"]
+    whole: dict[str, object] = {name: getattr(result, name) for name in names}
     whole["findings"] = [
         {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
         for each in result.findings
@@ -130,30 +164,3 @@ def _prepare_all(
     if not chosen:
         raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
     return chosen
-
-
-def _parameter(text: str) -> tuple[str, float]:
-    """Return name and value of ``--set``.
-
-    Raises:
-        ConfigError: it is not of this form.
-    """
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError:
-        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
-
-
-def _lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
-    for result in results:
-        yield f"{result.path}: {result.title}"
-        if result.problem:
-            yield f"  {result.problem}"
-        if result.ending:
-            yield f"  {result.ending}"
-        width = max((len(each.requirement.id) for each in result.findings), default=0)
-        for each in result.findings:
-            judgement = each.judgement
-            why = reason_of(judgement)
-            yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
-from hil_bench.outside.recording.plot import Span, has_axis, plot_result
+from hil_bench.outside.recording.plot import has_axis, plot_result
+from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.virtual_bench import VirtualBench
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -15,20 +16,6 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 def file_stem(node_id: str) -> str:
     """Return a file name for a test, such as ``test_axis.py-test_holds-50``."""
     return _UNSAFE.sub("-", node_id).strip("-.")[-120:]
-
-
-def fault_spans(bench: VirtualBench) -> list[Span]:
-    """Return when which fault was there; one that has not ended lasts until now."""
-    spans: list[Span] = []
-    begun: dict[tuple[object, str], float] = {}
-    for event in bench.faults.events:
-        key, time = (event.kind, event.target), event.time * 1e-9
-        if event.is_begin:
-            begun[key] = time
-        elif key in begun:
-            spans.append(Span(begun.pop(key), time, f"{event.kind} {event.target}"))
-    now = bench.now()
-    return spans + [Span(start, now, f"{kind} {target}") for (kind, target), start in begun.items()]
 
 
 def write_artifacts(bench: VirtualBench, directory: Path, stem: str) -> dict[str, Path]:

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from hil_bench.devices.faults.faults import Faults
+from hil_bench.machine.frame_text import FrameText
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
-from hil_bench.pytest_plugin.frame_text import FrameText
 from hil_bench.pytest_plugin.options import shown_path
 from hil_bench.pytest_plugin.recording import recording_path
 from hil_bench.session.firmware import FirmwareBus

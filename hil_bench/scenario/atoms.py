@@ -19,6 +19,12 @@ _RELATIONS = {
     Relation.EQUAL: np.equal,
     Relation.UNEQUAL: np.not_equal,
 }
+_SIGNS = {
+    Relation.LESS: -1.0,
+    Relation.LESS_EQUAL: -1.0,
+    Relation.GREATER: 1.0,
+    Relation.GREATER_EQUAL: 1.0,
+}
 _TURNS = {Turn.RISES: np.greater, Turn.FALLS: np.less, Turn.CHANGES: np.not_equal}
 
 Truths = npt.NDArray[np.bool_]
@@ -40,10 +46,16 @@ class ComparisonMargins:
         self._right = build_values(node.right, tick_ns)
         self._relation = _RELATIONS[node.relation]
         self._scale = node.scale
+        self._sign = _SIGNS.get(node.relation, 0.0)
 
     def __call__(self, block: Block) -> Bounds:
         """Return the margins of the next ticks."""
         left, right = self._left(block), self._right(block)
+        if self._sign:  # where all differ, a third of the work
+            with np.errstate(invalid="ignore", over="ignore"):
+                margins = (left - right) / (self._sign * self._scale)
+            if margins.all() and not np.isnan(margins).any():
+                return exact(margins)
         with np.errstate(invalid="ignore", over="ignore"):
             sizes = np.abs(left - right) / self._scale
         sizes = np.fmax(sizes, _TINY)  # equal infinities differ by NaN, and by nothing

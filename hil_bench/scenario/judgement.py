@@ -7,14 +7,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from hil_bench.scenario.explain import Cause, Explainer, Log
-from hil_bench.scenario.monitor import Monitor
+from hil_bench.scenario.examination import Examination
+from hil_bench.scenario.explain import Cause
 from hil_bench.scenario.nodes import Comparison, Condition
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block, build_values
 from hil_bench.scenario.wording import show_atom, show_margin, show_number, unit_of
-
-_HEAD = 8192  # ticks that come first: what they decide needs no more
 
 
 class RequirementOutcome(StrEnum):
@@ -78,12 +76,8 @@ def judge(
         ticks: how many; 0 leaves every requirement undecided.
         tick_ns: time between two [ns].
     """
-    log = Log()
-    monitor = Monitor(requirement, tick_ns, log.wrap)
-    for start, end in ((0, min(_HEAD, ticks)), (_HEAD, ticks)):
-        part = {name: column[start:end] for name, column in columns.items()}
-        monitor.push(part, max(0, end - start))
-    monitor.finish()
+    examination = Examination(requirement, columns, ticks, tick_ns)
+    monitor = examination.monitor
     times = [exercise.times for exercise in monitor.exercises]
     triggered = sum(times) if times else None
     if not (monitor.is_failed or monitor.is_met):
@@ -91,7 +85,7 @@ def judge(
         return Judgement(RequirementOutcome.INCONCLUSIVE, None, triggered=triggered, reason=reason)
     low, high = monitor.margin
     margin = high if monitor.is_failed else low
-    cause = Explainer(log, tick_ns, ticks, is_failed=monitor.is_failed).find(requirement)
+    cause = examination.find_cause()
     deciding = _describe(cause, margin, columns, ticks, tick_ns)
     size = margin if math.isfinite(margin) else None
     if monitor.is_met:

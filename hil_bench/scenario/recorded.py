@@ -12,6 +12,7 @@ from hil_bench.scenario.load import load_requirements
 from hil_bench.scenario.resolve import Requirement, compile_texts
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.vocabulary import channel_vocabulary
+from hil_bench.scenario.witness import names_in
 
 _JITTER = 0.25  # of a tick that a row may be off its grid
 _MOST_TICKS = 100_000_000
@@ -43,6 +44,13 @@ class Finding(NamedTuple):
     judgement: Judgement
 
 
+class Judged(NamedTuple):
+    """What a recording says of some requirements, and the recording on its ticks."""
+
+    findings: list[Finding]
+    trace: Trace
+
+
 def judge_recording(
     requirements: Path, signals: Recording, source: str = "recording"
 ) -> list[Finding]:
@@ -53,16 +61,23 @@ def judge_recording(
         signals: the recording.
         source: how messages name it.
     """
+    return judge_with_trace(requirements, signals, source).findings
+
+
+def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Judged:
+    """Return the same as `judge_recording`, and the recording on its ticks."""
     expectations, parameters = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source)
-    return [
-        Finding(
-            each,
-            judge(each.condition, trace.columns, ticks=trace.ticks, tick_ns=trace.tick_ns),
-        )
-        for each in compile_texts(expectations, vocabulary)
-    ]
+    findings = [judge_trace(each, trace) for each in compile_texts(expectations, vocabulary)]
+    return Judged(findings, trace)
+
+
+def judge_trace(requirement: Requirement, trace: Trace) -> Finding:
+    """Return what a recording on its ticks says of a requirement, by the signals that it names."""
+    columns = {name: trace.columns[name] for name in names_in([requirement.condition])}
+    judgement = judge(requirement.condition, columns, ticks=trace.ticks, tick_ns=trace.tick_ns)
+    return Finding(requirement, judgement)
 
 
 def lay_on_ticks(signals: Recording, source: str) -> Trace:

@@ -205,3 +205,8 @@ class Scenario:
     parameters: tuple[Parameter, ...]
     steps: tuple[Step, ...]
     expectations: tuple[Expectation, ...]
+
+    @property
+    def bench_path(self) -> Path | None:
+        """The file of the bench as seen from here; None for the built-in one."""
+        return self.path.parent / self.bench if self.bench else None

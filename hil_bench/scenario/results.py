@@ -2,13 +2,15 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
-from hil_bench.scenario.run import PLAIN, PlayOptions, PreparedScenario, play
+from hil_bench.scenario.run import PLAIN, PlayOptions, play
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,7 @@ class ScenarioResult:
         ending: how the controller ended before the run did; empty where it did not.
         problem: why there was no whole run; empty where there was.
         findings: the judgement on each requirement; empty where there is a problem.
+        evidence: for a report; None where none was asked for.
     """
 
     path: str
@@ -36,6 +39,7 @@ class ScenarioResult:
     ending: str = ""
     problem: str = ""
     findings: tuple[Finding, ...] = ()
+    evidence: Evidence | None = field(default=None, compare=False)
 
     @property
     def outcomes(self) -> set[RequirementOutcome]:
@@ -50,12 +54,14 @@ def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) ->
     scenario = prepared.scenario
     duration, ending, problem = 0.0, "", ""
     findings: tuple[Finding, ...] = ()
+    evidence: Evidence | None = None
     try:
         run = play(prepared, options)
     except HilBenchError as error:
         problem = str(error)
     else:
         duration, ending, findings = run.duration, run.ending, run.findings
+        evidence = run.evidence
     return ScenarioResult(
         str(scenario.path),
         scenario.title,
@@ -66,6 +72,7 @@ def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) ->
         ending,
         problem,
         findings,
+        evidence,
     )
 
 

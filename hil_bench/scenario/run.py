@@ -4,9 +4,9 @@
 one likes, each time on a fresh bench.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -17,11 +17,9 @@ from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.controllers import CONTROLLERS
-from hil_bench.scenario.director import Director, RunPlan
 from hil_bench.scenario.driving import Driver, ExampleDriver, FirmwareDriver, NobodyDriver
-from hil_bench.scenario.hand import Hand
-from hil_bench.scenario.judgement import judge
-from hil_bench.scenario.monitor import Monitor
+from hil_bench.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
 from hil_bench.scenario.resolve import (
@@ -32,38 +30,18 @@ from hil_bench.scenario.resolve import (
     parameter_values,
     resolve_steps,
 )
+from hil_bench.scenario.stage import Stage
 from hil_bench.scenario.targets import Targets
 from hil_bench.scenario.usage import unused_parameters
-from hil_bench.scenario.witness import Witness, bench_vocabulary, names_in
+from hil_bench.scenario.witness import bench_vocabulary
+from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench
 
-_BLOCK = 64  # ticks between two looks at whether a requirement has failed
 
-
-@dataclass(frozen=True, slots=True)
-class PreparedScenario:
-    """A scenario that fits its bench.
-
-    Attributes:
-        scenario: as loaded.
-        config: its bench.
-        parameters: the SI value of each parameter.
-        actions: its steps.
-        requirements: its expectations.
-    """
-
-    scenario: Scenario
-    config: BenchConfig
-    parameters: Mapping[str, float]
-    actions: tuple[TimedAction, ...]
-    requirements: tuple[Requirement, ...]
-
-    @property
-    def last_tick(self) -> int:
-        """Number of the last tick of a run."""
-        return round(self.scenario.duration * 1e9) // self.config.tick_ns
+def _alone(_bench: VirtualBench, _end: Callable[[], None]) -> AbstractContextManager[object]:
+    return nullcontext()
 
 
 class PlayOptions(NamedTuple):
@@ -72,10 +50,14 @@ class PlayOptions(NamedTuple):
     Attributes:
         stops_at_failure: whether a run ends when the first requirement has failed.
         record: what to record in files.
+        reader: makes what reads the frames of the bench; with it, the run keeps its evidence.
+        beside: open while the run goes on; given the bench, and what ends the run.
     """
 
     stops_at_failure: bool = False
     record: RecordingWish = NO_RECORDING
+    reader: Callable[[VirtualBench], FrameReader] | None = None
+    beside: Callable[[VirtualBench, Callable[[], None]], AbstractContextManager[object]] = _alone
 
 
 PLAIN = PlayOptions()
@@ -90,12 +72,14 @@ class Run:
         duration: how long it was [s].
         is_early: whether it ended before the scenario does.
         ending: how the controller ended before the run did; empty where it did not.
+        evidence: for a report; None where none was asked for.
     """
 
     findings: tuple[Finding, ...]
     duration: float
     is_early: bool
     ending: str
+    evidence: Evidence | None = field(default=None, compare=False)
 
 
 def prepare(
@@ -108,12 +92,27 @@ def prepare(
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
 
-    Raises:
-        ConfigError: something does not fit; a line a problem.
+    A `ConfigError` has a line for each problem.
     """
     bench = scenario.path.parent / scenario.bench if scenario.bench else None
     config = load_config(bench, seed=seed)
     values = parameter_values(scenario, given)
+    return prepare_on(config, scenario, values)
+
+
+def prepare_on(
+    config: BenchConfig, scenario: Scenario, values: Mapping[str, float]
+) -> PreparedScenario:
+    """Return a scenario with its numbers in, checked against a bench.
+
+    Args:
+        config: the bench, whatever the scenario names.
+        scenario: as loaded.
+        values: the SI value of each parameter.
+
+    Raises:
+        ConfigError: something does not fit; a line a problem.
+    """
     actions = resolve_steps(scenario, config.tick_ns, values)
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()
@@ -134,66 +133,44 @@ def prepare(
 def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
     """Play a scenario on a fresh bench, and judge; a `ControllerError` says that firmware failed.
 
-    Raises:
-        ConfigError: a step cannot do what it says.
+    A `ConfigError` says that a step cannot do what it is to do.
     """
     config, last_tick = prepared.config, prepared.last_tick
     with (
-        VirtualBench(config, recorded_time=0.001, logged_frames=0, record=options.record) as bench,
+        _open_bench(prepared, options) as bench,
         _driver(prepared, bench) as driver,
     ):
-        session = bench.session
-        director = Director(
-            _plan(prepared),
-            session,
-            Targets(config, session),
-            Hand(config, session),
+        stage = Stage(
+            prepared,
+            bench.session,
             driver.on_firmware,
+            stops_at_failure=options.stops_at_failure,
         )
-        names = names_in(each.condition for each in prepared.requirements)
-        witness = Witness(config, session, names, last_tick)
-        if options.stops_at_failure:
-            session.watch(ticks=_Stopper(prepared, witness, director).look)
-        session.intercept = director
-        ending = driver.drive(director, last_tick)
-    if director.problem:
-        raise ConfigError(director.problem)
-    columns = witness.columns()
-    findings = tuple(
-        Finding(
-            each,
-            judge(each.condition, columns, ticks=witness.ticks, tick_ns=config.tick_ns),
-        )
-        for each in prepared.requirements
-    )
+        with options.beside(bench, stage.end):
+            ending = driver.drive(stage.director, last_tick)
+        witness = stage.witness
+        evidence = None
+        if options.reader is not None:
+            evidence = Evidence(
+                bench.signals[: witness.ticks],
+                witness.columns(),
+                witness.ticks,
+                config.tick_ns,
+                tuple(fault_spans(bench)),
+                tuple(bench.frames),
+                options.reader(bench),
+            )
+    findings = stage.judge()
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
-    return Run(findings, duration, witness.ticks <= last_tick, ending)
+    return Run(findings, duration, witness.ticks <= last_tick, ending, evidence)
 
 
-class _Stopper:
-    """Ends a run when a requirement has failed."""
-
-    def __init__(self, prepared: PreparedScenario, witness: Witness, director: Director) -> None:
-        tick_ns = prepared.config.tick_ns
-        self._monitors = [Monitor(each.condition, tick_ns) for each in prepared.requirements]
-        self._witness, self._director = witness, director
-        self._seen = 0
-
-    def look(self, _now: int) -> None:
-        """Judge the ticks since the last look, where they are enough."""
-        ticks = self._witness.ticks
-        if ticks - self._seen < _BLOCK or self._director.is_over:
-            return
-        columns = self._witness.columns(self._seen)
-        for monitor in self._monitors:
-            monitor.push(columns, ticks - self._seen)
-        self._seen = ticks
-        self._director.is_over = any(monitor.is_failed for monitor in self._monitors)
-
-
-def _plan(prepared: PreparedScenario) -> RunPlan:
-    sync_ticks = 0 if prepared.scenario.controller else prepared.config.ticks_per_sync
-    return RunPlan(prepared.actions, prepared.config.tick_ns, prepared.last_tick, sync_ticks)
+def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
+    config = prepared.config
+    kept, frames = 0.001, 0
+    if options.reader is not None:
+        kept, frames = (prepared.last_tick + 1) * config.tick_ns * 1e-9, MOST_FRAMES
+    return VirtualBench(config, recorded_time=kept, logged_frames=frames, record=options.record)
 
 
 @contextmanager

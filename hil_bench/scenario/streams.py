@@ -8,6 +8,7 @@ recording is one block.
 
 import math
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Protocol
 
 import numpy as np
@@ -90,12 +91,12 @@ class Combined:
 
 def all_of(*operands: Bounds) -> Bounds:
     """Return the margins of ``and``."""
-    return map_bounds(lambda *parts: np.minimum.reduce(parts), *operands)
+    return map_bounds(lambda *parts: reduce(np.minimum, parts), *operands)
 
 
 def any_of(*operands: Bounds) -> Bounds:
     """Return the margins of ``or``."""
-    return map_bounds(lambda *parts: np.maximum.reduce(parts), *operands)
+    return map_bounds(lambda *parts: reduce(np.maximum, parts), *operands)
 
 
 class Trigger:

@@ -83,7 +83,7 @@ class Witness:
     def __init__(
         self, config: BenchConfig, session: Session, names: Iterable[str], last_tick: int
     ) -> None:
-        self._last_tick = last_tick
+        self._last_tick, self._tick = last_tick, config.tick_ns * 1e-9
         self._rows: list[list[float]] = []
         self._heard: set[str] = set()
         self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
@@ -110,7 +110,10 @@ class Witness:
         return {name: table[:, number].copy() for number, name in enumerate(self._names)}
 
     def _note(self, row: Sequence[float]) -> None:
-        if len(self._rows) <= self._last_tick:
+        number = round(row[0] / self._tick)
+        while len(self._rows) < min(number, self._last_tick + 1):
+            self._rows.append([math.nan] * len(self._names))  # a tick that the loop left out
+        if number <= self._last_tick:
             self._rows.append([read(row) for read in self._readers])
         self._heard.clear()
 

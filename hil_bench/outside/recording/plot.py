@@ -6,6 +6,7 @@ panel is in the display unit that belongs to its channels' SI unit.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -91,6 +92,18 @@ class Span(NamedTuple):
     begin: float
     end: float
     label: str
+
+
+class MotionPanel(NamedTuple):
+    """A panel of a figure of several.
+
+    Attributes:
+        share: its height, beside that of others.
+        draw: draws it.
+    """
+
+    share: float
+    draw: "Callable[[Axes], None]"
 
 
 def plot_result(
@@ -186,6 +199,17 @@ def result_figure(recording: Recording, *, title: str = "", spans: Sequence[Span
     figure.align_ylabels()
     figure.suptitle(title)
     return figure
+
+
+def motion_panels(recording: Recording, preferred: Sequence[str] = ()) -> list[MotionPanel]:
+    """Return the panels of one axis: of the first preferred one, else of the first of all."""
+    axes = _axis_names(recording)
+    shown = next((name for name in (*preferred, *axes) if name in axes), "")
+    return [
+        MotionPanel(panel.share, partial(_draw_panel, recording=recording, axis=shown, panel=panel))
+        for panel in _PANELS
+        if _lines(recording, shown, panel)
+    ]
 
 
 def _draw_panel(place: "Axes", recording: Recording, axis: str, panel: _Panel) -> None:

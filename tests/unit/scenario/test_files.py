@@ -357,6 +357,28 @@ def test_windows_longer_than_the_run_are_refused(tmp_path):
         compile_expectations(scenario, Vocabulary({"axis1.P_A": "Pa"}))
 
 
+def test_a_requirement_of_10000_characters_is_refused_where_it_stands(tmp_path):
+    """docs/expectations.md: at most 4000 characters."""
+    text = EXPECT.replace("axis1.P_A", "axis1.P_A + 0 bar" + " + 0 bar" * 1250)
+    scenario = load(tmp_path, HEAD + text)
+    with pytest.raises(ConfigError, match=r":5:9: R1: has 10\d{3} characters; give at most 4000"):
+        compile_expectations(scenario, Vocabulary({"axis1.P_A": "Pa"}))
+
+
+def test_nested_windows_add_up_until_they_are_longer_than_the_run(tmp_path):
+    """3 s and 2 s and 1 s are the 6 s of the run; a tick more is not."""
+    known = Vocabulary({"axis1.P_A": "Pa"})
+    nested = "always from 0 s to 3 s within {} s axis1.P_A < 250 bar for 1 s"
+    for inner, is_refused in ((2, False), (2.001, True)):
+        text = EXPECT.replace("always axis1.P_A < 250 bar", nested.format(inner))
+        scenario = load(tmp_path, HEAD + text)
+        if is_refused:
+            with pytest.raises(ConfigError, match=r":5:9: R1: needs 6\.001 s to be decided"):
+                compile_expectations(scenario, known)
+        else:
+            assert len(compile_expectations(scenario, known)) == 1
+
+
 def test_the_language_takes_the_parameters_of_the_scenario(tmp_path):
     text = EXPECT.replace("250 bar", "sag_bar")
     scenario = load(tmp_path, HEAD + "[parameters]\nsag_bar = 60\n" + text)

@@ -9,7 +9,10 @@ from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import Channel, recording_dtype
-from hil_bench.scenario.recorded import lay_on_ticks
+from hil_bench.scenario.recorded import Trace, judge_trace, lay_on_ticks
+from hil_bench.scenario.records import Expectation
+from hil_bench.scenario.resolve import compile_texts
+from hil_bench.scenario.vocabulary import channel_vocabulary
 
 HEAD = "time,axis1.P_A\ns,Pa\n"
 PASSES = '[[expect]]\nid = "R1"\nthat = "always axis1.P_A < 250 bar"\n'
@@ -98,3 +101,12 @@ def test_all_bad_scenarios_are_told_at_once(tmp_path, capsys):
         path.write_text('title = "T"\nduration_s = 1.0\n' + PASSES.replace("P_A", "P_a"))
     assert main(["scenario", "check", *map(str, paths)]) == ExitCode.USAGE
     assert capsys.readouterr().err.count("the nearest is axis1.P_A") == 2
+
+
+def test_only_missing_values_of_its_own_are_told():
+    names = ("axis1.P_A", "axis1.P_B")
+    known = channel_vocabulary([Channel(name, "Pa") for name in names])
+    (requirement,) = compile_texts([Expectation("R", "always axis1.P_A < 250 bar")], known)
+    trace = Trace({name: np.array([1.0, np.nan]) for name in names}, 2, 1_000_000)
+    reason = judge_trace(requirement, trace).judgement.reason
+    assert reason == "values are missing of axis1.P_A, or the run is too short"

@@ -170,6 +170,12 @@ def test_a_parameter_that_does_nothing_is_refused(tmp_path):
     )
 
 
+def test_a_parameter_that_does_nothing_is_refused_without_a_controller_too(tmp_path):
+    text = HEAD + "[parameters]\nsag_bar = 1\n" + expect("always axis1.P_A < 9 bar")
+    (line,) = problems(tmp_path, text)
+    assert line.endswith("does nothing; name it in a step, an expectation or the firmware's words")
+
+
 TWO_BUSES = Path(__file__).parents[3] / "examples" / "two_buses.toml"
 VALVE_ALONE = '[plant.axis1]\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\naxis = "axis1"\n'
 

@@ -1,0 +1,191 @@
+"""What `hil-bench test` needs for a machine: arguments, limits, consent."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from can.cli import add_bus_arguments
+
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.members import Members, find_members
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.controller_side import OpenNetwork, seen_from_bus
+from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
+from hil_bench.machine.commissioning.plan import (
+    CommissioningPlan,
+    Limits,
+    check_against,
+    choose_axis,
+    load_plan,
+)
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.on_machine import MachineScenario, prepare_for_machine
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """The axis that scenarios move.
+
+    Attributes:
+        config: the machine as it should be: nodes, EDS files, data sheet.
+        plan: of its commissioning, which has the limits.
+        axis: the axis.
+        members: its nodes.
+    """
+
+    config: BenchConfig
+    plan: CommissioningPlan
+    axis: CylinderConfig
+    members: Members
+
+    @property
+    def limits(self) -> Limits:
+        """Those of the plan, that hold for each of its steps."""
+        return self.plan.steps[0].limits
+
+    @property
+    def fields(self) -> Mapping[str, Channel]:
+        """Of each signal that the drivers tell, the channel of the samples."""
+        known = {channel.name: channel for channel in SAMPLE_CHANNELS}
+        named = {f"{self.axis.name}.{name}": channel for name, channel in known.items()}
+        position = self.members.position.name
+        return named | {
+            f"{position}.measured": known["position"],
+            f"{position}.measured_speed": known["speed"],
+            f"{self.members.pressure_a.name}.measured": known["P_A"],
+            f"{self.members.pressure_b.name}.measured": known["P_B"],
+        }
+
+
+def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns a machine."""
+    add_bus_arguments(parser, group_title="machine (bus as in python-can)")
+    for action in parser._actions:  # noqa: SLF001 - python-can's group is out of reach otherwise
+        if action.dest == "interface":
+            action.metavar = "INTERFACE"
+    group = parser.add_argument_group("motion of a machine (docs/scenarios.md)")
+    group.add_argument(
+        "--plan",
+        type=Path,
+        metavar="PLAN.toml",
+        help="plan of the machine's commissioning: its axis, its period, and the [limits] that "
+        "close the valve",
+    )
+    group.add_argument("--yes", action="store_true", help="move without asking")
+    group.add_argument(
+        "--output",
+        type=Path,
+        default=Path("hil-bench-commissioning"),
+        metavar="DIR",
+        help="where to note settings of the devices until they are restored (%(default)s)",
+    )
+    parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)
+
+
+def is_on_machine(args: argparse.Namespace) -> bool:
+    """Return whether the command line names a bus; what else belongs to one is refused without.
+
+    Raises:
+        ConfigError: a plan without a bus, a bus without a plan, or a seed.
+    """
+    has_bus = "interface" in args or "channel" in args
+    if not has_bus and args.plan is not None:
+        raise ConfigError("--plan: belongs to a machine; give its bus with -i and -c")
+    if has_bus and args.plan is None:
+        raise ConfigError("-i, -c: a machine needs limits; give --plan PLAN.toml of commission")
+    if has_bus and (args.seed is not None or args.stop_at_failure or args.report):
+        raise ConfigError("--seed, --stop-at-failure, --report: are for the virtual bench")
+    return has_bus
+
+
+def load_machine(args: argparse.Namespace, paths: Sequence[Path]) -> Machine:
+    """Return the machine of the plan; where the plan names no bench, of the scenarios.
+
+    Raises:
+        ConfigError: the scenarios name several benches, or the plan does not fit the machine.
+    """
+    plan = load_plan(args.plan)
+    benches = {load_scenario(path).bench_path for path in paths}
+    if plan.bench is None and len(benches) > 1:
+        right = "give plan.bench, the file of the machine"
+        raise ConfigError(f"{args.plan}: the scenarios have several benches; {right}")
+    path = plan.bench if plan.bench is not None else benches.pop()
+    args.config = None if path is None else str(path)
+    config = seen_from_bus(args, load_bench_config(args))
+    axis = choose_axis(plan, config)
+    check_against(plan, axis)
+    return Machine(config, plan, axis, find_members(config, axis.name, "a test on a machine"))
+
+
+def prepare_all(
+    args: argparse.Namespace, machine: Machine, paths: Sequence[Path], given: Mapping[str, float]
+) -> list[MachineScenario]:
+    """Return all scenarios with the requirements that were chosen.
+
+    Raises:
+        ConfigError: something in any of them does not exist on a machine, or nothing is chosen.
+    """
+    channels = [Channel(name, channel.unit) for name, channel in machine.fields.items()]
+    chosen, wrong = [], []
+    for path in paths:
+        try:
+            scenario = load_scenario(path)
+            each = prepare_for_machine(
+                scenario,
+                given,
+                tick_ns=machine.config.tick_ns,
+                valve=machine.members.valve.name,
+                channels=channels,
+            )
+        except ConfigError as error:
+            wrong.append(str(error))
+            continue
+        if scenario.duration > machine.limits.time:
+            lasts = f"lasts {scenario.duration:g} s, the limit is {machine.limits.time:g} s"
+            wrong.append(f"{path}: {lasts}; give a longer time_s in [limits] of {args.plan}")
+        requirements = tuple(
+            requirement
+            for requirement in each.requirements
+            if args.k.lower() in f"{path}\n{scenario.title}\n{requirement.id}".lower()
+        )
+        if requirements:
+            chosen.append(replace(each, requirements=requirements))
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    if not chosen:
+        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
+    return chosen
+
+
+def check_consent(args: argparse.Namespace) -> None:
+    """Refuse a motion that nobody can be asked about.
+
+    Raises:
+        ConfigError: there is nobody to ask.
+    """
+    if not (args.yes or sys.stdin.isatty()):
+        wrong = "nobody to ask before motion, for this is no terminal"
+        raise ConfigError(f"{wrong}; --yes moves unasked")
+
+
+def is_confirmed(
+    args: argparse.Namespace,
+    opened: OpenNetwork,
+    machine: Machine,
+    chosen: Sequence[MachineScenario],
+) -> bool:
+    """Ask before the first motion."""
+    if args.yes:
+        return True
+    low, high = (1e3 * bound for bound in machine.limits.position)
+    print(f"The axis on {opened.description} is going to move:", file=sys.stderr)
+    for each in chosen:
+        what = f"{each.scenario.path}: for {each.scenario.duration:g} s"
+        print(f"  {what}, from {low:g} to {high:g} mm", file=sys.stderr)
+    answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
+    return answer.strip().lower() == "yes"

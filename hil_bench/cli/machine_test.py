@@ -1,0 +1,139 @@
+"""`hil-bench test` on a machine: the same files, guarded and with a dead man as `commission` is."""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from hil_bench.cli.arguments import make_directory
+from hil_bench.cli.commission_settings import open_journal, print_returned, restore_command
+from hil_bench.cli.controller_side import OpenNetwork, open_network
+from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.machine_side import (
+    Machine,
+    check_consent,
+    is_confirmed,
+    load_machine,
+    prepare_all,
+)
+from hil_bench.cli.results import is_silent
+from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.guard import LimitError
+from hil_bench.machine.commissioning.journal import SettingsJournal
+from hil_bench.machine.commissioning.procedure import Procedure, communication
+from hil_bench.machine.commissioning.rig import Rig
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.scenario.on_machine import MachineScenario, lay_samples
+from hil_bench.scenario.recorded import judge_trace
+from hil_bench.scenario.results import ScenarioResult
+from hil_drivers import BusLostError, DriverError
+
+INTERRUPTED = "interrupted"
+"""How the problem of the scenario begins in which Ctrl-C came."""
+
+_NOT_RUN = "not run: an earlier scenario was stopped"
+
+
+def play_on_machine(
+    args: argparse.Namespace, paths: Sequence[Path], given: Mapping[str, float]
+) -> list[ScenarioResult]:
+    """Play scenarios on a machine; all of them are checked before the bus is opened.
+
+    Raises:
+        ConfigError: something in them does not exist there, or motion was not confirmed.
+    """
+    machine = load_machine(args, paths)
+    chosen = prepare_all(args, machine, paths, given)
+    check_consent(args)
+    make_directory(args.output)
+    journal = open_journal(args)
+    with open_network(args, machine.config) as opened, interrupted_once():
+        if not is_confirmed(args, opened, machine, chosen):
+            raise ConfigError("motion was not confirmed; nothing was moved")
+        return [*play_all(args, opened, machine, chosen, journal)]
+
+
+def play_all(
+    args: argparse.Namespace,
+    opened: OpenNetwork,
+    machine: Machine,
+    chosen: Sequence[MachineScenario],
+    journal: SettingsJournal,
+) -> Iterator[ScenarioResult]:
+    """Play scenarios one after the other; behind one that was stopped nothing moves any more.
+
+    Yields:
+        What came of each.
+    """
+    is_stopped = False
+    for each in chosen:
+        if is_stopped:
+            yield _result(machine, each, problem=_NOT_RUN)
+            continue
+        rig = Rig(opened.network, machine.members, period=machine.plan.period, journal=journal)
+        try:
+            result = _play(opened, machine, each, rig)
+        finally:
+            returned = rig.close()
+            print_returned(returned, restore_command(args), is_quiet=is_silent(args))
+        is_stopped = bool(result.problem)
+        yield result
+
+
+def _play(opened: OpenNetwork, machine: Machine, each: MachineScenario, rig: Rig) -> ScenarioResult:
+    """Play a scenario; whatever stops it, the valve is closed before anybody is told."""
+    try:
+        obstacle = _set_up(opened, machine, rig)
+        if obstacle:
+            return _result(machine, each, problem=obstacle)
+        samples = _move(machine, each, rig)
+    except KeyboardInterrupt:
+        return _result(machine, each, problem=f"{INTERRUPTED}; {_closing(rig)}")
+    except BusLostError as error:
+        problem = f"the bus was lost: {error}; the valve closes by itself"
+        return _result(machine, each, problem=problem)
+    except (LimitError, DriverError) as error:
+        return _result(machine, each, problem=f"{error}; {_closing(rig)}")
+    period = machine.plan.period
+    ticks = round(each.scenario.duration / period) + 1
+    fields = {name: channel.name for name, channel in machine.fields.items()}
+    trace = lay_samples(samples, fields, ticks, period)
+    findings = tuple(judge_trace(requirement, trace) for requirement in each.requirements)
+    result = _result(machine, each)
+    return replace(result, findings=findings, duration=(ticks - 1) * period)
+
+
+def _set_up(opened: OpenNetwork, machine: Machine, rig: Rig) -> str:
+    """Compare the nodes with their EDS files and set them up; return what forbids motion."""
+    procedure = Procedure(opened.network, machine.config, machine.axis, machine.members, rig)
+    rig.begin_step(0, machine.limits)
+    found = communication(procedure, machine.plan.steps[0])
+    wrong = [f"{finding.name}: {finding.evidence}" for finding in found.findings]
+    return "; ".join(filter(None, [found.problem, *wrong]))
+
+
+def _move(machine: Machine, each: MachineScenario, rig: Rig) -> Recording:
+    rig.begin_step(1, machine.limits)
+    rig.enable()
+    samples = rig.move(each.set_points.at, each.scenario.duration + machine.plan.period)
+    rig.close_valve()
+    return samples
+
+
+def _closing(rig: Rig) -> str:
+    """Close the valve and return how that went."""
+    if rig.close_valve():
+        return "the valve was closed"
+    return "the valve does not say that it is closed; without us it closes by itself"
+
+
+def _result(machine: Machine, each: MachineScenario, problem: str = "") -> ScenarioResult:
+    scenario = each.scenario
+    return ScenarioResult(
+        str(scenario.path),
+        scenario.title,
+        scenario.requirement_ids,
+        machine.config.seed,
+        dict(each.parameters),
+        problem=problem,
+    )

@@ -1,0 +1,212 @@
+"""`hil-bench run --scenario`: a scenario in real time while people watch, then the verdicts.
+
+Without a bus the scenario's own controller drives. With one, a controller there does.
+"""
+
+import argparse
+import contextlib
+import logging
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.bench_events import BenchEvents
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.feed_side import open_feed
+from hil_bench.cli.helpers import Helpers
+from hil_bench.cli.interruption import Interruption, interruption
+from hil_bench.cli.paced_run import IsOver, clock_of, run_bench
+from hil_bench.cli.recording_arguments import recording_wish
+from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
+from hil_bench.cli.verdicts import (
+    add_parameter_argument,
+    exit_code_for,
+    finding_lines,
+    read_parameter,
+    result_lines,
+)
+from hil_bench.errors import ConfigError
+from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.prepared import PreparedScenario
+from hil_bench.scenario.records import FirmwareStep, Scenario
+from hil_bench.scenario.resolve import parameter_values
+from hil_bench.scenario.results import play_for_result
+from hil_bench.scenario.run import PlayOptions, prepare, prepare_on
+from hil_bench.scenario.stage import Stage
+from hil_bench.session.session import Session
+from hil_bench.session.virtual_bench import VirtualBench
+
+logger = logging.getLogger(__name__)
+
+_LATE = 0.1  # how much a run may be behind real time without a word [s]
+_NEVER = ("config", "duration", "lockstep", "fault")
+_WITH_A_BUS = (
+    "modbus",
+    "strict_timing",
+    "histograms",
+    "realtime",
+    "realtime_priority",
+    "realtime_cpu",
+    "overrun",
+    "whole_bus",
+    "hub_unlimited",
+)
+_INSTEAD = {
+    "config": ("bench.toml", "the scenario names its bench"),
+    "duration": ("--duration", "the scenario has its duration_s"),
+    "lockstep": ("--lockstep", "give [controller] firmware in the scenario"),
+    "fault": ("--fault", "make it a step of the scenario"),
+}
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns a bench that plays a scenario."""
+    group = parser.add_argument_group("scenario")
+    group.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
+        "own controller drives, with one the controller there",
+    )
+    add_parameter_argument(group)
+
+
+def check_scenario_arguments(args: argparse.Namespace) -> None:
+    """Refuse what does not go with a scenario.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.scenario is None:
+        if args.given:
+            raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
+        return
+    for name in _NEVER:
+        if getattr(args, name):
+            option, right = _INSTEAD[name]
+            raise ConfigError(f"{option}: not with --scenario; {right}")
+    for name in () if _has_bus(args) else _WITH_A_BUS:
+        if getattr(args, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the scenario, print what was found and return the exit code."""
+    scenario = load_scenario(args.scenario)
+    given = dict(read_parameter(text) for text in args.given)
+    if _has_bus(args):
+        return _run_on_bus(args, scenario, given)
+    return _run_alone(args, prepare(scenario, given, seed=args.seed))
+
+
+def _has_bus(args: argparse.Namespace) -> bool:
+    return args.hub is not None or "interface" in args or "channel" in args
+
+
+def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, float]) -> int:
+    """Play a scenario on a bus, where another program is the controller.
+
+    Raises:
+        ConfigError: the scenario starts or kills firmware, or the bench never ran.
+    """
+    for step in scenario.steps:
+        if isinstance(step, FirmwareStep):
+            right = "leave -i, -c and --hub out"
+            raise ConfigError(f"{step.place}: nothing starts firmware on a bus; {right}")
+    args.config = scenario.bench_path
+    config = load_bench_config(args, modbus=args.modbus)
+    prepared = prepare_on(config, scenario, parameter_values(scenario, given))
+    stages: list[Stage] = []
+
+    def begin(session: Session) -> IsOver:
+        stage = Stage(prepared, session)
+        stages.append(stage)
+        return lambda: stage.director.is_over
+
+    code = run_bench(args, config, begin)
+    findings = stages[0].judge()
+    print("\n".join((f"{scenario.path}: {scenario.title}", *finding_lines(findings))), flush=True)
+    verdict = exit_code_for(each.judgement.outcome for each in findings)
+    return verdict if code == ExitCode.DONE or verdict == ExitCode.CHECK_FAILED else code
+
+
+def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
+    """Play a scenario on a bus inside this process, where its own controller drives."""
+    with interruption() as wish:
+        company = _Company(args, prepared, wish)
+        options = PlayOptions(record=recording_wish(args), beside=company.beside)
+        result = play_for_result(prepared, options)
+    if not args.quiet:
+        print("\n".join((*result_lines([result]), *company.lines())), flush=True)
+    verdict = exit_code_for(result.outcomes)
+    if wish.requested and verdict != ExitCode.CHECK_FAILED:
+        return ExitCode.INTERRUPTED
+    return verdict
+
+
+class _Company:
+    """What goes on beside a run: real time, the status line, and those who watch.
+
+    Args:
+        args: the command line.
+        prepared: what is played.
+        wish: whether somebody wants the end.
+    """
+
+    def __init__(
+        self, args: argparse.Namespace, prepared: PreparedScenario, wish: Interruption
+    ) -> None:
+        self._args, self._prepared, self._wish = args, prepared, wish
+        self._clock = clock_of(args.speed)
+        self._behind = 0.0
+
+    def lines(self) -> list[str]:
+        """Return what is to be said of real time at the end."""
+        if self._behind < _LATE:
+            return []
+        late = f"the run was up to {self._behind:.1f} s behind real time"
+        return [f"  {late}; its verdicts count bench time"]
+
+    @contextlib.contextmanager
+    def beside(self, bench: VirtualBench, end: Callable[[], None]) -> Iterator[None]:
+        """Hold a run to real time and let people watch it.
+
+        Args:
+            bench: that is to run.
+            end: ends the run.
+
+        Yields:
+            Once, before the first tick.
+        """
+        session, config = bench.session, bench.config
+        channels, fields = bench_status(bench.bench)
+        snapshot = Snapshot(1 + len(channels))
+        line = StatusLine(
+            snapshot, [[Field("{:6.1f} s", 1.0), *fields]], wanted=not self._args.quiet
+        )
+        helpers = Helpers([line] if line.is_shown else [], ends_on_loss=self._args.end_on_loss)
+        events = BenchEvents(config, bench.bench, logger.warning)
+        start = self._clock.now()
+        with line, contextlib.closing(helpers), open_feed(self._args, config, session) as feed:
+
+            def look(now: int) -> None:
+                snapshot.write((now * 1e-9, *bench_status_row(bench.bench)))
+                helpers.look()
+                events.look(now)
+                if feed is not None:
+                    feed.look()
+                if self._wish.requested or helpers.is_over:
+                    end()
+                self._wait(start + now)
+
+            session.watch(ticks=look)
+            yield
+
+    def _wait(self, due: int) -> None:
+        if math.isfinite(self._args.speed):
+            self._behind = max(self._behind, (self._clock.now() - due) * 1e-9)
+            self._clock.sleep_until(due)

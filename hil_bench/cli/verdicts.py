@@ -1,0 +1,66 @@
+"""What the verbs that judge share: parameters, verdicts line by line, and the exit code."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import ConfigError
+from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.recorded import Finding
+from hil_bench.scenario.results import ScenarioResult, reason_of
+
+if TYPE_CHECKING:
+    import argparse
+
+
+def add_parameter_argument(parser: "argparse._ActionsContainer") -> None:
+    """Add --set, whose words `read_parameter` reads."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="given",
+        help="value of a parameter, in the unit of its name; again for more",
+    )
+
+
+def read_parameter(text: str) -> tuple[str, float]:
+    """Return name and value of ``--set``.
+
+    Raises:
+        ConfigError: it is not of this form.
+    """
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
+
+
+def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:
+    """Return the exit code for the outcomes of all requirements: that of the worst."""
+    found = set(outcomes)
+    if RequirementOutcome.FAILED in found:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if found == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+
+
+def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:
+    """Yield what came of scenarios, a line a requirement."""
+    for result in results:
+        yield f"{result.path}: {result.title}"
+        if result.problem:
+            yield f"  {result.problem}"
+        if result.ending:
+            yield f"  {result.ending}"
+        yield from finding_lines(result.findings)
+
+
+def finding_lines(findings: Sequence[Finding]) -> Iterator[str]:
+    """Yield judgements, a line each."""
+    width = max((len(each.requirement.id) for each in findings), default=0)
+    for each in findings:
+        judgement = each.judgement
+        why = reason_of(judgement)
+        yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()

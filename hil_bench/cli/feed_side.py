@@ -6,16 +6,19 @@ import itertools
 import logging
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import hil_bench
-from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.configuration import AxisConfig, BenchConfig
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.session.feed import Feed, Health
 from hil_bench.session.session import Session
 
@@ -89,11 +92,45 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "tick_s": config.tick_ns * 1e-9,
         "channels": [list(channel) for channel in session.channels],
         "nodes": list(session.nodes),
+        "bench_file": str(Path(config.path).resolve()) if config.path else None,
+        "seed": config.seed,
+        "devices": dict(_devices(config)),
+        "machines": {axis.name: _machine(axis) for axis in config.axes},
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]
             for axis in session.bench.axes
         },
     }
+
+
+def _devices(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of each node, and what it is."""
+    buses = number_buses(config)
+    for node in config.nodes:
+        yield (
+            node.name,
+            {
+                "node_id": node.node_id,
+                "bus": buses[node.name],
+                "kind": node.kind.name,
+                "axis": node.axis,
+                "eds": str(node.eds.resolve()),
+            },
+        )
+
+
+def _machine(axis: AxisConfig) -> dict[str, Any]:
+    """Return what a drawing of a plant needs to know."""
+    content: dict[str, Any] = {"kind": axis.kind.name}
+    if isinstance(axis, CylinderConfig):
+        parameters = axis.parameters
+        content |= {
+            "half_stroke_m": parameters.h,
+            "supply_pressure_pa": parameters.P_S,
+            "area_a_m2": parameters.A_A,
+            "area_b_m2": parameters.A_B,
+        }
+    return content
 
 
 def _take_place(name: str | None) -> Place | None:

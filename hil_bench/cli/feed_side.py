@@ -95,6 +95,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "bench_file": str(Path(config.path).resolve()) if config.path else None,
         "seed": config.seed,
         "devices": dict(_devices(config)),
+        "fault_targets": session.bench.faults.targets,
         "machines": {axis.name: _machine(axis) for axis in config.axes},
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]

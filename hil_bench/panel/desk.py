@@ -19,7 +19,7 @@ from hil_bench.outside.feed.messages import (
 )
 from hil_bench.panel.hub import Hub
 from hil_bench.panel.objects import device_of, list_objects, list_pdos
-from hil_bench.panel.record import SUFFIX, TestForm, make_scenario, play_test, write_test
+from hil_bench.panel.record import SUFFIX, RecordForm, make_scenario, play_test, write_test
 from hil_bench.panel.viewer import Viewer
 from hil_bench.scenario.writing import to_toml
 from hil_bench.session.live_faults import fault_fields
@@ -31,7 +31,7 @@ _FORM: Mapping[str, Any] = {
     "end_s": NUMBER,
     "lead_s": NUMBER,
     "controller": TEXT,
-    "id": TEXT,
+    "requirement": TEXT,
     "that": TEXT,
 }
 
@@ -130,7 +130,7 @@ class Desk:
 
     async def _scenario(self, fields: dict[str, Any]) -> Any:  # noqa: ANN401 - of `make_scenario`
         bench = self._hub.bench
-        form = TestForm(**fields)
+        form = RecordForm(**fields)
         form.check()
         journal = await bench.request("journal")
         path = self._folder / f"{form.file}{SUFFIX}"

@@ -24,7 +24,7 @@ _MOST_OUTPUT = 1 << 20
 _VERDICTS = {0: "passed", 1: "failed", 6: "undecided"}
 
 
-class TestForm(NamedTuple):
+class RecordForm(NamedTuple):
     """What a form says of a test.
 
     Attributes:
@@ -34,8 +34,8 @@ class TestForm(NamedTuple):
         end_s: bench time at which it ends [s].
         lead_s: time before that for the controller to start [s].
         controller: the name of an example; empty for none.
-        id: of the requirement.
-        that: the requirement, in the language of expectations.
+        requirement: its id.
+        that: what is required, in the language of expectations.
     """
 
     file: str
@@ -44,7 +44,7 @@ class TestForm(NamedTuple):
     end_s: float
     lead_s: float
     controller: str
-    id: str
+    requirement: str
     that: str
 
     def check(self) -> None:
@@ -64,12 +64,12 @@ class TestForm(NamedTuple):
         if self.controller and self.controller not in CONTROLLERS:
             known = ", ".join(CONTROLLERS)
             raise ConfigError(f"controller {self.controller!a}: give one of {known}, or none")
-        if not (self.title.strip() and self.id.strip() and self.that.strip()):
+        if not (self.title.strip() and self.requirement.strip() and self.that.strip()):
             raise ConfigError("give a title, an id and a requirement")
 
 
 def make_scenario(
-    form: TestForm, path: Path, hello: Mapping[str, Any], journal: Mapping[str, Any]
+    form: RecordForm, path: Path, hello: Mapping[str, Any], journal: Mapping[str, Any]
 ) -> tuple[Scenario, list[str]]:
     """Return the scenario of a form, and what it leaves out; `ConfigError` for a wrong form."""
     form.check()
@@ -84,11 +84,11 @@ def make_scenario(
         title=form.title,
         bench=os.path.relpath(file, path.parent) if file else None,
         duration=round(form.end_s - form.begin_s + form.lead_s, 9),
-        requirement_ids=(form.id,),
+        requirement_ids=(form.requirement,),
         controller=Controller(example=form.controller) if form.controller else None,
         parameters=(),
         steps=maker.steps,
-        expectations=(Expectation(form.id, form.that),),
+        expectations=(Expectation(form.requirement, form.that),),
     )
     return scenario, remarks
 

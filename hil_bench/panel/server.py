@@ -130,7 +130,7 @@ async def _serve(plan: PanelPlan, listener: socket.socket, secret: Secret) -> No
             timeout_graceful_shutdown=_FAREWELL,
         )
     )
-    visits = asyncio.create_task(hub.run(is_once=plan.is_once))
+    visits = asyncio.create_task(hub.run(is_once=plan.is_once), name="visits")
     visits.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
         await server.serve(sockets=[listener])

@@ -60,8 +60,10 @@ class JournalSteps:
                     self._set(entry)
 
     def _at(self, time: float) -> float:
-        """Return the time in the scenario."""
-        return max(0.0, round(time - self._begin + self._lead, _DIGITS))
+        """Return the time in the scenario: 0 for what was before the beginning."""
+        if time < self._begin:
+            return 0.0
+        return round(time - self._begin + self._lead, _DIGITS)
 
     def _begin_fault(self, entry: Mapping[str, Any]) -> None:
         fields = entry["fields"]

@@ -71,7 +71,7 @@ export class MachineView {
   offer() {
     const rows = this.nodes().map((node) =>
       el("div", { class: "row" }, el("strong", {}, node),
-        button("wire broken", () => this.fault("break_wire", node), { "aria-label": `break the wire of ${node}` }),
+        button("broken", () => this.fault("break_wire", node), { "aria-label": `break the wire of ${node}` }),
         button("frozen", () => this.fault("freeze", node), { "aria-label": `freeze ${node}` }),
         button("silent", () => this.fault("silence", node), { "aria-label": `silence ${node}` })));
     this.sensors.replaceChildren(...rows);

@@ -78,7 +78,7 @@ export class RecordView {
     if (this.to.value === "") this.to.value = this.model.time.toFixed(3);
     return {
       file: this.file.value, title: this.title.value, begin_s: Number(this.from.value), end_s: Number(this.to.value),
-      lead_s: Number(this.lead.value), controller: this.controller.value, id: this.id.value, that: this.that.value,
+      lead_s: Number(this.lead.value), controller: this.controller.value, requirement: this.id.value, that: this.that.value,
     };
   }
 

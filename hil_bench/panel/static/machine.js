@@ -5,10 +5,12 @@ import { Plots } from "./plots.js";
 import { valueText } from "./units.js";
 
 const LEFT = 150; // inner end of the barrel
-const WIDTH = 560;
+const WIDTH = 400;
 const TOP = 60;
 const HEIGHT = 120;
 const PISTON = 26;
+const ROD = 380;
+const MIDDLE = LEFT + WIDTH / 2; // of the valve, too
 const SPOOL = 34; // travel of the spool on the drawing, each way
 const SPAN = 10; // of the plots below [s]
 
@@ -71,9 +73,9 @@ export class MachineView {
   offer() {
     const rows = this.nodes().map((node) =>
       el("div", { class: "row" }, el("strong", {}, node),
-        button("broken", () => this.fault("break_wire", node), { "aria-label": `break the wire of ${node}` }),
-        button("frozen", () => this.fault("freeze", node), { "aria-label": `freeze ${node}` }),
-        button("silent", () => this.fault("silence", node), { "aria-label": `silence ${node}` })));
+        button("broken", () => this.fault("break_wire", node), { "aria-label": `broken: ${node}` }),
+        button("frozen", () => this.fault("freeze", node), { "aria-label": `frozen: ${node}` }),
+        button("silent", () => this.fault("silence", node), { "aria-label": `silent: ${node}` })));
     this.sensors.replaceChildren(...rows);
   }
 
@@ -102,18 +104,18 @@ export class MachineView {
       pb: text(0, TOP + 34, "middle", "big on-fluid"),
       na: text(0, TOP + HEIGHT - 16, "middle", "on-fluid"),
       nb: text(0, TOP + HEIGHT - 16, "middle", "on-fluid"),
-      pipeA: svg("path", { d: `M ${LEFT + 10} ${TOP + HEIGHT} V 290 H 376 V 330`, class: "pipe" }),
-      pipeB: svg("path", { d: `M ${LEFT + WIDTH - 10} ${TOP + HEIGHT} V 290 H 484 V 330`, class: "pipe" }),
+      pipeA: svg("path", { d: `M ${LEFT + 10} ${TOP + HEIGHT} V 290 H ${MIDDLE - 54} V 330`, class: "pipe" }),
+      pipeB: svg("path", { d: `M ${LEFT + WIDTH - 10} ${TOP + HEIGHT} V 290 H ${MIDDLE + 54} V 330`, class: "pipe" }),
       flowA: svg("path", { d: `M ${LEFT - 16} 286 V ${TOP + HEIGHT + 18}`, class: "flow" }),
       flowB: svg("path", { d: `M ${LEFT + WIDTH + 16} ${TOP + HEIGHT + 18} V 286`, class: "flow" }),
       spool: svg("g", {},
-        svg("rect", { x: 336, y: 346, width: 188, height: 8, class: "steel" }),
-        ...[344, 414, 484].map((x) => svg("rect", { x, y: 334, width: 32, height: 32, class: "steel" }))),
-      supply: text(430, 424, "middle", ""),
-      position: text(LEFT + WIDTH / 2, 38, "middle", "huge"),
-      speed: text(LEFT + WIDTH + 10, 38, "start", ""),
-      shares: text(548, 342, "start", ""),
-      state: text(548, 366, "start", "big"),
+        svg("rect", { x: MIDDLE - 94, y: 346, width: 188, height: 8, class: "steel" }),
+        ...[-86, -16, 54].map((x) => svg("rect", { x: MIDDLE + x, y: 334, width: 32, height: 32, class: "steel" }))),
+      supply: text(MIDDLE, 424, "middle", ""),
+      position: text(LEFT + WIDTH + 8, 38, "end", "huge"),
+      speed: text(LEFT + WIDTH + 90, 38, "start", "big"),
+      shares: text(MIDDLE + 128, 342, "start", ""),
+      state: text(MIDDLE + 128, 368, "start", "big"),
       measured: text(LEFT - 8, 38, "start", ""),
       needle: svg("path", { class: "needle" }),
     });
@@ -124,16 +126,16 @@ export class MachineView {
       return svg("g", {}, svg("line", { x1: x, x2: x, y1: TOP + HEIGHT + 10, y2: TOP + HEIGHT + 18, class: "scale" }), label);
     });
     this.drawing.replaceChildren(
-      svg("svg", { viewBox: "110 0 890 434", role: "img", "aria-label": `drawing of ${this.axis}: cylinder and valve` },
+      svg("svg", { viewBox: "110 0 910 434", role: "img", "aria-label": `drawing of ${this.axis}: cylinder and valve` },
         svg("defs", {}, svg("marker", { id: "head", viewBox: "0 0 10 10", refX: 6, refY: 5, markerWidth: 4, markerHeight: 4, orient: "auto-start-reverse" },
           svg("path", { d: "M 0 0 L 10 5 L 0 10 z", class: "arrow-head" }))),
         p.pipeA, p.pipeB, p.flowA, p.flowB, p.a, p.b, p.rod, p.mass, p.piston,
         svg("rect", { x: LEFT - 8, y: TOP - 8, width: WIDTH + 16, height: HEIGHT + 16, rx: 6, class: "barrel" }),
         ...ticks, p.needle, p.pa, p.na, p.pb, p.nb,
-        svg("rect", { x: 320, y: 330, width: 220, height: 40, rx: 4, class: "body" }),
+        svg("rect", { x: MIDDLE - 110, y: 330, width: 220, height: 40, rx: 4, class: "body" }),
         p.spool,
-        svg("path", { d: "M 400 370 V 400 H 372 M 460 370 V 400 H 488", class: "pipe thin" }),
-        labelText(360, 405, "P", "end"), labelText(500, 405, "T", "start"),
+        svg("path", { d: `M ${MIDDLE - 30} 370 V 400 H ${MIDDLE - 58} M ${MIDDLE + 30} 370 V 400 H ${MIDDLE + 58}`, class: "pipe thin" }),
+        labelText(MIDDLE - 70, 405, "P", "end"), labelText(MIDDLE + 70, 405, "T", "start"),
         p.supply, p.position, p.speed, p.shares, p.state, p.measured,
       ),
     );
@@ -148,7 +150,9 @@ export class MachineView {
 
   draw() {
     this.drawFaults();
-    this.plots.show(this.model.store.last - SPAN, this.model.store.last);
+    const { last } = this.model.store;
+    const begin = Math.max(0, last - SPAN);
+    this.plots.show(begin, begin + SPAN, last);
     if (!this.machine || !this.parts) return;
     const value = (name) => this.model.store.latest(`${this.axis}.${name}`);
     const [position, speed, pa, pb] = ["position", "speed", "P_A", "P_B"].map(value);
@@ -163,12 +167,12 @@ export class MachineView {
     set(p.b, { x: x + PISTON, width: LEFT + WIDTH - x - PISTON });
     p.b.style.fill = this.fluid(pb);
     set(p.piston, { x });
-    set(p.rod, { x: x + PISTON, width: 220 });
-    set(p.mass, { x: Math.min(x + PISTON + 220, 915) });
+    set(p.rod, { x: x + PISTON, width: ROD });
+    set(p.mass, { x: x + PISTON + ROD });
     p.pipeA.style.stroke = this.fluid(pa);
     p.pipeB.style.stroke = this.fluid(pb);
-    const middleA = Math.max((LEFT + x) / 2, LEFT + 62);
-    const middleB = Math.min((x + PISTON + LEFT + WIDTH) / 2, LEFT + WIDTH - 62);
+    const middleA = Math.max((LEFT + x) / 2, LEFT + 66);
+    const middleB = Math.min((x + PISTON + LEFT + WIDTH) / 2, LEFT + WIDTH - 66);
     for (const each of [p.pa, p.na]) set(each, { x: middleA });
     for (const each of [p.pb, p.nb]) set(each, { x: middleB });
     setText(p.pa, `${valueText(pa, "Pa")} bar`);

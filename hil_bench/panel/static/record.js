@@ -7,8 +7,8 @@ export class RecordView {
   constructor(root, model) {
     this.model = model;
     const field = (attributes) => el("input", { required: true, ...attributes });
-    this.from = field({ type: "number", step: "any", min: 0 });
-    this.to = field({ type: "number", step: "any", min: 0 });
+    this.from = field({ type: "number", step: "any", min: 0, value: 0 });
+    this.to = field({ type: "number", step: "any", min: 0, required: false, placeholder: "now" });
     this.lead = field({ type: "number", step: "any", min: 0, value: 1 });
     this.file = field({ value: "recorded", pattern: "[A-Za-z0-9][A-Za-z0-9_\\-]{0,60}", title: "letters, digits, _ and -" });
     this.title = field({ value: "Recorded by hand" });

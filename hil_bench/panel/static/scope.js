@@ -42,10 +42,10 @@ export class ScopeView {
           el("div", { class: "row" }, labelled("B", this.cursorB), button("set B", () => this.setCursor("B"), { title: "key b: at the pointer" })),
           this.difference,
           el("details", {}, el("summary", {}, "Trigger"), this.trigger.root)),
-        el("div", {}, this.plots.root,
-          el("div", { class: "scroller" },
+        el("div", {},
           el("table", { class: "cursor-table", hidden: true },
-            el("thead", {}, el("tr", {}, ...["channel", "at A", "at B", "B − A", "unit"].map((text) => el("th", { scope: "col" }, text)))), this.table)))),
+            el("thead", {}, el("tr", {}, ...["channel", "at A", "at B", "B - A", "unit"].map((text) => el("th", { scope: "col" }, text)))), this.table),
+          this.plots.root)),
     );
     this.plots.root.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     this.plots.root.addEventListener("dblclick", () => this.goLive());
@@ -194,11 +194,13 @@ export class ScopeView {
   draw() {
     const { store } = this.model;
     this.trigger.look(this.isLive);
-    if (this.isLive) [this.begin_s, this.end_s] = [store.last - this.span, store.last];
-    else if (this.isDrawn && !(this.end_s > (this.drawnUntil ?? 0))) return;
+    if (this.isLive) {
+      this.begin_s = Math.max(0, store.last - this.span);
+      this.end_s = this.begin_s + this.span;
+    }
+    if (!this.isLive && this.isDrawn) return;
     this.plots.show(this.begin_s, this.end_s, this.isLive ? store.last : (this.pointer ?? this.end_s));
     this.isDrawn = !this.isLive && this.pointer == null;
-    this.drawnUntil = store.last;
     const room = store.last - store.first - (this.end_s - this.begin_s);
     if (document.activeElement !== this.scroll) {
       this.scroll.value = this.isLive || room <= 0 ? 1000 : (1000 * (this.begin_s - store.first)) / room;
@@ -209,7 +211,7 @@ export class ScopeView {
   drawCursors() {
     const { A: a = null, B: b = null } = this.plots.cursors;
     this.table.closest("table").hidden = a === null && b === null;
-    setText(this.difference, a !== null && b !== null ? `B − A = ${((b - a) * 1e3).toFixed(2)} ms` : "");
+    setText(this.difference, a !== null && b !== null ? `B - A = ${((b - a) * 1e3).toFixed(2)} ms` : "");
     if (a === null && b === null) return;
     const rows = this.plots.names.map((name) => {
       const unit = this.model.unit(name);

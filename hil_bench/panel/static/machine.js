@@ -100,10 +100,8 @@ export class MachineView {
       piston: svg("rect", { y: TOP, width: PISTON, height: HEIGHT, class: "steel" }),
       rod: svg("rect", { y: TOP + HEIGHT / 2 - 13, height: 26, class: "steel" }),
       mass: svg("rect", { y: TOP + HEIGHT / 2 - 40, width: 60, height: 80, rx: 6, class: "mass" }),
-      pa: text(0, TOP + 34, "middle", "big on-fluid"),
-      pb: text(0, TOP + 34, "middle", "big on-fluid"),
-      na: text(0, TOP + HEIGHT - 16, "middle", "on-fluid"),
-      nb: text(0, TOP + HEIGHT - 16, "middle", "on-fluid"),
+      pa: text(LEFT + 28, 270, "start", "big"),
+      pb: text(LEFT + WIDTH - 28, 270, "end", "big"),
       pipeA: svg("path", { d: `M ${LEFT + 10} ${TOP + HEIGHT} V 290 H ${MIDDLE - 54} V 330`, class: "pipe" }),
       pipeB: svg("path", { d: `M ${LEFT + WIDTH - 10} ${TOP + HEIGHT} V 290 H ${MIDDLE + 54} V 330`, class: "pipe" }),
       flowA: svg("path", { d: `M ${LEFT - 16} 286 V ${TOP + HEIGHT + 18}`, class: "flow" }),
@@ -131,7 +129,7 @@ export class MachineView {
           svg("path", { d: "M 0 0 L 10 5 L 0 10 z", class: "arrow-head" }))),
         p.pipeA, p.pipeB, p.flowA, p.flowB, p.a, p.b, p.rod, p.mass, p.piston,
         svg("rect", { x: LEFT - 8, y: TOP - 8, width: WIDTH + 16, height: HEIGHT + 16, rx: 6, class: "barrel" }),
-        ...ticks, p.needle, p.pa, p.na, p.pb, p.nb,
+        ...ticks, p.needle, p.pa, p.pb,
         svg("rect", { x: MIDDLE - 110, y: 330, width: 220, height: 40, rx: 4, class: "body" }),
         p.spool,
         svg("path", { d: `M ${MIDDLE - 30} 370 V 400 H ${MIDDLE - 58} M ${MIDDLE + 30} 370 V 400 H ${MIDDLE + 58}`, class: "pipe thin" }),
@@ -171,14 +169,8 @@ export class MachineView {
     set(p.mass, { x: x + PISTON + ROD });
     p.pipeA.style.stroke = this.fluid(pa);
     p.pipeB.style.stroke = this.fluid(pb);
-    const middleA = Math.max((LEFT + x) / 2, LEFT + 66);
-    const middleB = Math.min((x + PISTON + LEFT + WIDTH) / 2, LEFT + WIDTH - 66);
-    for (const each of [p.pa, p.na]) set(each, { x: middleA });
-    for (const each of [p.pb, p.nb]) set(each, { x: middleB });
-    setText(p.pa, `${valueText(pa, "Pa")} bar`);
-    setText(p.pb, `${valueText(pb, "Pa")} bar`);
-    setText(p.na, "A");
-    setText(p.nb, "B");
+    setText(p.pa, `A ${valueText(pa, "Pa")} bar`);
+    setText(p.pb, `B ${valueText(pb, "Pa")} bar`);
     setText(p.position, `${valueText(position, "m")} mm`);
     setText(p.speed, `${valueText(speed, "m/s")} mm/s`);
     set(p.needle, { d: `M ${x + PISTON / 2} ${TOP + HEIGHT + 8} l -6 12 h 12 z` });

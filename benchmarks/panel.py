@@ -1,9 +1,8 @@
 """What a panel costs the loop, and what people get from it: ``python benchmarks/panel.py``.
 
-A bench of two axes (18 channels at 1 kHz) runs in real time with a panel in front of it. Nobody, and
-three WebSocket clients of which one never reads, look at it in turns in one run; lateness comes from
-the loop's own histograms. Then a browser (chromium by playwright) looks at the scope with all
-channels.
+A bench of two axes (18 channels at 1 kHz) runs in real time with a panel in front of it. In turns,
+nobody looks at it and three WebSocket clients do, of which one never reads; lateness comes from the
+loop's own histograms. Then a browser (chromium by playwright) shows all channels in the scope.
 """
 
 import argparse
@@ -19,6 +18,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as open_socket
@@ -36,14 +36,14 @@ _PERCENTILES = (50, 99, 99.9)
 class Client:
     """A browser without a page: it reads and counts, or it never reads."""
 
-    def __init__(self, address, *, reads):
+    def __init__(self, address: str, *, reads: bool) -> None:
         self.bytes = 0
         self._reads = reads
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(address,), daemon=True)
         self._thread.start()
 
-    def _run(self, address):
+    def _run(self, address: str) -> None:
         place, _, token = address.removeprefix("http://").partition("/#")
         with (
             contextlib.suppress(ConnectionClosed),
@@ -57,7 +57,8 @@ class Client:
                     self.bytes += len(socket.recv(timeout=0.5))
             self._over.wait()
 
-    def close(self):
+    def close(self) -> None:
+        """Go."""
         self._over.set()
         self._thread.join()
 
@@ -65,19 +66,19 @@ class Client:
 class Stand:
     """The processes of a run, and what they have used so far."""
 
-    def __init__(self, stack, realtime):
+    def __init__(self, stack: contextlib.ExitStack, realtime: str) -> None:
         words = ("-i", "virtual", "-c", "bench", "--quiet", "--realtime", realtime)
         self.run = _start(stack, "run", str(BENCH), *words)
         self.panel = _start(stack, "panel", "--port", "0")
         line = self.panel.stdout.readline()
         self.address = re.search(rb"http\S+", line)[0].decode()
 
-    def histogram(self):
+    def histogram(self) -> dict[float, int]:
         """Return the count of each bin of lateness, by its upper edge [us]."""
         with connect(timeout=10.0) as client:
-            return {edge: count for edge, count in client.request("histograms")["lateness"]}
+            return dict(client.request("histograms")["lateness"])
 
-    def seconds(self):
+    def seconds(self) -> dict[str, float]:
         """Return the processor time of loop, feed and panel [s]."""
         feeds = [pid for pid in _children(self.run.pid) if "multiprocessing" in _words(pid)]
         return {
@@ -87,7 +88,8 @@ class Stand:
         }
 
 
-def main():
+def main() -> None:
+    """Run it all and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=10.0, help="of a turn")
@@ -103,10 +105,11 @@ def main():
         look_by_browser(stand, options.browser_seconds)
 
 
-def compare_loop(stand, options):
+def compare_loop(stand: Stand, options: argparse.Namespace) -> None:
     """Print lateness without clients and with three, and what a client costs."""
-    nobody, three = {}, {}
-    used = {"nobody": {}, "three": {}}
+    nobody: dict[float, int] = {}
+    three: dict[float, int] = {}
+    used: dict[str, dict[str, float]] = {"nobody": {}, "three": {}}
     received = 0
     for _ in range(options.rounds):
         _turn(stand, options.seconds, nobody, used["nobody"])
@@ -125,9 +128,9 @@ def compare_loop(stand, options):
     print(f"bytes a second to a client that reads: {received / 2 / whole:.0f}")
 
 
-def look_by_browser(stand, seconds):
+def look_by_browser(stand: Stand, seconds: float) -> None:
     """Print what a browser sees."""
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - the rest runs without it
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
@@ -143,13 +146,17 @@ def look_by_browser(stand, seconds):
         for box in page.locator(".channel input").all():
             box.check()
         page.wait_for_timeout(3000)
-        before = _state(page), _resident(stand.panel.pid)
+        before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(page)
         frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
+        used = _page_seconds(page) - used
         after = _state(page), _resident(stand.panel.pid)
         clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
         browser.close()
     print(f"first contentful paint: {paint:.0f} ms")
-    print(f"pictures a second, 18 channels at 1 kHz: {frames:.1f}")
+    print(
+        f"pictures a second, 18 channels at 1 kHz: {frames:.1f}, "
+        f"{1e3 * used / (frames * seconds):.1f} ms of the page's thread each"
+    )
     print(
         f"click to the fault's first tick, at most: median {statistics.median(clicks):.1f} ms, "
         f"largest {max(clicks):.1f} ms of {CLICKS}"
@@ -188,9 +195,10 @@ CLICK = """async () => {
 }"""
 
 
-def _start(stack, *words):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "hil_bench", *words], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL
+def _start(stack: contextlib.ExitStack, *words: str) -> "subprocess.Popen[bytes]":
+    command = [sys.executable, "-m", "hil_bench", *words]
+    process = subprocess.Popen(  # noqa: S603 - this program
+        command, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL
     )
     stack.callback(process.wait)
     stack.callback(process.terminate)
@@ -199,7 +207,7 @@ def _start(stack, *words):
     return process
 
 
-def _turn(stand, seconds, found, used):
+def _turn(stand: Stand, seconds: float, found: dict[float, int], used: dict[str, float]) -> None:
     """Let a turn pass; add its lateness and processor time to what was found before."""
     time.sleep(1.0)
     counts, begin = stand.histogram(), stand.seconds()
@@ -210,40 +218,48 @@ def _turn(stand, seconds, found, used):
         used[name] = used.get(name, 0.0) + value - begin[name]
 
 
-def _percentile(counts, percent):
+def _percentile(counts: dict[float, int], percent: float) -> float:
     rank, seen = sum(counts.values()) * percent / 100, 0
     for edge in sorted(counts):
         seen += counts[edge]
         if seen >= rank:
             return edge
-    raise ValueError("no ticks")
+    raise AssertionError("no ticks")
 
 
-def _state(page):
+def _state(page: Any) -> float:  # noqa: ANN401 - a page of playwright
     """Return the memory that the page's script uses [MB], its garbage left out where possible."""
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
     return session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
 
 
-def _seconds(pid):
+def _page_seconds(page: Any) -> float:  # noqa: ANN401 - likewise
+    """Return the processor time of the page's main thread [s]."""
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+    metrics = session.send("Performance.getMetrics")["metrics"]
+    return next(each["value"] for each in metrics if each["name"] == "TaskDuration")
+
+
+def _seconds(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND
 
 
-def _resident(pid):
+def _resident(pid: int) -> float:
     text = Path(f"/proc/{pid}/status").read_text(encoding="utf-8")
     return int(re.search(r"VmRSS:\s+(\d+)", text)[1]) / 1e3
 
 
-def _children(pid):
+def _children(pid: int) -> set[int]:
     text = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8")
     tasks = Path(f"/proc/{pid}/task").iterdir()
     texts = [text, *(path.joinpath("children").read_text(encoding="utf-8") for path in tasks)]
     return {int(word) for each in texts for word in each.split()}
 
 
-def _words(pid):
+def _words(pid: int) -> str:
     return Path(f"/proc/{pid}/cmdline").read_text(encoding="utf-8")
 
 

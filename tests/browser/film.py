@@ -62,7 +62,8 @@ def show(page, course, seconds):
             break
         course.advance(0.001)  # the feed looks for clients and commands in ticks
         page.wait_for_timeout(10)
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    for _ in range(2):
+        page.evaluate("() => new Promise(requestAnimationFrame)")
 
 
 def shoot(page, course, folder):

@@ -12,6 +12,7 @@ import { RecordView } from "./record.js";
 import { ScopeView } from "./scope.js";
 
 const STILL = 2000; // without a row, time stands still [ms]
+const LONGEST = 100; // between two drawings where no rows come [ms]
 
 const link = new Link();
 const model = new Model(link);
@@ -143,7 +144,7 @@ function askForSecret(text) {
   banner.append(" ", form);
 }
 
-const FRAMES = { count: 0, begin: performance.now(), rate: 0 };
+const FRAMES = { count: 0, begin: performance.now(), rate: 0, rows: 0, drawn: 0 };
 
 function draw() {
   requestAnimationFrame(draw);
@@ -157,7 +158,12 @@ function draw() {
   }
   setText(document.getElementById("clock"), model.hello ? `${model.time.toFixed(2)} s` : "–");
   setText(document.getElementById("brief"), model.brief());
-  if (model.hello) shown.view.draw?.();
+  const rows = model.store.count + model.store.shift;
+  if (model.hello && (rows !== FRAMES.rows || now - FRAMES.drawn > LONGEST)) {
+    FRAMES.rows = rows;
+    FRAMES.drawn = now;
+    shown.view.draw?.();
+  }
 }
 
 window.hilBench = { model, link, views, frames: FRAMES, show };

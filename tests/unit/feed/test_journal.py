@@ -4,6 +4,7 @@ import pytest
 from support.feed_loop import FeedLoop
 
 from hil_bench.errors import ConfigError
+from hil_bench.session import attached
 from hil_bench.session.journal import MOST_BYTES, MOST_ENTRY, Journal
 from hil_bench.session.live_faults import fault_fields, fault_table
 
@@ -97,3 +98,13 @@ def test_a_fault_goes_both_ways(table, arguments):
     fields = fault_fields(table, HELLO)
     assert fields["arguments"] == pytest.approx(arguments)
     assert fault_table(fields, HELLO) == pytest.approx(table)
+
+
+def test_a_program_marks_reads_and_stops(loop, monkeypatch):
+    monkeypatch.setattr(attached, "connect", loop.connect)
+    with attached.attach() as bench:
+        bench.mark("here")
+        (entry,) = bench.journal()
+        assert (entry["do"], entry["fields"]) == ("mark", {"text": "here"})
+        bench.stop()
+    assert loop.session.controls.is_over

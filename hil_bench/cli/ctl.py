@@ -36,6 +36,8 @@ examples:
   hil-bench ctl set axis1.load_n=5000 axis1.supply_pressure_bar=80
   hil-bench ctl set valve.0x1017=500
   hil-bench ctl get valve.0x1017 --bench bench-2
+  hil-bench ctl mark "the wire was pulled here"
+  hil-bench ctl stop
 """
 
 
@@ -73,6 +75,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="PLACE=VALUE",
         help="AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE; bytes as hex:00ff",
     )
+    marking = _add(actions, "mark", mark, "mark this moment for all who watch")
+    marking.add_argument("text", help="what for, in words")
+    _add(actions, "stop", stop, "end the run in order, as --duration does")
     getting = _add(actions, "get", get_values, "read objects of nodes")
     getting.add_argument("objects", nargs="+", metavar="NODE.OBJECT", help="as in valve.0x1017")
 
@@ -166,6 +171,18 @@ def set_values(client: FeedClient, args: argparse.Namespace) -> None:
     for setting in settings:
         client.request(setting.action, **setting.fields)
     print_results(args, args.settings, {"set": [setting.fields for setting in settings]})
+
+
+def mark(client: FeedClient, args: argparse.Namespace) -> None:
+    """Mark this moment."""
+    client.request("mark", text=args.text)
+    print_results(args, [printable(f"marked: {args.text}")], {"mark": args.text})
+
+
+def stop(client: FeedClient, args: argparse.Namespace) -> None:
+    """End the run."""
+    client.request("stop")
+    print_results(args, ["the bench ends"], {"stopped": client.name})
 
 
 def get_values(client: FeedClient, args: argparse.Namespace) -> None:

@@ -2,20 +2,26 @@
 
 import argparse
 import contextlib
+import importlib.util
 import itertools
 import logging
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import hil_bench
-from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.assembly import number_buses
+from hil_bench.bench.configuration import AxisConfig, BenchConfig
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.places import HAS_SOCKETS, Place
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.session.feed import Feed, Health
 from hil_bench.session.session import Session
 
@@ -23,6 +29,7 @@ logger = logging.getLogger(__name__)
 
 _NAME = "bench"
 _MOST_NAMES = 100
+_FAREWELL = 3.0  # for a panel to end [s]
 
 
 def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +43,11 @@ def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--no-feed", action="store_true", help="let nobody watch this bench or give it commands"
+    )
+    group.add_argument(
+        "--panel",
+        action="store_true",
+        help="serve the web page of hil-bench panel, too, in a process of its own",
     )
 
 
@@ -72,11 +84,29 @@ def open_feed(
         statistics,
     )
     feed = Feed(session, FeedProcess(place.listener, plan), plan, health=health)
+    panel = _start_panel(place.name) if args.panel else None
     try:
         yield feed
     finally:
         feed.stop()
         place.release()
+        if panel is not None:
+            _end(panel)
+
+
+def check_feed_arguments(args: argparse.Namespace) -> None:
+    """Refuse what cannot be meant.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if not args.panel:
+        return
+    if args.no_feed or not HAS_SOCKETS:
+        why = "--no-feed" if args.no_feed else "this machine has no Unix sockets"
+        raise ConfigError(f"--panel: shows the bench by its feed, and there is none ({why})")
+    if importlib.util.find_spec("uvicorn") is None or importlib.util.find_spec("starlette") is None:
+        raise ConfigError("--panel needs an extra; pip install 'hil-bench[panel]'")
 
 
 def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]:
@@ -89,11 +119,67 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "tick_s": config.tick_ns * 1e-9,
         "channels": [list(channel) for channel in session.channels],
         "nodes": list(session.nodes),
+        "bench_file": str(Path(config.path).resolve()) if config.path else None,
+        "seed": config.seed,
+        "devices": dict(_devices(config)),
+        "fault_targets": session.bench.faults.targets,
+        "machines": {axis.name: _machine(axis) for axis in config.axes},
         "axes": {
             axis.name: [influence._asdict() for influence in axis.influences]
             for axis in session.bench.axes
         },
     }
+
+
+def _devices(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of each node, and what it is."""
+    buses = number_buses(config)
+    for node in config.nodes:
+        yield (
+            node.name,
+            {
+                "node_id": node.node_id,
+                "bus": buses[node.name],
+                "kind": node.kind.name,
+                "axis": node.axis,
+                "eds": str(node.eds.resolve()),
+            },
+        )
+
+
+def _machine(axis: AxisConfig) -> dict[str, Any]:
+    """Return what a drawing of a plant needs to know."""
+    content: dict[str, Any] = {"kind": axis.kind.name}
+    if isinstance(axis, CylinderConfig):
+        parameters = axis.parameters
+        content |= {
+            "half_stroke_m": parameters.h,
+            "supply_pressure_pa": parameters.P_S,
+            "area_a_m2": parameters.A_A,
+            "area_b_m2": parameters.A_B,
+        }
+    return content
+
+
+def _start_panel(name: str) -> "subprocess.Popen[bytes]":
+    """Start a panel for this bench, in a session of its own: Ctrl-C is for the bench alone."""
+    command = [sys.executable, "-m", "hil_bench", "panel", "--bench", name, "--once"]
+    return subprocess.Popen(  # noqa: S603 - this program, with a name that has been checked
+        command, stdin=subprocess.DEVNULL, start_new_session=True
+    )
+
+
+def _end(panel: "subprocess.Popen[bytes]") -> None:
+    """Let a panel end, which has seen the end of its bench; or end it."""
+    try:
+        panel.wait(_FAREWELL)
+    except subprocess.TimeoutExpired:
+        panel.terminate()
+        try:
+            panel.wait(_FAREWELL)
+        except subprocess.TimeoutExpired:
+            panel.kill()
+            panel.wait()
 
 
 def _take_place(name: str | None) -> Place | None:

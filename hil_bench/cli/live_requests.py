@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.cli.arguments import parse_fault, parse_value
-from hil_bench.config.settings import Given, Origin, Problems, convert, read_table
-from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.units import BAR, MEGAPASCAL, MILLIMETRE, NEWTON, PASCAL, Unit
+from hil_bench.session.live_faults import fault_fields
+from hil_bench.units import BAR, MEGAPASCAL, NEWTON, PASCAL, Unit
 
 _UNITS: Mapping[str, Sequence[Unit]] = {"N": (NEWTON,), "Pa": (BAR, PASCAL, MEGAPASCAL)}
 """In which what acts on a plant is given, by its SI unit."""
@@ -34,28 +32,8 @@ def read_fault(words: Sequence[str], hello: Mapping[str, Any]) -> dict[str, Any]
     Args:
         words: KIND TARGET [KEY=VALUE ...], the keys those of ``[[faults]]``.
         hello: what the bench says of itself.
-
-    Raises:
-        ConfigError: they are wrong.
     """
-    table = parse_fault(words, "fault")
-    try:
-        kind = FaultKind(str(table["kind"]))
-    except ValueError:
-        raise ConfigError(
-            f'fault: there is no kind "{table["kind"]}"; give one of {", ".join(FaultKind)}'
-        ) from None
-    keys = (*COMMON_KEYS, *OWN_KEYS[kind])
-    given = {
-        key: Given(value, Origin.COMMAND_LINE, f"fault {kind} {key}")
-        for key, value in table.items()
-    }
-    problems = Problems("fault")
-    settings = read_table("fault", given, keys, problems)
-    problems.raise_any()
-    chosen = [key for key in keys if key.name in table and key.name not in {"kind", "target"}]
-    _check_unit(kind, str(table["target"]), [key.name for key in chosen], hello)
-    return {"kind": kind, "target": table["target"], "arguments": convert(settings, chosen)}
+    return fault_fields(parse_fault(words, "fault"), hello)
 
 
 def read_setting(word: str, hello: Mapping[str, Any]) -> Setting:
@@ -79,24 +57,6 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> Setting:
         return Setting("set_object", {"node": place, "name": name, "value": _object_value(text)})
     known = ", ".join([*hello["axes"], *hello["nodes"]])
     raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
-
-
-def _check_unit(kind: str, target: str, names: Sequence[str], hello: Mapping[str, Any]) -> None:
-    """Check that an amount is in the unit of what the sensor measures.
-
-    Raises:
-        ConfigError: it is not.
-    """
-    units = dict(hello["channels"])
-    unit = {"Pa": BAR, "m": MILLIMETRE}.get(units.get(f"{target}.measured", ""))
-    known = [key.name for key in OWN_KEYS[FaultKind(kind)] if key.name.startswith(f"{kind}_")]
-    if unit is None or not known:
-        return
-    (right,) = (name for name in known if unit.suffix in name)
-    for name in set(names).intersection(known) - {right}:
-        raise ConfigError(f"fault {kind} {target}: {name} is not what it measures; give {right}")
-    if right not in names:
-        raise ConfigError(f"fault {kind} {target}: give {right}=1, for example")
 
 
 def _influence(axis: str, name: str, influences: Sequence[Mapping[str, Any]]) -> tuple[str, Unit]:

@@ -78,7 +78,8 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
         events.look(lockstep.now)
         if feed is not None:
             feed.look()
-        return setup.wish.requested or helpers.is_over or lockstep.now >= end
+        is_wished = setup.wish.requested or setup.session.controls.is_over
+        return is_wished or helpers.is_over or lockstep.now >= end
 
     def health() -> dict[str, float]:
         counters = transport.counters()

@@ -168,12 +168,13 @@ class PacedRun:
 
     def _make_stopped(self) -> Callable[[], bool]:
         setup, statistics, helpers = self._setup, self._statistics, self.helpers
+        controls = setup.session.controls
         duration, wish = setup.args.duration, setup.wish
         periods = math.inf if duration is None else round(duration * 1e9 / setup.config.tick_ns)
 
         def stopped() -> bool:
             ticks = statistics.ticks + statistics.skipped
-            return wish.requested or helpers.is_over or ticks >= periods
+            return wish.requested or controls.is_over or helpers.is_over or ticks >= periods
 
         return stopped
 

@@ -13,7 +13,7 @@ from hil_bench.cli.arguments import (
 )
 from hil_bench.cli.bench_bus import HUB_CHANNEL
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.feed_side import add_feed_arguments
+from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
@@ -27,6 +27,8 @@ examples:
   hil-bench run bench.toml -i socketcan -c can0 -b 500000 --duration 60
   hil-bench run -i socketcan -c can0 --realtime fifo --realtime-cpu 3
   hil-bench run -i socketcan -c vcan0 --record run.mf4
+  hil-bench run -i socketcan -c vcan0 --panel
+                                       with a web page to watch and break it
   hil-bench run -i socketcan -c vcan0 --modbus
                                        the sensors on Modbus TCP too, on port 5020
   hil-bench run -i socketcan -c vcan0 --fault freeze pressure_a at_s=10 for_s=2
@@ -155,6 +157,7 @@ def check_arguments(args: argparse.Namespace) -> None:
             raise ConfigError(f"{flag}: {where} there is no real time to miss; leave it out")
     check_scenario_arguments(args)
     check_recording_arguments(args)
+    check_feed_arguments(args)
     if args.whole_bus and not args.record:
         raise ConfigError("--whole-bus: belongs to a recording; give --record FILE too")
     if args.hub_unlimited and (args.hub is None or args.lockstep):

@@ -192,6 +192,19 @@ class AttachedBench:
         """
         self._client.request("set_plant", axis=axis, quantity=quantity, value=value)
 
+    def mark(self, text: str) -> None:
+        """Mark this moment in the journal, for who watches."""
+        self._client.request("mark", text=text)
+
+    def journal(self) -> list[dict[str, Any]]:
+        """Return which commands have acted, the oldest first; see docs/watching.md."""
+        entries: list[dict[str, Any]] = self._client.request("journal")["entries"]
+        return entries
+
+    def stop(self) -> None:
+        """End the run in order."""
+        self._client.request("stop")
+
     def rows(self, every: float = 0.0) -> Iterator[dict[str, float]]:
         """Yield rows as the bench makes them, from now until it ends.
 

@@ -14,6 +14,7 @@ from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.plants.quantity import Influence
+from hil_bench.session.journal import Journal
 
 MOST_FAULTS = 256
 """Most faults that commands may have begun, or planned, at a time: each costs every tick."""
@@ -30,12 +31,16 @@ class Controls:
         bench: as passed in.
         nodes: as passed in.
         faults: those that commands have begun, by their numbers.
+        journal: the commands that have acted.
+        is_over: whether a command has asked for the end of the run.
     """
 
     def __init__(self, bench: Bench, nodes: Mapping[str, NodeObjects]) -> None:
         self.bench = bench
         self.nodes = nodes
         self.faults: dict[int, Fault] = {}
+        self.journal = Journal()
+        self.is_over = False
         self._last_number = 0
 
     def keep(self, fault: Fault, now: int) -> int:
@@ -226,3 +231,35 @@ class SetPlant:
                 f"{self.axis}.{self.quantity} = {self.value!r}: give {low:g} to {high:g} {unit}"
             )
         return float(self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Mark a moment of the run.
+
+    Attributes:
+        text: what for, in words.
+    """
+
+    text: str
+
+    def act(self, controls: Controls, now: int) -> None:
+        """Do nothing: the journal has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadJournal:
+    """Read which commands have acted."""
+
+    def act(self, controls: Controls, now: int) -> dict[str, object]:  # noqa: ARG002 - Command's
+        """Return the entries, and how many older ones are forgotten."""
+        return controls.journal.content()
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """End the run in order, with this tick."""
+
+    def act(self, controls: Controls, now: int) -> None:  # noqa: ARG002 - Command's
+        """Let the runner know."""
+        controls.is_over = True

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.feed.messages import (
+    ACTED,
     ANSWER,
     COMMAND,
     EVENT,
@@ -36,9 +37,13 @@ from hil_bench.session.commands import (
     ClearFault,
     Command,
     GetObject,
+    Mark,
+    ReadJournal,
     SetObject,
     SetPlant,
+    Stop,
 )
+from hil_bench.session.journal import ACTIONS
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
@@ -184,7 +189,7 @@ class Feed:
 
     def _obey(self, content: Mapping[str, Any]) -> None:
         """Queue a command; it acts at the start of the next tick."""
-        answer = partial(self._answer, content["ticket"])
+        answer = partial(self._answer, content)
         try:
             future = self._session.door.put(make_command(content["do"], content["fields"]))
         except HilBenchError as error:
@@ -192,11 +197,16 @@ class Feed:
         else:
             future.add_done_callback(answer)
 
-    def _answer(self, ticket: int, future: "Future[Any]") -> None:
+    def _answer(self, content: Mapping[str, Any], future: "Future[Any]") -> None:
+        ticket, action = content["ticket"], content["do"]
         if error := future.exception():
             self._refuse(ticket, error)
         else:
             value = pack_value(future.result())
+            if action in ACTIONS:
+                journal = self._session.controls.journal
+                entry = journal.add(self._session.now, action, content["fields"], value)
+                self._put(ACTED, encode(entry))
             if not self._put(ANSWER, encode({"ticket": ticket, "value": value})):
                 self._refuse(ticket, ControllerError("it is done, but its answer is too long"))
 
@@ -210,17 +220,19 @@ class Feed:
 
 def make_command(action: str, fields: Mapping[str, Any]) -> Command:
     """Return the command of a checked request."""
-    match action:
-        case "begin_fault":
-            return BeginFault(fields["kind"], fields["target"], fields.get("arguments", {}))
-        case "clear_fault":
-            return ClearFault(fields.get("number"))
-        case "get_object":
-            return GetObject(fields["node"], fields["name"])
-        case "set_object":
-            return SetObject(fields["node"], fields["name"], unpack_value(fields["value"]))
-        case _:
-            return SetPlant(fields["axis"], fields["quantity"], fields["value"])
+    return _COMMANDS[action](fields)
+
+
+_COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
+    "begin_fault": lambda got: BeginFault(got["kind"], got["target"], got.get("arguments", {})),
+    "clear_fault": lambda got: ClearFault(got.get("number")),
+    "get_object": lambda got: GetObject(got["node"], got["name"]),
+    "set_object": lambda got: SetObject(got["node"], got["name"], unpack_value(got["value"])),
+    "set_plant": lambda got: SetPlant(got["axis"], got["quantity"], got["value"]),
+    "mark": lambda got: Mark(got["text"]),
+    "journal": lambda _: ReadJournal(),
+    "stop": lambda _: Stop(),
+}
 
 
 def _seconds(time: int | None) -> float | None:

@@ -121,6 +121,17 @@ class Faults(FaultSchedule):
         self._seed = seed
         self._streams: Counter[str] = Counter()
 
+    @property
+    def targets(self) -> dict[str, list[str]]:
+        """Names of what may have faults: sensors, valves, supplies and nodes."""
+        points = self._points
+        return {
+            "sensors": [*points.sensors],
+            "valves": [*points.valves],
+            "supplies": [*points.supplies],
+            "nodes": [*points.nodes],
+        }
+
     def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
         """Let a sensor show one value for ever."""
         return self._measure(FaultKind.FREEZE, sensor, Frozen, when)

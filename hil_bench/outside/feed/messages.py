@@ -17,7 +17,7 @@ VERSION = 1
 MOST_REQUEST = 1 << 16
 """Longest request [byte]."""
 
-ROW, FRAMES, STATE, HEALTH, ANSWER, EVENT = range(1, 7)
+ROW, FRAMES, STATE, HEALTH, ANSWER, EVENT, ACTED = range(1, 8)
 """Kinds of messages from the loop to the server."""
 
 WANTS, COMMAND = range(1, 3)
@@ -25,6 +25,9 @@ WANTS, COMMAND = range(1, 3)
 
 WANTS_STATE, WANTS_ROWS, WANTS_FRAMES = 1, 2, 4
 """What clients want, as bits of a byte."""
+
+MOST_MARK = 200
+"""Longest text of a mark [character]."""
 
 _MOST_TEXT = 80  # of a wrong value that a message repeats
 
@@ -56,7 +59,7 @@ class Request(NamedTuple):
     fields: dict[str, Any]
 
 
-class _Field(NamedTuple):
+class Field(NamedTuple):
     """A field of a request.
 
     Attributes:
@@ -72,6 +75,10 @@ class _Field(NamedTuple):
 
 def _is_text(value: object) -> bool:
     return isinstance(value, str)
+
+
+def _is_mark(value: object) -> bool:
+    return isinstance(value, str) and 0 < len(value) <= MOST_MARK
 
 
 def _is_number(value: object) -> bool:
@@ -106,37 +113,52 @@ def _is_fault_number(value: object) -> bool:
     return value is None or (isinstance(value, int) and not isinstance(value, bool))
 
 
-_TEXT = _Field(_is_text, "a text")
-_ACTIONS: Mapping[str, Mapping[str, _Field]] = {
+Actions = Mapping[str, Mapping[str, Field]]
+"""What may be asked for, with its fields."""
+
+TEXT = Field(_is_text, "a text")
+TABLE = Field(_is_table, "a table of numbers and texts")
+SWITCH = Field(lambda value: isinstance(value, bool), "true or false")
+NUMBER = Field(_is_number, "a number")
+
+ACTIONS: Actions = {
     "status": {},
     "watch": {
-        "rows_every_s": _Field(_is_interval, "seconds, 0 for every tick, or null", is_needed=False),
-        "frames": _Field(lambda value: isinstance(value, bool), "true or false", is_needed=False),
+        "rows_every_s": Field(_is_interval, "seconds, 0 for every tick, or null", is_needed=False),
+        "frames": SWITCH._replace(is_needed=False),
     },
     "begin_fault": {
-        "kind": _TEXT,
-        "target": _TEXT,
-        "arguments": _Field(_is_table, "a table of numbers and texts", is_needed=False),
+        "kind": TEXT,
+        "target": TEXT,
+        "arguments": TABLE._replace(is_needed=False),
     },
     "clear_fault": {
-        "number": _Field(_is_fault_number, "its number, or null for all", is_needed=False)
+        "number": Field(_is_fault_number, "its number, or null for all", is_needed=False)
     },
-    "get_object": {"node": _TEXT, "name": _TEXT},
+    "get_object": {"node": TEXT, "name": TEXT},
     "set_object": {
-        "node": _TEXT,
-        "name": _TEXT,
-        "value": _Field(_is_value, 'a number, a text, true, false or {"hex": "00ff"}'),
+        "node": TEXT,
+        "name": TEXT,
+        "value": Field(_is_value, 'a number, a text, true, false or {"hex": "00ff"}'),
     },
     "set_plant": {
-        "axis": _TEXT,
-        "quantity": _TEXT,
-        "value": _Field(_is_number, "a number in SI"),
+        "axis": TEXT,
+        "quantity": TEXT,
+        "value": NUMBER._replace(right="a number in SI"),
     },
+    "histograms": {},
+    "journal": {},
+    "mark": {"text": Field(_is_mark, f"a text of up to {MOST_MARK} characters")},
+    "stop": {},
 }
 
 
-def parse_request(line: bytes) -> Request:
+def parse_request(line: bytes, actions: Actions = ACTIONS) -> Request:
     """Return the request of a line.
+
+    Args:
+        line: as it came.
+        actions: what may be asked for.
 
     Raises:
         RequestError: it is wrong; its text says what would be right.
@@ -146,9 +168,9 @@ def parse_request(line: bytes) -> Request:
     if isinstance(number, bool) or not isinstance(number, int) or abs(number) >= 1 << 63:
         raise RequestError(None, f"id = {_shown(number)}: give an integer")
     action = content.pop("do", None)
-    if not isinstance(action, str) or action not in _ACTIONS:
-        raise RequestError(number, f"do = {_shown(action)}: give one of {', '.join(_ACTIONS)}")
-    known = _ACTIONS[action]
+    if not isinstance(action, str) or action not in actions:
+        raise RequestError(number, f"do = {_shown(action)}: give one of {', '.join(actions)}")
+    known = actions[action]
     for name, value in content.items():
         if name not in known:
             right = f"give {', '.join(known)}" if known else "it takes none"

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.outside.feed.client_link import ClientLink
 from hil_bench.outside.feed.messages import (
+    ACTED,
     ANSWER,
     COMMAND,
     EVENT,
@@ -91,6 +92,7 @@ class FeedServer:
             HEALTH: self._take_health,
             ANSWER: self._take_answer,
             EVENT: self._take_event,
+            ACTED: self._take_acted,
         }
         plan.down.put(WANTS, bytes([0]))
 
@@ -138,6 +140,8 @@ class FeedServer:
         elif request.action == "status":
             self._asked.append((client, request.number))
             self._answer_status()
+        elif request.action == "histograms":
+            client.answer(request.number, {"value": _histograms(self._plan.statistics)})
         else:
             self._pass_on(client, request)
 
@@ -195,6 +199,9 @@ class FeedServer:
     def _take_event(self, message: bytes) -> None:
         self._show({"type": "event", **json.loads(message)})
 
+    def _take_acted(self, message: bytes) -> None:
+        self._show({"type": "command", **json.loads(message)})
+
     def _take_health(self, message: bytes) -> None:
         self._health = {**json.loads(message), **_loop_health(self._plan.statistics)}
         self._show({"type": "health", **self._health})
@@ -226,6 +233,13 @@ def _loop_health(statistics: TickStatistics | None) -> dict[str, object]:
         "lateness": _duration(statistics.lateness),
         "work": _duration(statistics.work),
     }
+
+
+def _histograms(statistics: TickStatistics | None) -> dict[str, object] | None:
+    """Return upper edge [us] and count of each bin that is not empty."""
+    if statistics is None:
+        return None
+    return {"lateness": [*statistics.lateness.bins()], "work": [*statistics.work.bins()]}
 
 
 def _duration(duration: DurationHistogram) -> dict[str, float]:

@@ -1,0 +1,1 @@
+"""The panel: a web page that shows a running bench and breaks it, from a process of its own."""

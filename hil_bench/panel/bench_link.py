@@ -1,0 +1,177 @@
+"""A connection to the feed of a bench in asyncio: what arrives, and requests with their answers."""
+
+import asyncio
+import contextlib
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any, Self
+
+from hil_bench.errors import BusError, ConfigError, ControllerError, WaitTimeoutError, printable
+from hil_bench.outside.feed.client import TIMEOUT
+from hil_bench.outside.feed.messages import VERSION, encode
+from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
+
+_MOST_LINE = 1 << 24
+_ROWS, _FRAMES = b'{"type":"rows"', b'{"type":"frames"'
+
+Take = Callable[[str, bytes, dict[str, Any]], None]
+"""Given the type of a message, its line, and its content where it is neither rows nor frames."""
+
+
+class BenchLink:
+    """A bench, as a context manager.
+
+    Args:
+        name: of the bench.
+        reader: of its socket.
+        writer: likewise.
+        timeout: longest wait for an answer [s].
+
+    Attributes:
+        name: as passed in.
+        hello: what the bench says of itself.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        timeout: float = TIMEOUT,
+    ) -> None:
+        self.name = name
+        self.hello: dict[str, Any] = {}
+        self._reader = reader
+        self._writer = writer
+        self._timeout = timeout
+        self._numbers = itertools.count(1)
+        self._open: dict[int, asyncio.Future[Any]] = {}
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the bench; requests without an answer fail."""
+        self._writer.close()
+        waiting, self._open = self._open, {}
+        for future in waiting.values():
+            if not future.done():
+                future.set_exception(BusError(f"bench {self.name}: the connection is lost"))
+
+    async def greet(self) -> None:
+        """Hear who it is.
+
+        Raises:
+            BusError: it is none, or speaks another version.
+            WaitTimeoutError: it says nothing.
+        """
+        try:
+            async with asyncio.timeout(self._timeout):
+                self.hello = json.loads(await self._line())
+        except TimeoutError:
+            raise WaitTimeoutError(f"bench {self.name}: no greeting") from None
+        except ValueError:
+            raise BusError(f"bench {self.name}: its greeting is not JSON") from None
+        if self.hello.get("type") == "error":
+            raise BusError(f"bench {self.name}: {printable(str(self.hello.get('error')))}")
+        if self.hello.get("version") != VERSION:
+            raise BusError(
+                f"bench {self.name}: speaks version {self.hello.get('version')} of the feed, and "
+                f"the panel version {VERSION}; use the same version of hil-bench for both"
+            )
+
+    async def request(self, action: str, **fields: object) -> Any:  # noqa: ANN401 - what it answers
+        """Ask the bench for something and return its answer.
+
+        `ConfigError`: the request is wrong. `ControllerError`: the bench cannot do it.
+
+        Raises:
+            WaitTimeoutError: it does not answer, since its time stands still.
+        """
+        number = next(self._numbers)
+        future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        self._open[number] = future
+        self._writer.write(encode({"id": number, "do": action, **fields}))
+        try:
+            async with asyncio.timeout(self._timeout):
+                answer = await future
+        except TimeoutError:
+            raise WaitTimeoutError(
+                f"no answer in {self._timeout:g} s; the bench's time stands still, or it is too "
+                "busy. The command acts when time goes on"
+            ) from None
+        finally:
+            self._open.pop(number, None)
+        if "error" in answer:
+            kind = ConfigError if answer.get("kind") == "usage" else ControllerError
+            raise kind(str(answer["error"]))
+        return answer.get("value")
+
+    async def listen(self, take: Take) -> None:
+        """Pass on what the bench says, until a `BusError` tells that it is gone."""
+        while True:
+            line = await self._line()
+            if line.startswith(_ROWS):
+                take("rows", line, {})
+            elif line.startswith(_FRAMES):
+                take("frames", line, {})
+            else:
+                self._sort(line, take)
+
+    def _sort(self, line: bytes, take: Take) -> None:
+        """Pass on a message, or wake up who waits for it as an answer.
+
+        Raises:
+            BusError: it is not one, or the last one.
+        """
+        try:
+            message = json.loads(line)
+            kind = message["type"]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            raise BusError(f"bench {self.name}: its message is not a JSON object") from None
+        if kind == "answer":
+            future = self._open.get(message.get("id"))
+            if future is not None and not future.done():
+                future.set_result(message)
+        elif kind == "end":
+            raise BusError(f"bench {self.name} has ended")
+        else:
+            take(str(kind), line, message)
+
+    async def _line(self) -> bytes:
+        try:
+            line = await self._reader.readline()
+        except (OSError, ValueError) as error:
+            raise BusError(f"bench {self.name}: the connection is lost") from error
+        if not line.endswith(b"\n"):
+            raise BusError(f"bench {self.name}: the connection is lost")
+        return line
+
+
+async def open_link(name: str) -> BenchLink:
+    """Connect to a running bench and hear its greeting.
+
+    Raises:
+        BusError: there is no such bench.
+    """
+    if not HAS_SOCKETS:
+        raise BusError("this machine has no Unix sockets, by which a running bench is watched")
+    try:
+        async with asyncio.timeout(TIMEOUT):
+            reader, writer = await asyncio.open_unix_connection(
+                str(place_of(name)), limit=_MOST_LINE
+            )
+    except (FileNotFoundError, ConnectionRefusedError):
+        raise BusError(f'no bench with the name "{name}" runs') from None
+    except OSError as error:
+        raise BusError(f"bench {name}: {error.strerror or error}") from error
+    link = BenchLink(name, reader, writer)
+    with contextlib.ExitStack() as stack:
+        stack.callback(link.close)
+        await link.greet()
+        stack.pop_all()
+    return link

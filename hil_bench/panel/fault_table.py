@@ -1,0 +1,58 @@
+"""Which faults a page offers: each kind with its targets, and the keys that each target takes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil_bench.bench.configuration.fault_keys import COMMON_KEYS
+from hil_bench.config.settings import Key
+from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.session.live_faults import fault_keys
+
+_CHOICES: Mapping[str, list[str]] = {
+    "direction": [*Direction],
+    "reads": [*Reading],
+}
+
+_GROUPS: Mapping[FaultKind, tuple[str, ...]] = {
+    **dict.fromkeys(
+        (
+            FaultKind.FREEZE,
+            FaultKind.OFFSET,
+            FaultKind.DRIFT,
+            FaultKind.NOISE,
+            FaultKind.BREAK_WIRE,
+        ),
+        ("sensors",),
+    ),
+    FaultKind.SLOW: ("sensors", "valves"),
+    **dict.fromkeys((FaultKind.STICK, FaultKind.INVERT, FaultKind.DISABLE), ("valves",)),
+    FaultKind.DROP_SUPPLY: ("supplies",),
+}
+
+
+def fault_choices(hello: Mapping[str, Any]) -> dict[str, dict[str, list[dict[str, object]]]]:
+    """Return the keys of each kind of fault that a bench can have, by kind and target.
+
+    Args:
+        hello: what the bench says of itself.
+    """
+    groups: Mapping[str, list[str]] = hello.get("fault_targets", {})
+    return {
+        kind.value: {
+            target: [_content(key) for key in (*fault_keys(kind, target, hello), COMMON_KEYS[-1])]
+            for group in _GROUPS.get(kind, ("nodes",))
+            for target in groups.get(group, ())
+        }
+        for kind in FaultKind
+    }
+
+
+def _content(key: Key) -> dict[str, object]:
+    default = key.default if key.default is not None else key.example
+    return {
+        "name": key.name,
+        "unit": key.unit.symbol,
+        "default": None if key.name == "for_s" else default,
+        "is_needed": bool(key.example),
+        "choices": _CHOICES.get(key.name),
+    }

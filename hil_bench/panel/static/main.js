@@ -1,0 +1,174 @@
+// The page: one model, one link, and a view a tab.
+
+import { BusView } from "./bus.js";
+import { DevicesView } from "./devices.js";
+import { button, el, setText } from "./dom.js";
+import { FaultsView } from "./faults.js";
+import { Link } from "./link.js";
+import { LoopView } from "./loop.js";
+import { MachineView } from "./machine.js";
+import { Model } from "./model.js";
+import { RecordView } from "./record.js";
+import { ScopeView } from "./scope.js";
+
+const STILL = 2000; // without a row, time stands still [ms]
+const LONGEST = 100; // between two drawings where no rows come [ms]
+
+const link = new Link();
+const model = new Model(link);
+const banner = document.getElementById("banner");
+const tabs = document.getElementById("tabs");
+const main = document.getElementById("main");
+let shown = null;
+let words = "connecting ...";
+let lastRow = performance.now();
+
+const VIEWS = [
+  ["machine", "Machine", MachineView],
+  ["scope", "Scope", ScopeView],
+  ["devices", "Devices", DevicesView],
+  ["bus", "Bus", BusView],
+  ["faults", "Faults", FaultsView],
+  ["loop", "Loop", LoopView],
+  ["record", "Record as a test", RecordView],
+];
+
+const views = VIEWS.map(([id, title, View], number) => {
+  const tab = button(title, () => show(number), {
+    id: `tab-${id}`,
+    role: "tab",
+    "aria-controls": `view-${id}`,
+    "aria-selected": "false",
+    tabindex: "-1",
+    title: `key ${number + 1}`,
+  });
+  const panel = el("section", {
+    id: `view-${id}`,
+    role: "tabpanel",
+    "aria-labelledby": tab.id,
+    tabindex: "0",
+    hidden: true,
+  });
+  tabs.append(tab);
+  main.append(panel);
+  return { id, tab, panel, view: new View(panel, model) };
+});
+
+function show(number) {
+  if (shown) {
+    shown.panel.hidden = true;
+    shown.tab.setAttribute("aria-selected", "false");
+    shown.tab.tabIndex = -1;
+    shown.view.hide?.();
+  }
+  shown = views[number];
+  shown.panel.hidden = false;
+  shown.tab.setAttribute("aria-selected", "true");
+  shown.tab.tabIndex = 0;
+  shown.view.show?.();
+}
+
+document.addEventListener("keydown", (event) => {
+  const inField = event.target.closest?.("input, select, textarea");
+  if (inField || event.ctrlKey || event.altKey || event.metaKey) return;
+  const number = Number(event.key) - 1;
+  if (views[number]) {
+    show(number);
+    views[number].tab.focus();
+  } else if (event.target.role === "tab" && ["ArrowRight", "ArrowLeft"].includes(event.key)) {
+    const step = event.key === "ArrowRight" ? 1 : views.length - 1;
+    const next = (views.indexOf(shown) + step) % views.length;
+    show(next);
+    views[next].tab.focus();
+  } else if (shown.view.key?.(event)) {
+    event.preventDefault();
+  }
+});
+
+function say(text) {
+  words = text;
+  drawBanner();
+}
+
+function drawBanner() {
+  const isStill = !words && model.hello && performance.now() - lastRow > STILL;
+  const text =
+    words || (isStill ? `bench time stands still at ${model.time.toFixed(3)} s: no SYNC, or the bench is stopped` : "");
+  banner.hidden = !text;
+  if (banner.dataset.text !== text) {
+    banner.dataset.text = text;
+    banner.replaceChildren(text);
+    for (const name of (text && !model.hello && model.benches) || []) {
+      if (model.benches.length > 1) {
+        banner.append(" ", button(name, () => model.link.request("choose", { bench: name })));
+      }
+    }
+  }
+  document.body.classList.toggle("is-away", Boolean(words));
+}
+
+link.on("panel", (status) => {
+  model.benches = status.benches;
+  if (!status.bench) model.hello = null;
+  banner.dataset.text = "";
+  say(status.bench ? "" : status.words);
+});
+link.on("hello", (hello) => {
+  lastRow = performance.now();
+  model.begin(hello);
+  setText(document.getElementById("bench-name"), hello.name);
+  document.title = `${hello.name} – hil-bench`;
+  for (const { view } of views) view.begin?.(hello);
+});
+link.on("rows", () => {
+  lastRow = performance.now();
+});
+link.on("lost", () => {
+  if (link.isRefused) return;
+  say("the panel does not answer; it is asked again every second. Has hil-bench panel ended?");
+});
+link.on("refused", (message) => {
+  model.hello = null;
+  if (message.words.includes("secret")) askForSecret(message.words);
+  else {
+    link.isRefused = false;
+    say(message.words);
+  }
+});
+
+function askForSecret(text) {
+  const field = el("input", { type: "password", "aria-label": "password", autocomplete: "current-password" });
+  const form = el("form", { onsubmit: (event) => { event.preventDefault(); say("connecting ..."); link.connect(field.value); } },
+    field, el("button", { type: "submit" }, "Enter"));
+  say(`${text}; open the address that hil-bench panel prints, or give the password`);
+  banner.append(" ", form);
+}
+
+const FRAMES = { count: 0, begin: performance.now(), rate: 0, rows: 0, drawn: 0 };
+
+function draw() {
+  requestAnimationFrame(draw);
+  FRAMES.count += 1;
+  const now = performance.now();
+  if (now - FRAMES.begin > 1000) {
+    FRAMES.rate = (FRAMES.count * 1000) / (now - FRAMES.begin);
+    FRAMES.count = 0;
+    FRAMES.begin = now;
+    drawBanner();
+  }
+  setText(document.getElementById("clock"), model.hello ? `${model.time.toFixed(2)} s` : "–");
+  setText(document.getElementById("brief"), model.brief());
+  const rows = model.store.count + model.store.shift;
+  if (model.hello && (rows !== FRAMES.rows || now - FRAMES.drawn > LONGEST)) {
+    FRAMES.rows = rows;
+    FRAMES.drawn = now;
+    shown.view.draw?.();
+  }
+}
+
+window.hilBench = { model, link, views, frames: FRAMES, show };
+show(0);
+say("connecting ...");
+link.connect(decodeURIComponent(location.hash.slice(1)));
+requestAnimationFrame(draw);
+window.addEventListener("hashchange", () => location.reload());

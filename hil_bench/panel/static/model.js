@@ -1,0 +1,128 @@
+// What is known of the bench, for all views.
+
+import { Store } from "./store.js";
+
+const MOST_FRAMES = 5000;
+const MOST_MARKS = 200;
+
+export class Model {
+  constructor(link) {
+    this.link = link;
+    this.store = new Store();
+    this.hello = null;
+    this.benches = [];
+    this.state = { nodes: {}, faults: [] };
+    this.health = {};
+    this.missed = 0;
+    this.frames = [];
+    this.senders = new Map();
+    this.commands = [];
+    this.spans = [];
+    this.emcy = {};
+    link.on("rows", ({ rows }) => rows.forEach((row) => this.store.push(row)));
+    link.on("state", (state) => this.takeState(state));
+    link.on("health", (health) => {
+      this.health = health;
+    });
+    link.on("frames", ({ frames }) => this.takeFrames(frames));
+    link.on("event", (event) => this.takeEvent(event));
+    link.on("command", (command) => this.takeCommand(command));
+    link.on("missed", ({ messages }) => {
+      this.missed += messages;
+    });
+  }
+
+  begin(hello) {
+    this.hello = hello;
+    this.store.begin(hello.channels);
+    this.state = { nodes: {}, faults: [] };
+    this.health = {};
+    this.frames = [];
+    this.senders = new Map();
+    this.commands = [];
+    this.spans = [];
+    this.emcy = {};
+    this.missed = 0;
+  }
+
+  get time() {
+    return Math.max(this.store.last, this.state.time ?? 0, this.health.time ?? 0);
+  }
+
+  get marks() {
+    return this.commands.filter((command) => command.do === "mark").slice(-MOST_MARKS);
+  }
+
+  unit(channel) {
+    return this.store.channels[this.store.number(channel)]?.unit ?? "";
+  }
+
+  takeState(state) {
+    for (const [name, node] of Object.entries(state.nodes)) {
+      const before = this.state.nodes[name]?.errors ?? [];
+      for (const code of node.errors) {
+        if (!before.includes(code)) this.emcy[name] = { code, time: state.time };
+      }
+    }
+    this.state = state;
+    for (const fault of state.faults) this.openSpan(fault.kind, fault.target, fault.begins);
+  }
+
+  takeEvent(event) {
+    if (event.what !== "fault") return;
+    if (event.begins) this.openSpan(event.kind, event.target, event.time);
+    else {
+      const span = this.spans.findLast(
+        (each) => each.end === null && each.kind === event.kind && each.target === event.target,
+      );
+      if (span) span.end = event.time;
+    }
+  }
+
+  openSpan(kind, target, begin) {
+    const isKnown = this.spans.some(
+      (span) => span.kind === kind && span.target === target && Math.abs(span.begin - begin) < 1e-6,
+    );
+    if (!isKnown) this.spans.push({ kind, target, begin, end: null });
+    if (this.spans.length > MOST_MARKS) this.spans.shift();
+  }
+
+  takeCommand(command) {
+    if (this.commands.some((each) => each.entry === command.entry)) return;
+    this.commands.push(command);
+    if (this.commands.length > MOST_FRAMES) this.commands.shift();
+  }
+
+  takeFrames(frames) {
+    for (const [time, bus, way, id, data, isExtended, isRemote] of frames) {
+      const frame = { time, bus, way, id, data, isExtended, isRemote };
+      this.frames.push(frame);
+      const key = `${bus}:${id}:${way}:${isExtended}`;
+      const sender = this.senders.get(key) ?? { count: 0, times: [], frame };
+      sender.count += 1;
+      sender.frame = frame;
+      sender.times.push(time);
+      if (sender.times.length > 20) sender.times.shift();
+      this.senders.set(key, sender);
+    }
+    if (this.frames.length > 2 * MOST_FRAMES) this.frames = this.frames.slice(-MOST_FRAMES);
+    if (this.senders.size > 4096) this.senders.clear(); // a flood of identifiers
+  }
+
+  request(action, fields) {
+    return this.link.request(action, fields);
+  }
+
+  brief() {
+    if (!this.hello) return "";
+    const parts = [];
+    const { lateness, overruns, bus_load: load } = this.health;
+    if (lateness) parts.push(`late p99 ${lateness.p99_us.toFixed(0)} µs`);
+    if (overruns !== undefined) parts.push(`${overruns} overran`);
+    if (load !== undefined) parts.push(`bus ${(load * 100).toFixed(1)} %`);
+    const count = this.state.faults.length;
+    parts.push(count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`);
+    if (this.missed) parts.push(`this page missed ${this.missed} messages`);
+    return parts.join(" · ");
+  }
+}

@@ -1,0 +1,135 @@
+"""`hil-bench panel`, `run --panel`, and the new words of `ctl`."""
+
+import subprocess
+import sys
+
+import pytest
+from support.feed_loop import FeedLoop
+
+from hil_bench.cli import ctl, feed_side, main
+from hil_bench.panel import server
+from hil_bench.session.commands import Stop
+from hil_bench.session.session import Session
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+class Panel:
+    """A panel that ends, or does not, as a test wants it."""
+
+    def __init__(self, ends_after):
+        self.calls, self._ends_after = [], ends_after
+
+    def start(self, command, **_options):
+        self.command = command
+        return self
+
+    def wait(self, timeout=None):
+        self.calls.append("wait")
+        if timeout is not None and len(self.calls) < self._ends_after:
+            raise subprocess.TimeoutExpired("panel", timeout)
+
+    def terminate(self):
+        self.calls.append("terminate")
+
+    def kill(self):
+        self.calls.append("kill")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("ends_after", "calls"),
+    [
+        (1, ["wait"]),
+        (3, ["wait", "terminate", "wait"]),
+        (9, ["wait", "terminate", "wait", "kill", "wait"]),
+    ],
+)
+def test_a_run_has_its_panel_end_with_it(ends_after, calls, monkeypatch):
+    panel = Panel(ends_after)
+    monkeypatch.setattr(feed_side.subprocess, "Popen", panel.start)
+    words = ["-i", "virtual", "-c", "x", "--speed", "max", "--duration", "0.01", "--panel"]
+    assert main(["run", *words, "--name", "left"]) == 0
+    words = ["-m", "hil_bench", "panel", "--bench", "left", "--once"]
+    assert panel.command == [sys.executable, *words]
+    assert panel.calls == calls
+
+
+def test_a_panel_needs_a_feed(capsys):
+    words = ["-i", "virtual", "-c", "x", "--panel", "--no-feed"]
+    assert main(["run", *words]) == 2
+    assert "--panel: shows the bench by its feed, and there is none (--no-feed)" in (
+        capsys.readouterr().err
+    )
+
+
+def test_a_panel_needs_its_extra(monkeypatch, capsys):
+    monkeypatch.setattr(feed_side.importlib.util, "find_spec", lambda _name: None)
+    assert main(["run", "-i", "virtual", "-c", "x", "--panel"]) == 2
+    assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "hil_bench.panel.server", None)
+    assert main(["panel"]) == 2
+    assert "pip install 'hil-bench[panel]'" in capsys.readouterr().err
+
+
+def test_the_address_is_printed_with_its_secret(monkeypatch, capsys):
+    plans = []
+
+    async def serve(plan, _listener, secret):
+        plans.append((plan, secret))
+
+    monkeypatch.setattr(server, "_serve", serve)
+    monkeypatch.setattr("hil_bench.cli.panel.os.nice", lambda _by: 0)
+    assert main(["panel", "--port", "0", "--bench", "left"]) == 0
+    word, address = capsys.readouterr().out.split()
+    place, _, token = address.partition("/#")
+    assert word == "panel"
+    assert place.startswith("http://127.0.0.1:")
+    ((plan, secret),) = plans
+    assert secret.fits(token)
+    assert len(token) >= 22  # 128 bits in base64
+    assert plan.bench == "left"
+
+
+def test_with_a_password_the_address_has_no_secret(tmp_path, monkeypatch, capsys):
+    secrets = []
+
+    async def serve(_plan, _listener, secret):
+        secrets.append(secret)
+
+    monkeypatch.setattr(server, "_serve", serve)
+    monkeypatch.setattr("hil_bench.cli.panel.os.nice", lambda _by: 0)
+    path = tmp_path / "password"
+    path.write_text("correct horse battery", encoding="utf-8")
+    path.chmod(0o600)
+    assert main(["panel", "--port", "0", "--password-file", str(path)]) == 0
+    assert capsys.readouterr().out.strip().endswith("/")
+    assert secrets[0].fits("correct horse battery")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_stop_at_the_door_ends_a_run_in_order(monkeypatch, capsys):
+    tick = Session.tick
+
+    def stop_at_5_ms(session, frames, now, send=None):
+        if now == 5_000_000:
+            session.door.put(Stop())
+        return tick(session, frames, now, send)
+
+    monkeypatch.setattr(Session, "tick", stop_at_5_ms)
+    assert main(["run", "-i", "virtual", "-c", "x", "--speed", "max", "--duration", "1"]) == 0
+    # Ticks at 0 to 5 ms.
+    assert "ticks     6 of 1000 us" in capsys.readouterr().out
+
+
+def test_marks_and_the_end_come_from_the_shell(monkeypatch, capsys):
+    loop = FeedLoop()
+    monkeypatch.setattr(ctl, "connect", loop.connect)
+    assert main(["ctl", "mark", "pulled\x1b here"]) == 0
+    assert main(["ctl", "stop"]) == 0
+    assert capsys.readouterr().out == "marked: pulled\\x1b here\nthe bench ends\n"
+    assert loop.session.controls.is_over
+    assert [entry["do"] for entry in loop.session.controls.journal.content()["entries"]] == ["mark"]

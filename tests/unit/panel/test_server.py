@@ -1,0 +1,331 @@
+"""A panel on a port, in front of a bench: what gets in, what gets through, and what is refused."""
+
+import contextlib
+import json
+import socket
+
+import pytest
+from support.live_bench import SECRET, LiveBench, live_bench, panel, runtime_folder
+from support.patience import GUARD
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from hil_bench.cli import main
+from hil_bench.errors import BusError, ConfigError
+from hil_bench.outside.feed.messages import MOST_REQUEST
+from hil_bench.panel.hub import MOST_VIEWERS
+from hil_bench.panel.record import RecordForm
+from hil_bench.panel.server import open_port, read_password
+from hil_bench.scenario.load import load_scenario
+
+
+@pytest.fixture
+def folder(monkeypatch):
+    with runtime_folder(monkeypatch) as folder:
+        yield folder
+
+
+class Client:
+    """A browser without a page."""
+
+    def __init__(self, port, secret=SECRET, origin=None):
+        self.stack = contextlib.ExitStack()
+        address = f"ws://127.0.0.1:{port}/feed"
+        origin = origin or f"http://127.0.0.1:{port}"
+        self.socket = self.stack.enter_context(connect(address, origin=origin, open_timeout=GUARD))
+        self.lines = []
+        self.number = 0
+        self.socket.send(json.dumps({"token": secret}))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stack.close()
+
+    def hear(self, kind, fits=bool):
+        """Return the next message of a type."""
+        while True:
+            while self.lines:
+                message = json.loads(self.lines.pop(0))
+                if message["type"] == kind and fits(message):
+                    return message
+            self.lines += self.socket.recv(timeout=GUARD).splitlines()
+
+    def ask(self, action, **fields):
+        self.number += 1
+        self.socket.send(json.dumps({"id": self.number, "do": action, **fields}))
+        answer = self.hear("answer", lambda message: message["id"] == self.number)
+        assert "error" not in answer, answer["error"]
+        return answer["value"]
+
+    def refused(self, text):
+        self.socket.send(text)
+        return self.hear("answer")["error"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_page_sees_the_bench_and_breaks_it():
+    with live_bench() as bench, panel() as port, Client(port) as client:
+        hello = client.hear("hello")
+        assert hello["channels"] == [list(channel) for channel in bench.session.channels]
+        offset = hello["fault_kinds"]["offset"]
+        assert [key["name"] for key in offset["position"]] == ["offset_mm", "for_s"]
+        assert len(client.hear("rows")["rows"][0]) == 1 + len(bench.session.channels)
+        keys = {"offset_bar": 20, "for_s": 60}
+        number = client.ask("fault", kind="offset", target="pressure_a", keys=keys)
+        event = client.hear("event")
+        assert (event["kind"], event["target"], event["begins"]) == ("offset", "pressure_a", True)
+        (entry,) = client.ask("journal")["entries"]
+        # 20 bar are 2 MPa.
+        assert entry["fields"]["arguments"] == {"amount": 2e6, "duration": 60.0}
+        client.ask("clear_fault", number=number)
+        assert client.ask("get_object", node="valve", name="0x6040.00") == 0
+        names = [each["name"] for each in client.ask("objects", node="valve")]
+        assert "0x6040.00" in names
+        tpdo = next(pdo for pdo in client.ask("pdos") if pdo["id"] == 0x181)
+        assert tpdo["node"] == "valve"
+        assert [each["name"] for each in tpdo["signals"]] == ["0x6041.00", "0x6301.01"]
+        assert [each["shift"] for each in tpdo["signals"]] == [0, 16]
+
+
+@pytest.mark.usefixtures("folder")
+def test_frames_come_to_who_wants_them():
+    with live_bench(), panel() as port, Client(port) as client:
+        client.hear("rows")
+        client.ask("want", frames=True)
+        client.ask("fault", kind="reset", target="valve")
+        frames = client.hear("frames")["frames"]
+        assert [each[3] for each in frames] == [0x701]  # boot-up of node 1 (CiA 301)
+
+
+WRONG_SECRETS = [
+    '{"token": "wrong"}',
+    "{}",
+    "[]",
+    "nonsense",
+    "[" * 50_000,
+    '{"id": 1, "do": "stop"}',
+]
+
+
+@pytest.mark.usefixtures("folder")
+def test_nothing_is_shown_or_done_without_the_secret(monkeypatch):
+    monkeypatch.setattr("hil_bench.panel.app._PENANCE", 0.0)
+    with live_bench() as bench, panel() as port:
+        for text in WRONG_SECRETS:
+            address = f"ws://127.0.0.1:{port}/feed"
+            with connect(address, origin=f"http://127.0.0.1:{port}") as browser:
+                browser.send(text)
+                (answer,) = browser.recv(timeout=GUARD).splitlines()
+                assert json.loads(answer)["type"] == "refused", text
+                with pytest.raises(ConnectionClosed):
+                    browser.recv(timeout=GUARD)
+        assert bench.session.controls.is_over is False
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_page_of_somebody_else_is_turned_away():
+    with live_bench(), panel() as port, pytest.raises(InvalidStatus, match="403"):
+        Client(port, origin="http://evil.example")
+
+
+@pytest.mark.usefixtures("folder")
+def test_wrong_requests_are_answered_in_words():
+    with live_bench(), panel() as port, Client(port) as client:
+        client.hear("hello")
+        assert client.refused("{") == "b'{' is not JSON in UTF-8"
+        assert "do = 'watch': give one of" in client.refused('{"id": 1, "do": "watch"}')
+        text = '{"id": 2, "do": "fault", "kind": "melt", "target": "valve"}'
+        assert 'there is no kind "melt"' in client.refused(text)
+        text = '{"id": 3, "do": "fault", "kind": "freeze", "target": "<b>x</b>"}'
+        assert "pressure_a" in client.refused(text)
+        text = '{"id": 4, "do": "objects", "node": "valve\\u0000"}'
+        assert "give one of valve, pressure_a" in client.refused(text)
+        text = '{"id": 5, "do": "choose", "bench": "../../x"}'
+        assert "does not run; give one of bench" in client.refused(text)
+        assert client.ask("get_object", node="valve", name="0x6040.00") == 0  # it goes on
+
+
+@pytest.mark.usefixtures("folder")
+def test_an_oversized_message_ends_its_own_connection_only():
+    with live_bench(), panel() as port, Client(port) as good, Client(port) as bad:
+        good.hear("hello")
+        bad.hear("hello")
+        with contextlib.suppress(ConnectionClosed):
+            bad.socket.send("x" * (MOST_REQUEST + 1))
+        with pytest.raises(ConnectionClosed):
+            bad.hear("nothing")
+        assert bad.socket.close_code == 1009
+        assert good.ask("get_object", node="valve", name="0x6040.00") == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_bytes_end_the_connection():
+    with live_bench(), panel() as port, Client(port) as client:
+        client.hear("hello")
+        client.socket.send(b"\x00")
+        with pytest.raises(ConnectionClosed):
+            client.hear("nothing")
+
+
+@pytest.mark.usefixtures("folder")
+def test_fifty_look_and_one_too_many_is_told_so():
+    with contextlib.ExitStack() as stack:
+        bench = LiveBench()
+        stack.callback(bench.close)
+        port = stack.enter_context(panel())
+        first = stack.enter_context(Client(port))
+        with bench.running():
+            first.hear("rows")
+        clients = [stack.enter_context(Client(port)) for _ in range(MOST_VIEWERS - 1)]
+        for client in clients:
+            assert client.hear("hello")["name"] == "bench"
+        with bench.running():
+            for client in clients:
+                client.hear("rows")
+        extra = stack.enter_context(Client(port))
+        assert extra.hear("refused")["words"].startswith(f"{MOST_VIEWERS} browsers look")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_bench_that_ends_is_waited_for():
+    with panel() as port, Client(port) as client:
+        assert "no bench runs" in client.hear("panel", lambda status: status["words"])["words"]
+        for _ in range(2):
+            with live_bench():
+                assert client.hear("panel", lambda status: status["bench"])["bench"] == "bench"
+                client.hear("rows")
+            status = client.hear("panel", lambda status: not status["bench"])
+            assert "bench bench has ended; the page goes on" in status["words"]
+        assert "no bench is connected" in client.refused('{"id": 1, "do": "stop"}')
+
+
+@pytest.mark.usefixtures("folder")
+def test_of_two_benches_one_is_chosen():
+    with live_bench(), live_bench("other"), panel() as port, Client(port) as client:
+        status = client.hear("panel", lambda status: status["words"])
+        assert status["words"] == "2 benches run; name one of bench, other"
+        client.ask("choose", bench="other")
+        assert client.hear("hello")["name"] == "other"
+        client.ask("choose", bench="bench")
+        assert client.hear("hello")["name"] == "bench"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_panel_can_end_with_its_bench():
+    with contextlib.ExitStack() as stack:
+        bench = stack.enter_context(live_bench())
+        port = stack.enter_context(panel(is_once=True))
+        client = stack.enter_context(Client(port))
+        client.hear("rows")
+        bench.feed.stop()
+        with pytest.raises(ConnectionClosed):
+            client.hear("nothing")
+
+
+def test_a_port_in_use_is_told_and_the_usual_one_gives_way():
+    with contextlib.closing(open_port("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(BusError, match=f"panel: 127.0.0.1 port {port}: Address already in use"):
+            open_port("127.0.0.1", port)
+
+
+def test_the_usual_port_gives_way(monkeypatch):
+    with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
+        port = taken.getsockname()[1]
+        monkeypatch.setattr("hil_bench.panel.server.DEFAULT_PORT", port)
+        with contextlib.closing(open_port("127.0.0.1", None)) as listener:
+            assert listener.getsockname()[1] != port
+
+
+def test_a_password_is_for_its_owner_only(tmp_path):
+    path = tmp_path / "password"
+    path.write_text("correct horse battery\nrest", encoding="utf-8")
+    path.chmod(0o600)
+    assert read_password(path) == "correct horse battery"
+    path.chmod(0o640)
+    with pytest.raises(ConfigError, match="others may read it; chmod 600"):
+        read_password(path)
+    path.chmod(0o600)
+    path.write_text("short", encoding="utf-8")
+    with pytest.raises(ConfigError, match="has 5 characters; give 12 or more"):
+        read_password(path)
+    with pytest.raises(ConfigError, match="cannot be read"):
+        read_password(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["--listen", "192.0.2.7"], "others could come; give --password-file FILE too"),
+        (["--listen", "example"], "--listen example: give an IP address"),
+        (["--port", "70000"], "--port 70000: give 1 to 65535"),
+        (["--tests", "absent"], "--tests absent: there is no such folder"),
+    ],
+)
+def test_wrong_arguments_are_one_line(words, error, capsys):
+    assert main(["panel", *words]) == 2
+    assert error in capsys.readouterr().err
+
+
+FORM = {
+    "file": "clicked",
+    "title": "Clicked",
+    "begin_s": 0.0,
+    "end_s": 5.0,
+    "lead_s": 0.5,
+    "controller": "",
+    "requirement": "REQ-1",
+    "that": "always pressure_a.measured < 100 bar",
+}
+
+
+@pytest.mark.slow  # two runs of hil-bench test, each in a process of its own
+@pytest.mark.usefixtures("folder")
+def test_what_was_clicked_is_written_as_a_test_and_runs(tmp_path):
+    with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:
+        client.hear("rows")
+        # At rest about 50 bar: 80 bar more break the requirement of 100 bar.
+        client.ask("fault", kind="offset", target="pressure_a", keys={"offset_bar": 80})
+        end = client.ask("journal")["entries"][0]["time"] + 0.2
+        form = {**FORM, "end_s": end}
+        found = client.ask("test", **form, replaces=False)
+        assert found["verdict"] == "failed"
+        path = tmp_path / "clicked.scenario.toml"
+        assert found["path"] == str(path)
+        scenario = load_scenario(path)
+        (step,) = scenario.steps
+        assert (step.kind, step.target, dict(step.values)) == (
+            "offset",
+            "pressure_a",
+            {"offset_bar": 80.0},
+        )
+        assert step.at == pytest.approx(end - 0.2 + 0.5)
+        assert scenario.duration == pytest.approx(end + 0.5)
+        answer = client.refused(json.dumps({"id": 90, "do": "test", **form, "replaces": False}))
+        assert answer.endswith("is there already; give another name, or replace it")
+        wrong = {**form, "that": "always nothing < 5 bar", "replaces": True}
+        answer = client.refused(json.dumps({"id": 91, "do": "test", **wrong}))
+        assert '"nothing" is no signal here' in answer
+        preview = client.ask("preview", **{**form, "file": "other"})
+        assert 'fault = "offset"' in preview["text"]
+        assert not (tmp_path / "other.scenario.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"file": "../x"}, "file '../x': give up to 61 letters"),
+        ({"file": ""}, "file '': give"),
+        ({"end_s": -1.0}, "from 0 s to -1 s: give a time of up to 600 s"),
+        ({"end_s": 1e6}, "give a time of up to 600 s"),
+        ({"lead_s": -1.0}, "lead -1 s: give 0 to 600 s"),
+        ({"controller": "nobody"}, "give one of position_control, manual, or none"),
+        ({"that": " "}, "give a title, an id and a requirement"),
+    ],
+)
+def test_a_wrong_form_is_refused(change, error):
+    with pytest.raises(ConfigError) as caught:
+        RecordForm(**{**FORM, **change}).check()
+    assert error in str(caught.value)

@@ -38,7 +38,10 @@ def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[
         kind = _find_kind(told, problems)
         if kind is not None:
             said = read_table(table, told, (KIND_KEY,), problems) if told else {}
-            axes[name] = AxisSettings(kind, said | read_table(table, given, kind.keys, problems))
+            settings = read_table(table, given, kind.keys, problems)
+            if len(settings) == len(kind.keys):
+                settings = kind.derive(settings, problems)
+            axes[name] = AxisSettings(kind, said | settings)
     return axes
 
 

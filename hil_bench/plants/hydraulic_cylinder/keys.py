@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, number, points
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
@@ -138,6 +139,7 @@ DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
 
 AXIS_KEYS = (
     Key("model", choice(Model), Model.FULL_ORDER),
+    *DATA_SHEET_KEYS,
     DELAY_KEY,
     *PARAMETER_KEYS,
     *OPTION_KEYS,

@@ -29,6 +29,7 @@ from hil_bench.bench.configuration.nodes import (
     resolve_nodes,
 )
 from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration.scripts import read_scripts
 from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
 from hil_bench.config.settings import (
     Given,
@@ -89,8 +90,11 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     axes = read_axes(document, problems, default=needs_axis(document))
     nodes, chains = read_nodes(document, axes, problems)
     given = read_bindings(nodes, axes, problems)
+    scripts = read_scripts(nodes, problems)
     served = read_modbus(document, nodes, problems, wanted=modbus)
     read = read_faults(document, faults, problems)
+    if not nodes:
+        problems.add(problems.place("nodes"), "the bench has none; give one as [nodes.NAME]")
     problems.raise_any()
 
     _check_timing(bench, problems)
@@ -119,7 +123,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         further_buses={name: build_bus(table) for name, table in further.items()},
         axes=built_axes,
         nodes=tuple(
-            build_node(name, node, bindings[name], chains.get(name), problems)
+            build_node(name, node, bindings[name], scripts[name], chains.get(name), problems)
             for name, node in nodes.items()
         ),
         modbus=built_modbus,

@@ -177,6 +177,7 @@ def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis
         sensors=tuple(sensor for name, sensor in (*sensors, *sources) if name == axis.name),
         quantities=axis.kind.quantities,
         influences=axis.influences,
+        defects=axis.defects,
         follower=axis.kind.follower.output or 0,
     )
 

@@ -68,6 +68,11 @@ class AxisConfig:
         """What may act on its plant from outside."""
         return ()
 
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """What may be worn or broken at its plant, as amounts that are 0 where it is sound."""
+        return ()
+
     def limits(self, quantity: str) -> tuple[float, float]:
         """Return the least and the largest value of a quantity [SI]."""
         return -math.inf, math.inf

@@ -10,6 +10,7 @@ from hil_bench.bench.configuration.buses import build_bus, check_buses, read_bus
 from hil_bench.bench.configuration.eds_findings import warn_of_nodes
 from hil_bench.bench.configuration.faults import (
     build_fault,
+    check_defects,
     check_faults,
     find_targets,
     read_faults,
@@ -108,6 +109,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         resolve_modbus(served, nodes, file.parent if file else Path(), problems)
     check_faults(read, find_targets(nodes, axes, bindings), problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
+    check_defects(read, built_axes, problems)
     problems.raise_any()
     built_modbus = build_modbus(served, nodes, problems) if served else None
     problems.raise_any()

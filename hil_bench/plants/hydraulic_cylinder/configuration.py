@@ -24,6 +24,7 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     Supply,
 )
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_full_model
+from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     EntrainedAir,
     LuGreFriction,
@@ -46,6 +47,21 @@ from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.quantity import SUPPLY, Influence
 
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
+
+_LARGEST_LEAK = 5e-3 / 60.0 / 1e5  # [m³/(s Pa)], 5 l/min a bar: a hose that has burst
+_DEFECTS = (
+    Influence("internal_leakage", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("leakage_a", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("leakage_b", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("entrained_air", "-", 0.0, MOST_AIR),
+    Influence("dry_friction", "N", 0.0, LOAD_LIMIT),
+)
+_LOAD_DEFECTS = (Influence("load_loss", "-", 0.0, 1.0),)
+_SUPPLY_DEFECTS = (
+    Influence("pump_loss", "-", 0.0, 1.0),
+    Influence("relief_sag", "Pa", 0.0, _SUPPLY_LIMIT),
+    Influence("gas_loss", "-", 0.0, 1.0),
+)
 
 _PHYSICAL_KEYS = {
     key.field or key.name: key.name
@@ -96,6 +112,17 @@ class CylinderConfig(AxisConfig):
         return (
             Influence(LOAD, "N", -LOAD_LIMIT, LOAD_LIMIT),
             Influence(SUPPLY, "Pa", self.parameters.P_T, _SUPPLY_LIMIT),
+        )
+
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """What the full model of this axis can have, stepped by the bench's own solver."""
+        if self.model is Model.REDUCED or self.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
+            return ()
+        return (
+            *_DEFECTS,
+            *(_LOAD_DEFECTS if self.options.loads else ()),
+            *(_SUPPLY_DEFECTS if self.options.supply is not None else ()),
         )
 
     def limits(self, quantity: str) -> tuple[float, float]:

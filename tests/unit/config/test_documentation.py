@@ -139,7 +139,7 @@ def test_the_example_of_faults_loads() -> None:
     config = load_config(ROOT / "examples" / "faults.toml")
 
     assert [fault.kind for fault in config.faults] == [
-        *("offset", "break_wire", "stick", "drop_supply", "lose", "reset")
+        *("offset", "break_wire", "stick", "drop_supply", "lose", "reset", "leak", "bind")
     ]
 
 

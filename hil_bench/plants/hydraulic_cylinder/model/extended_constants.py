@@ -31,6 +31,9 @@ ExtendedConstants = tuple[
 _EXTENSION = ROW
 SERIES = _EXTENSION + 16
 
+RELIEF_PRESSURE = _EXTENSION + 11
+"""Place of the relief valve's setting in the row: the third of the supply's constants."""
+
 
 class ExtensionState(NamedTuple):
     """The states that the extensions add to the paper's six.

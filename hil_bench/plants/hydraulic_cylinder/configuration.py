@@ -13,6 +13,7 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     CONSTANT_LOAD_KEYS,
     DELAY_KEY,
     END_STOP_KEYS,
+    LAND_KEYS,
     LOAD_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
@@ -28,6 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     EntrainedAir,
     LuGreFriction,
+    MeteringLands,
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
@@ -72,11 +74,12 @@ _PHYSICAL_KEYS = {
         *CAVITATION_KEYS,
         *AIR_KEYS,
         *BRISTLE_KEYS,
+        *LAND_KEYS,
         *SUPPLY_KEYS,
         *LOAD_KEYS,
         DELAY_KEY,
     )
-} | {"bristles": "friction", "supply_unit": "supply"}
+} | {"bristles": "friction", "supply_unit": "supply", "lands": "flow_saturation"}
 # A symbol, but not a unit, which follows a number or a stroke.
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
@@ -206,6 +209,9 @@ def _build_options(axis: Settings) -> PlantOptions:
         options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
     if axis["friction"].value is Friction.LUGRE:
         options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+    lands = MeteringLands(**convert(axis, LAND_KEYS))
+    if lands != MeteringLands():
+        options["lands"] = lands
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return PlantOptions(**options, loads=_build_loads(axis))

@@ -13,6 +13,7 @@ from hil_bench.units import (
     METRE,
     MILLIMETRE,
     MILLISECOND,
+    ONE,
     PERCENT,
     REVOLUTION_PER_MINUTE,
     Unit,
@@ -41,6 +42,8 @@ VALVE_KEYS: Final = (
     _datum("rated_pressure_drop_bar", BAR, 0.1, 350.0),
     _datum("spool_stroke_mm", MILLIMETRE, 0.01, 100.0),
     _datum("overlap_percent", PERCENT, 0.0, 90.0),
+    _datum("ratio_a_b", ONE, 0.1, 10.0),
+    _datum("flow_at_half_opening_percent", PERCENT, 50.0, 99.0),
     _datum("frequency_90deg_hz", HERTZ, 0.1, 5000.0),
     _datum("step_response_ms", MILLISECOND, 0.1, 10_000.0),
 )

@@ -15,6 +15,7 @@ _VOLUME = "a miniature cylinder to a press"
 _LEAK = "a sound seal lets 0 through, a worn one some ml/min for each bar"
 _FORCE = "up to a press of 1000 t"
 _SPOOL = "spools of size 4 to 32 travel 0.3 to 15 mm"
+_LAND = "edges differ by some percent, those of a spool 2:1 by half"
 _EXPONENT = "1 is isothermal, 1.4 adiabatic, 1.67 that of a noble gas"
 
 USUAL: Final[Mapping[str, Range]] = {
@@ -61,6 +62,11 @@ USUAL: Final[Mapping[str, Range]] = {
     "accumulator_volume_l": Range(0.0, 1000.0, "0.02 to 450 l are made; 0 for none"),
     "accumulator_precharge_bar": Range(1.0, 700.0, _PRESSURE),
     "accumulator_exponent": Range(1.0, 1.67, _EXPONENT),
+    "land_gain_pa": Range(0.1, 2.0, _LAND),
+    "land_gain_at": Range(0.1, 2.0, _LAND),
+    "land_gain_pb": Range(0.1, 2.0, _LAND),
+    "land_gain_bt": Range(0.1, 2.0, _LAND),
+    "flow_saturation": Range(0.0, 20.0, "0 of a linear valve"),
     "load_n": Range(-1e7, 1e7, _FORCE),
     "load_spring_n_mm": Range(0.0, 1e6, "springs and machine frames"),
     "load_spring_rest_mm": Range(-30_000.0, 30_000.0, "within the reach of the cylinder"),
@@ -79,6 +85,8 @@ USUAL: Final[Mapping[str, Range]] = {
     "rated_pressure_drop_bar": Range(1.0, 70.0, "an edge: 5 of proportional, 35 of servo-valves"),
     "spool_stroke_mm": Range(0.2, 30.0, _SPOOL),
     "overlap_percent": Range(0.0, 40.0, "0 of servo-valves, 10 to 25 of proportional valves"),
+    "ratio_a_b": Range(0.2, 5.0, "1 of symmetric spools, 2 for cylinders of ratio 2"),
+    "flow_at_half_opening_percent": Range(50.0, 90.0, "50 of a linear valve"),
     "frequency_90deg_hz": Range(1.0, 1000.0, "5 Hz of pilots to some 300 Hz of servo-valves"),
     "step_response_ms": Range(0.5, 500.0, "2 of servo-valves to 200 of large pilots"),
     "oil_temperature_c": Range(-20.0, 90.0, "a cold start to the limit of seals"),

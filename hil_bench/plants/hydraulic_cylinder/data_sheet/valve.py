@@ -68,6 +68,14 @@ def natural_frequency(time: float, damping: float) -> float:
     return 0.5 * (low + high) / time
 
 
+def saturation(half: float) -> float:
+    """Return s of the flow a sqrt((1 + s) / (1 + s a²)) that is `half` at a = 1/2.
+
+    With half² = (1 + s) / (4 + s): s = (4 half² - 1) / (1 - half²).
+    """
+    return (4.0 * half * half - 1.0) / (1.0 - half * half)
+
+
 def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
     """Yield what rated flow, overlap and dynamics determine.
 
@@ -79,6 +87,7 @@ def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
     if not given:
         return
     yield from _derive_dynamics(sheet, given[0])
+    yield from _derive_lands(sheet)
     if not sheet.require(given[0], zip(_RATED, ("60", "5"), strict=True)):
         return
     opening = sheet.number("orifice_full_opening_mm")
@@ -103,6 +112,16 @@ def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
         flow, drop, full_opening=opening * 1e-3, discharge=discharge, density=density
     )
     yield Derived("orifice_width_mm", width * 1e3, sources)
+
+
+def _derive_lands(sheet: Sheet) -> Iterator[Derived]:
+    if sheet.has("ratio_a_b"):
+        gain = 1.0 / sheet.number("ratio_a_b")
+        yield Derived("land_gain_pb", gain, ("ratio_a_b",))
+        yield Derived("land_gain_bt", gain, ("ratio_a_b",))
+    half = "flow_at_half_opening_percent"
+    if sheet.has(half):
+        yield Derived("flow_saturation", saturation(sheet.si(half)), (half,))
 
 
 def _derive_dynamics(sheet: Sheet, cause: str) -> Iterator[Derived]:

@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 
@@ -38,7 +39,9 @@ def steady_motion(
     With the speed v, the fed area A_1 and the other A_2 the drops over the edges are
     (A_1 v / (K z))² and (A_2 v / (K z))² (Ruderman 2017 eqs. (5), (6)), so the forces balance where
 
-        P_S A_1 - P_T A_2 - F - f(v) = v² (A_1³ + A_2³) / (K z)².
+        P_S A_1 - P_T A_2 - F - f(v) = v² (A_1³ + A_2³) / (K z)²,
+
+    with a K of its own for each edge where the lands differ.
 
     Args:
         parameters: of the plant.
@@ -51,21 +54,28 @@ def steady_motion(
     force = options.load_at(0.0) if load is None else load
     P_S = p.P_S if options.supply is None else options.supply.relief_pressure
     fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
-    conductance = p.K * (_full_opening(p, options, extends=extends) if z is None else z)
+    feeding, draining = _conductances(p, options, z, extends=extends)
     drive = P_S * fed - p.P_T * other - against
-    speed = _balance(parameters, drive, (fed**3 + other**3) / conductance**2)
+    speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2)
     pump = math.inf if options.supply is None else options.supply.pump_flow
     is_limited = speed * fed > pump
     speed = min(speed, pump / fed)
-    P_2 = p.P_T + (other * speed / conductance) ** 2
+    P_2 = p.P_T + (other * speed / draining) ** 2
     P_1 = (P_2 * other + against + _friction(p, speed)) / fed if speed else P_S
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
     return SteadyMotion(speed, P_A, P_B, speed * fed, is_limited)
 
 
-def _full_opening(parameters: PlantParameters, options: PlantOptions, *, extends: bool) -> float:
+def _conductances(
+    parameters: PlantParameters, options: PlantOptions, z: float | None, *, extends: bool
+) -> tuple[float, float]:
+    """Return K z of the edge that feeds and of the one that drains [m³/(s sqrt(Pa))]."""
     negative = options.alpha_negative
-    return parameters.alpha if extends or negative is None else negative
+    alpha = parameters.alpha if extends or negative is None else negative
+    lands = MeteringLands() if options.lands is None else options.lands
+    full = parameters.K * alpha * lands.bend(1.0 if z is None else z / alpha)
+    feeding, draining = lands.gains(extends=extends)
+    return full * feeding, full * draining
 
 
 def _friction(parameters: PlantParameters, speed: float) -> float:

@@ -6,6 +6,8 @@
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
@@ -45,24 +47,46 @@ def softest_position(parameters: PlantParameters) -> float:
     return float(min(max(x, -p.h), p.h))
 
 
+def damping_ratio(axis: CylinderConfig, x: float) -> float:
+    """Return the damping ratio of the piston on the oil with the valve closed.
+
+    That of the oscillating pair among the eigenvalues of eqs. (8), (9) and (12), linearised in
+    v, P_A and P_B with viscous friction and leakage; 1 where nothing oscillates.
+
+    Args:
+        axis: the cylinder.
+        x: position from mid-stroke [m].
+    """
+    p, options = axis.parameters, axis.options
+    mass = p.m + options.load_mass
+    per_a, per_b = p.E / (p.V_A0 + p.A_A * x), p.E / (p.V_B0 - p.A_B * x)
+    matrix = [
+        [-p.sigma / mass, p.A_A / mass, -p.A_B / mass],
+        [-p.A_A * per_a, -(p.C_L + options.C_LA) * per_a, p.C_L * per_a],
+        [p.A_B * per_b, p.C_L * per_b, -(p.C_L + options.C_LB) * per_b],
+    ]
+    modes = np.linalg.eigvals(np.array(matrix))
+    swing = modes[np.argmax(np.abs(modes.imag))]
+    return float(-swing.real / abs(swing)) if swing.imag else 1.0
+
+
 def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
     for word, extends in (("extending", True), ("retracting", False)):
         motion = steady_motion(axis.parameters, axis.options, extends=extends)
-        yield Fact(f"top speed {word}", motion.speed * 1e3, "mm/s", _note(axis, motion))
+        yield Fact(f"top speed {word}", motion.speed * 1e3, "mm/s", _note(motion))
         yield Fact(f"  pressure A {word}", BAR.from_si(motion.P_A), "bar")
         yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
         flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
         yield Fact(f"  flow from the supply {word}", flow, "l/min")
 
 
-def _note(axis: CylinderConfig, motion: SteadyMotion) -> str:
+def _note(motion: SteadyMotion) -> str:
     if not motion.speed:
         return "the load holds the piston"
+    if motion.is_cavitating:
+        return "the load runs ahead of the oil: the chamber cavitates"
     if motion.is_pump_limited:
         return "limited by the pump"
-    floor = axis.options.cavitation_floor
-    if floor is not None and min(motion.P_A, motion.P_B) < floor:
-        return "the load runs ahead: a chamber cavitates"
     return "valve wide open, with friction and load"
 
 
@@ -89,10 +113,9 @@ def _swing_facts(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[F
     yield Fact("eigenfrequency, mid-stroke", eigenfrequency(axis, 0.0), "Hz")
     yield Fact("eigenfrequency, extended", eigenfrequency(axis, p.h), "Hz")
     yield Fact("eigenfrequency, lowest", lowest, "Hz", f"at {x * 1e3:.4g} mm from mid-stroke")
-    mass = p.m + axis.options.load_mass
     omega = 2.0 * math.pi * lowest
-    damping = 0.5 * p.sigma / (mass * omega)
-    yield Fact("damping ratio there", damping, "-", "by viscous friction alone")
+    damping = damping_ratio(axis, x)
+    yield Fact("damping ratio there", damping, "-", "by friction and leakage, valve closed")
     yield Fact("limit of a position controller", 2.0 * damping * omega, "1/s", "gain 2 D omega")
     yield Fact("valve at -90 degrees", p.omega_0 * _SWINGS, "Hz", f"{p.omega_0 / omega:.3g} times")
     yield Fact("ticks a swing", 1e6 / (lowest * tick_us), "-", _verdict(lowest, tick_us, 4.0))

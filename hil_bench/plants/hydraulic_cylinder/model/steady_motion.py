@@ -17,6 +17,7 @@ class SteadyMotion(NamedTuple):
         P_B: pressure in chamber B [Pa].
         supply_flow: what the valve draws [m³/s].
         is_pump_limited: whether the pump gives less than the valve would draw.
+        is_cavitating: whether the load runs ahead of the oil.
     """
 
     speed: float
@@ -24,6 +25,7 @@ class SteadyMotion(NamedTuple):
     P_B: float
     supply_flow: float
     is_pump_limited: bool
+    is_cavitating: bool
 
 
 def steady_motion(
@@ -41,7 +43,10 @@ def steady_motion(
 
         P_S A_1 - P_T A_2 - F - f(v) = v² (A_1³ + A_2³) / (K z)²,
 
-    with a K of its own for each edge where the lands differ.
+    with a K of its own for each edge where the lands differ. Where a load would pull the piston
+    faster than oil follows, the fed chamber cavitates, and the edge that drains holds the load:
+
+        P_floor A_1 - P_T A_2 - F - f(v) = v² A_2³ / (K z)².
 
     Args:
         parameters: of the plant.
@@ -62,8 +67,15 @@ def steady_motion(
     speed = min(speed, pump / fed)
     P_2 = p.P_T + (other * speed / draining) ** 2
     P_1 = (P_2 * other + against + _friction(p, speed)) / fed if speed else P_S
+    flow, floor = speed * fed, options.cavitation_floor
+    is_cavitating = floor is not None and P_1 < floor
+    if floor is not None and is_cavitating:
+        drive = floor * fed - p.P_T * other - against
+        speed, P_1 = _balance(parameters, drive, other**3 / draining**2), floor
+        P_2 = p.P_T + (other * speed / draining) ** 2
+        flow = min(feeding * math.sqrt(P_S - floor), pump)
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
-    return SteadyMotion(speed, P_A, P_B, speed * fed, is_limited)
+    return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_cavitating)
 
 
 def _conductances(

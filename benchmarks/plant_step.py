@@ -27,6 +27,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     LoadSeries,
     LuGreFriction,
     MassOnSlope,
+    MeteringLands,
     PlantInput,
     PlantOptions,
     ReducedOrderPlant,
@@ -60,6 +61,7 @@ EXTENSIONS = {
     "load: time series": {"loads": (LoadSeries((0.0, 1.0, 2.0), (0.0, 500.0, 0.0)),)},
     "entrained air": {"air": EntrainedAir(air_fraction=0.01)},
     "LuGre friction": {"bristles": LuGreFriction()},
+    "metering edges": {"lands": MeteringLands(gain_pb=0.84, saturation=1.0)},
     "supply unit": {"supply": SupplyUnit()},
 }
 EXTENSIONS["all of them"] = {

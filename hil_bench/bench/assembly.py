@@ -25,6 +25,7 @@ from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, EdsError
 from hil_bench.kinds.bindings import build_source, find_bound
 from hil_bench.kinds.registry import KINDS
+from hil_bench.kinds.scripts import build_script, find_scripted
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
@@ -120,6 +121,8 @@ def load_objects(config: NodeConfig) -> ObjectDictionary:
     )
     for binding in config.bindings:
         find_bound(object_dictionary, binding)
+    for script in config.scripts:
+        find_scripted(object_dictionary, script)
     return object_dictionary
 
 
@@ -151,7 +154,15 @@ def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitt
         (source.axis, build_source(source, f"{config.name}.{source.name}", node, surroundings))
         for source in config.sources
     )
-    return replace(fitting, sources=sources)
+    scripts = [build_script(script, node) for script in config.scripts]
+    own = [] if fitting.advance is None else [fitting.advance]
+    acts = [*own, *scripts]
+
+    def advance(now: int) -> None:
+        for act in acts:
+            act(now)
+
+    return replace(fitting, sources=sources, advance=advance if scripts else fitting.advance)
 
 
 def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis:
@@ -166,6 +177,7 @@ def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis
         sensors=tuple(sensor for name, sensor in (*sensors, *sources) if name == axis.name),
         quantities=axis.kind.quantities,
         influences=axis.influences,
+        defects=axis.defects,
         follower=axis.kind.follower.output or 0,
     )
 

@@ -5,8 +5,15 @@ from collections.abc import Mapping, Sequence
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
-from hil_bench.devices.faults.effects import Enabled, SensorPoint, SpoolPoint, SupplyPoint
-from hil_bench.devices.faults.faults import FaultPoints, Faults
+from hil_bench.devices.faults.effects import (
+    DefectPoint,
+    Enabled,
+    SensorPoint,
+    SpoolPoint,
+    SupplyPoint,
+)
+from hil_bench.devices.faults.faults import Faults
+from hil_bench.devices.faults.points import FaultPoints
 from hil_bench.plants.quantity import SUPPLY
 
 
@@ -46,6 +53,10 @@ def find_fault_points(
             for influence in axis.influences
             if influence.name == SUPPLY
         },
+        plants={
+            axis.name: DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
+            for axis in axes
+        },
         nodes=nodes,
         buses=buses,
     )
@@ -58,7 +69,12 @@ def sensor_point(sensor: Measurement) -> SensorPoint:
 
 def spool_point(axis: Axis, enable: Enabled | None) -> SpoolPoint:
     """Return where a fault gets at the valve of an axis."""
-    return SpoolPoint(axis.command_path, lambda: axis.plant.output[axis.follower], enable)
+    return SpoolPoint(
+        axis.command_path,
+        lambda: axis.plant.output[axis.follower],
+        enable,
+        axis.valve.full_opening,
+    )
 
 
 def schedule_faults(faults: Faults, configs: Sequence[FaultConfig]) -> None:

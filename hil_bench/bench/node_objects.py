@@ -26,6 +26,8 @@ from hil_bench.config.values import quote
 from hil_bench.devices.profile_objects import TpdoTrigger
 from hil_bench.errors import ConfigError, SdoAbort
 
+_SCRIPTED = "follows a script in each tick; give it none, or bend the script"
+
 
 class NodeObjects:
     """The objects of one node, by their names as in the configuration: "0x6401.01", "0x1017".
@@ -38,7 +40,10 @@ class NodeObjects:
     def __init__(self, node: Node, config: NodeConfig) -> None:
         self._node = node
         self._name = config.name
-        self._bound = {(source.index, source.subindex): source for source in config.sources}
+        self._bound = {
+            **{(each.index, each.subindex): _SCRIPTED for each in config.scripts},
+            **{(each.index, each.subindex): _bound_text(each) for each in config.sources},
+        }
 
     def __iter__(self) -> Iterator[str]:
         for variable in self._node.object_dictionary:
@@ -57,7 +62,7 @@ class NodeObjects:
         variable = self._find(name)
         bound = self._bound.get((variable.index, variable.subindex))
         if bound is not None:
-            self._refuse(variable, _bound_text(bound))
+            self._refuse(variable, bound)
         if variable.access is Access.CONST:
             right = f"give it as power-on value in [nodes.{self._name}.objects]"
             self._refuse(variable, f"is const; {right}")

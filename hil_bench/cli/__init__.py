@@ -29,6 +29,7 @@ VERBS = {
     "ctl": "look at a bench that runs, break it and set it",
     "watch": "watch a bench that runs, in the terminal",
     "panel": "watch and break a bench that runs, on a web page",
+    "new": "write a bench.toml from data sheets, and print what the axis can do",
     "check": "check a bench, and print each value with its origin",
     "check-eds": "find what is wrong in EDS files, with line numbers",
     "analyse": "the paper's analyses, of Table I or of your bench: numbers, tables, figures",

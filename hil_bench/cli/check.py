@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from hil_bench.bench.assembly import build_bench
@@ -15,6 +15,8 @@ from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.summary import facts_of, summary_lines
+from hil_bench.config.settings import Origin
 
 _EXAMPLES = """\
 examples:
@@ -37,8 +39,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "check",
         description="Check a bench and its EDS files, and print each value with its origin\n"
-        "(default, file, environment, command line) as a bench.toml. No bus is opened but with\n"
-        "--bus, which compares the devices on it with the bench and prints a line a difference.",
+        "(default, data sheet, file, environment, command line) as a bench.toml, then what an\n"
+        "engineer checks first of each axis: speeds, forces, frequencies. No bus is opened but\n"
+        "with --bus, which compares the devices on it with the bench, a line a difference.",
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -58,18 +61,21 @@ def run(args: argparse.Namespace) -> int:
     if wants_bus(args):
         return check_bus(args, config)
     doubts = find_doubts(config)
-    print(_json_text(config, doubts) if args.json else _toml_text(config))
+    print(_json_text(config, doubts) if args.json else "\n".join(_toml_lines(config)))
     warn_of(doubts)
     return ExitCode.DONE
 
 
-def _toml_text(config: BenchConfig) -> str:
-    """Return TOML that loads again, each value with its origin as a comment."""
-    lines = [f"# {config.path or 'built-in bench'}"]
+def _toml_lines(config: BenchConfig) -> Iterator[str]:
+    """Yield TOML that loads again, each value with its origin as a comment, then the summary."""
+    yield f"# {config.path or 'built-in bench'}"
     for table, settings in groupby(config.settings, key=lambda setting: setting.table):
-        header = "[[faults]]" if table.startswith("faults[") else f"[{table}]"
-        lines += ["", header, *map(_line, settings)]
-    return "\n".join(lines)
+        yield ""
+        yield "[[faults]]" if table.startswith("faults[") else f"[{table}]"
+        yield from map(_line, settings)
+    for axis in config.axes:
+        if lines := summary_lines(config, axis):
+            yield from ("", f"# What {axis.name} can do:", *(f"#   {line}" for line in lines))
 
 
 def _line(setting: Setting) -> str:
@@ -77,6 +83,8 @@ def _line(setting: Setting) -> str:
     if setting.value is None:
         why = "left to python-can" if setting.table.startswith(_BUS_TABLES) else "none"
         return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
+    if setting.origin is Origin.DATA_SHEET:  # once more as a value it would be given twice
+        return f"{f'# {name} = {setting.value:.6g}':{_COMMENT_COLUMN}}  # {setting.reason}"
     assignment = f"{name} = {_toml_value(setting.value)}"
     return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"
 
@@ -96,9 +104,13 @@ def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
             "value": setting.value,
             "unit": setting.key.unit.symbol,
             "origin": setting.origin,
+            **({"reason": setting.reason} if setting.reason else {}),
         }
         for setting in config.settings
     ]
     path = str(config.path) if config.path else None
-    content = {"path": path, "settings": settings, "warnings": list(doubts)}
+    summary = {
+        axis.name: [fact._asdict() for fact in facts_of(config, axis)] for axis in config.axes
+    }
+    content = {"path": path, "settings": settings, "summary": summary, "warnings": list(doubts)}
     return json.dumps(content, indent=2, ensure_ascii=False)

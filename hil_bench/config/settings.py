@@ -19,6 +19,7 @@ class Origin(StrEnum):
     """Where a value came from, the weakest first."""
 
     DEFAULT = "default"
+    DATA_SHEET = "data sheet"
     FILE = "file"
     ENVIRONMENT = "environment"
     COMMAND_LINE = "command line"
@@ -52,12 +53,14 @@ class Setting(NamedTuple):
         key: the key in that table.
         value: the value in the key's own unit; None where python-can is left to decide.
         origin: who gave the value.
+        reason: what it follows from, where it follows from other keys.
     """
 
     table: str
     key: Key
     value: Value
     origin: Origin
+    reason: str = ""
 
 
 Settings = dict[str, Setting]  # by the name of the key

@@ -159,6 +159,7 @@ class Axis:
         quantities: of the plant.
         influences: what may act on the plant from outside.
         follower: place of the output that follows the command.
+        defects: what may be worn or broken at the plant.
         command_path: what the command passes between device and plant.
         recorded: the quantities of `row`.
     """
@@ -170,6 +171,7 @@ class Axis:
     quantities: tuple[Quantity, ...]
     influences: tuple[Influence, ...]
     follower: int
+    defects: tuple[Influence, ...] = ()
     command_path: SignalPath = field(default_factory=SignalPath)
     recorded: tuple[Quantity, ...] = field(init=False, repr=False)
     _pick: Callable[[Sequence[float]], tuple[float, ...]] = field(init=False, repr=False)

@@ -12,6 +12,7 @@ from hil_bench.config.objects import ObjectValue
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
+from hil_bench.kinds.scripts import ScriptConfig
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 
@@ -32,6 +33,7 @@ class NodeConfig:
             is made of the node's name.
         objects: other power-on values than those of the EDS file, by index and sub-index.
         sources: the objects that show quantities of the plant.
+        scripts: the objects that follow a script.
         place: how messages name its table.
     """
 
@@ -45,6 +47,7 @@ class NodeConfig:
     serial_number: int | None
     objects: Mapping[tuple[int, int], ObjectValue]
     sources: tuple[SourceConfig, ...]
+    scripts: tuple[ScriptConfig, ...]
     place: str = field(compare=False)
 
     @property

@@ -30,6 +30,22 @@ class Range(NamedTuple):
     reason: str
 
 
+class Fact(NamedTuple):
+    """One number that an engineer checks of an axis.
+
+    Attributes:
+        name: of the number.
+        value: in `unit`.
+        unit: as data sheets have it.
+        note: what else is to be said; empty for nothing.
+    """
+
+    name: str
+    value: float
+    unit: str
+    note: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class AxisConfig:
     """One axis: a plant, and what its devices must know of it.
@@ -50,6 +66,11 @@ class AxisConfig:
     @property
     def influences(self) -> tuple[Influence, ...]:
         """What may act on its plant from outside."""
+        return ()
+
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """What may be worn or broken at its plant, as amounts that are 0 where it is sound."""
         return ()
 
     def limits(self, quantity: str) -> tuple[float, float]:
@@ -104,6 +125,23 @@ class PlantKind(ABC, Generic[AxisT]):
             start: quantities to begin with [SI], as a recording has them; what is missing, and
                 without it all, is as configured.
         """
+
+    def derive(self, settings: Settings, problems: Problems) -> Settings:
+        """Return settings with the values that follow from others, such as those of a data sheet.
+
+        Args:
+            settings: of an axis, one for each key.
+            problems: where problems are noted.
+        """
+        return settings
+
+    def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
+        """Yield the keys of an axis whose defaults fit badly to the rest, and why."""
+        yield from ()
+
+    def summarise(self, axis: AxisT, tick_us: int, step_us: int) -> Sequence[Fact]:
+        """Return what an engineer checks first of an axis."""
+        return ()
 
     def full_scale(self, settings: Settings) -> float:
         """Return the command of 100 % of an axis with these settings, in `command_unit`."""

@@ -20,5 +20,5 @@ class Plant(Protocol):
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on it from outside [SI]; None lets it be what it was.
 
-        Asked for the influences alone that the axis' configuration names.
+        Asked for the influences and defects alone that the axis' configuration names.
         """

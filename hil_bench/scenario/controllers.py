@@ -33,6 +33,9 @@ _FOR_EVER = 1e9  # [s]
 _PAUSE = 0.1  # between a fault of the valve and a new start [s]
 
 
+_LAW = ControllerParameters()
+
+
 @dataclass(frozen=True, slots=True)
 class ControllerSettings:
     """What the parameters of a scenario say to its controller, each by its own name.
@@ -45,6 +48,8 @@ class ControllerSettings:
         heartbeat_timeout_ms: after which the valve takes the controller for dead [s]; 0 for never.
         checks_sensor: whether a position that is not valid stops the motion: 1 or 0.
         restarts: how often it starts the valve again after a fault.
+        full_speed_mm_s: speed of the piston with the valve wide open [m/s].
+        dead_zone_percent: spool travel that opens nothing, as a share of the full opening [-].
     """
 
     target_mm: float = 0.1
@@ -54,12 +59,23 @@ class ControllerSettings:
     heartbeat_timeout_ms: float = 0.2
     checks_sensor: float = 1.0
     restarts: float = 0.0
+    full_speed_mm_s: float = _LAW.full_speed
+    dead_zone_percent: float = _LAW.dead_zone
 
 
 def settings_of(parameters: Mapping[str, float]) -> ControllerSettings:
-    """Return what the parameters [SI] that a controller knows say; it leaves out all others."""
+    """Return what the parameters [SI] that a controller knows say; it leaves out all others.
+
+    Raises:
+        ConfigError: no valve has such a full speed or dead zone.
+    """
     known = {field.name for field in fields(ControllerSettings)}
-    return ControllerSettings(**{k: v for k, v in parameters.items() if k in known})
+    settings = ControllerSettings(**{k: v for k, v in parameters.items() if k in known})
+    if settings.full_speed_mm_s <= 0.0:
+        raise ConfigError("parameters.full_speed_mm_s: no valve is so slow; give more than 0")
+    if not 0.0 <= settings.dead_zone_percent < 1.0:
+        raise ConfigError("parameters.dead_zone_percent: is out of range; give 0 to below 100")
+    return settings
 
 
 class Devices(NamedTuple):
@@ -88,7 +104,13 @@ def position_control(bench: VirtualBench, settings: ControllerSettings) -> Gener
     with ExitStack() as stack:
         network = stack.enter_context(_network(bench))
         devices = _set_up(network, bench.config, settings, stack)
-        law = PositionController(ControllerParameters(position_gain=settings.position_gain))
+        law = PositionController(
+            ControllerParameters(
+                position_gain=settings.position_gain,
+                full_speed=settings.full_speed_mm_s,
+                dead_zone=settings.dead_zone_percent,
+            )
+        )
         loop = PositionLoop(
             network,
             valve=devices.valve,

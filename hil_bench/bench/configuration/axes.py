@@ -13,6 +13,9 @@ from hil_bench.plants.registry import DEFAULT_PLANT, PLANTS
 
 KIND_KEY = Key("kind", text)
 
+NO_PLANT = "none"
+"""The kind of a plant that is none: the bench has nodes alone."""
+
 _DEFAULT_AXIS = "axis1"
 
 
@@ -34,11 +37,17 @@ def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[
     axes = {}
     for name, given in sections.items():
         table = f"plant.{name}"
+        if KIND_KEY.name in given and given[KIND_KEY.name].value == NO_PLANT:
+            _check_nothing(given, problems)
+            continue
         told = {KIND_KEY.name: given.pop(KIND_KEY.name)} if KIND_KEY.name in given else {}
         kind = _find_kind(told, problems)
         if kind is not None:
             said = read_table(table, told, (KIND_KEY,), problems) if told else {}
-            axes[name] = AxisSettings(kind, said | read_table(table, given, kind.keys, problems))
+            settings = read_table(table, given, kind.keys, problems)
+            if len(settings) == len(kind.keys):
+                settings = kind.derive(settings, problems)
+            axes[name] = AxisSettings(kind, said | settings)
     return axes
 
 
@@ -62,6 +71,15 @@ def check_axes(axes: Axes, problems: Problems) -> None:
         check_possible(axis.settings, axis.kind, problems)
 
 
+def _check_nothing(given: Mapping[str, Given], problems: Problems) -> None:
+    """Note what is said of a plant that is none."""
+    for key, (_, _, place) in given.items():
+        if key != KIND_KEY.name:
+            problems.add(
+                place, f'there is no plant to have it; leave it out, or kind = "{NO_PLANT}"'
+            )
+
+
 def _find_kind(told: Mapping[str, Given], problems: Problems) -> PlantKind[Any] | None:
     if not told:
         return DEFAULT_PLANT
@@ -72,6 +90,6 @@ def _find_kind(told: Mapping[str, Given], problems: Problems) -> PlantKind[Any] 
         problems.add(given.place, error)
         return None
     if kind is None:
-        known = ", ".join(f'"{name}"' for name in PLANTS.names())
+        known = ", ".join(f'"{name}"' for name in (*PLANTS.names(), NO_PLANT))
         problems.add(given.place, f"{describe(given.value)} is unknown; give one of {known}")
     return kind

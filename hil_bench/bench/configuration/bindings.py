@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import SINK_KEYS, SOURCE_KEYS
+from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, is_script
 from hil_bench.config.document import give
 from hil_bench.config.objects import parse_object
 from hil_bench.config.settings import Given, Origin, Problems, Settings, read_table
@@ -67,7 +68,7 @@ def read_bindings(nodes: Mapping[str, Settings], axes: Axes, problems: Problems)
     for node, settings in nodes.items():
         objects = settings["objects"].value if "objects" in settings else None
         for name, given in (objects or {}).items():
-            if isinstance(given, dict):
+            if isinstance(given, dict) and not is_script(given):
                 found.append(_read_binding(node, name, given, axes, problems))
     return [binding for binding in found if binding is not None]
 
@@ -103,7 +104,8 @@ def _read_binding(
     words = given.keys() & {"source", "sink"}
     if len(words) != 1:
         wrong = "is both a source and a sink" if words else "is bound to nothing"
-        problems.add(problems.place(table), f"{wrong}; {_HINT}")
+        right = _HINT if words else f"{_HINT}, or a script: {', '.join(SCRIPT_KEYS)}"
+        problems.add(problems.place(table), f"{wrong}; {right}")
         return None
     if parse_object(name)[0] < _FIRST_BINDABLE:
         wrong = "belongs to the communication services"

@@ -6,13 +6,15 @@ from typing import Final
 
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, integer, number, text, zero_or
-from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.devices.faults.kinds import Direction, FaultKind, LeakPath, Reading
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,
+    LITRE_PER_MINUTE_BAR,
     MILLIMETRE,
     MILLIMETRE_PER_SECOND,
     MILLISECOND,
+    NEWTON,
     PERCENT,
     SECOND,
     Unit,
@@ -37,6 +39,13 @@ def _amount(name: str, unit: Unit, field: str, low: float = -_LARGEST) -> Key:
 
 _DIRECTION = Key("direction", choice(Direction))
 _CAN_ID = Key("can_id", integer(0, 0x7FF))
+
+_GROWTH = Key("growth_s", number(SECOND, low=0.0, high=_LARGEST), 0.0, SECOND, "growth")
+
+
+def _share(name: str, field: str, default: float | None = None, example: str = "") -> Key:
+    return Key(name, number(PERCENT, low=0.0, high=100.0), default, PERCENT, field, example)
+
 
 OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
     {
@@ -77,6 +86,42 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
                 "20",
             ),
         ),
+        FaultKind.LEAK: (
+            Key(
+                "leak_l_min_bar",
+                number(LITRE_PER_MINUTE_BAR, low=0.0, high=5.0),
+                None,
+                LITRE_PER_MINUTE_BAR,
+                "conductance",
+                "0.05",
+            ),
+            Key("path", choice(LeakPath), LeakPath.INTERNAL),
+            _GROWTH,
+        ),
+        FaultKind.AERATE: (
+            Key(
+                "air_percent",
+                number(PERCENT, low=0.0, high=50.0),
+                None,
+                PERCENT,
+                "share",
+                "2",
+            ),
+            _GROWTH,
+        ),
+        FaultKind.JAM: (
+            Key("force_n", number(NEWTON, low=0.0, high=1e9), None, NEWTON, "force", "5000"),
+            _GROWTH,
+        ),
+        FaultKind.DROP_LOAD: (_share("loss_percent", "share", 100.0), _GROWTH),
+        FaultKind.WEAR_PUMP: (_share("loss_percent", "share", 100.0), _GROWTH),
+        FaultKind.SAG_RELIEF: (
+            Key("sag_bar", number(BAR, low=0.0, high=1e4), None, BAR, "pressure", "50"),
+            _GROWTH,
+        ),
+        FaultKind.LOSE_GAS: (_share("loss_percent", "share", 100.0), _GROWTH),
+        FaultKind.BIND: (_share("band_percent", "band", None, "5"), _GROWTH),
+        FaultKind.WEAKEN: (_share("travel_percent", "travel", None, "50"), _GROWTH),
         FaultKind.SILENCE: (),
         FaultKind.RESET: (),
         FaultKind.LOSE: (

@@ -9,10 +9,21 @@ from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document, give
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import describe, quote
-from hil_bench.devices.faults.kinds import SENSOR_KINDS, VALVE_KINDS, FaultKind
+from hil_bench.devices.faults.checks import missing_defect
+from hil_bench.devices.faults.kinds import (
+    DEFECT_KINDS,
+    DEFECTS,
+    LEAKS,
+    SENSOR_KINDS,
+    VALVE_KINDS,
+    FaultKind,
+)
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
+from hil_bench.plants.kind import AxisConfig
 from hil_bench.units import BAR, MILLIMETRE, Unit
+
+AXIS_KINDS = DEFECT_KINDS | {FaultKind.DROP_SUPPLY}
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 
@@ -28,12 +39,14 @@ class Targets(NamedTuple):
         valves: with whether they have an enable input.
         axes: those with a supply, with the least pressure that it can have [bar].
         nodes: names.
+        plants: names of all axes.
     """
 
     sensors: Mapping[str, Unit | None]
     valves: Mapping[str, bool]
     axes: Mapping[str, float]
     nodes: Sequence[str]
+    plants: Sequence[str] = ()
 
     def of(self, kind: FaultKind) -> tuple[str, Sequence[str]]:
         """Return what a fault of a kind may befall: what it is called, and the names."""
@@ -46,8 +59,8 @@ class Targets(NamedTuple):
             return "valve", list(self.valves)
         if kind is FaultKind.SLOW:
             return "sensor or valve", [*self.sensors, *self.valves]
-        if kind is FaultKind.DROP_SUPPLY:
-            return "axis", list(self.axes)
+        if kind in AXIS_KINDS:
+            return "axis", list(self.axes) if kind is FaultKind.DROP_SUPPLY else self.plants
         return "node", self.nodes
 
 
@@ -95,7 +108,7 @@ def find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) 
             valves.setdefault(name, False)
     lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
     supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
-    return Targets(sensors, valves, supplies, list(nodes))
+    return Targets(sensors, valves, supplies, list(nodes), list(axes))
 
 
 def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
@@ -112,6 +125,20 @@ def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problem
             _check_amount(fault, targets.sensors[target], problems)
         elif kind is FaultKind.DROP_SUPPLY:
             _check_pressure(fault, targets.axes[target], problems)
+
+
+def check_defects(
+    faults: Sequence[Settings], axes: Sequence[AxisConfig], problems: Problems
+) -> None:
+    """Note faults of a plant that its axis cannot have."""
+    known = {axis.name: {defect.name for defect in axis.defects} for axis in axes}
+    for fault in faults:
+        kind, target = fault["kind"].value, fault["target"].value
+        if kind in DEFECT_KINDS and target in known:
+            name = LEAKS[fault["path"].value] if kind is FaultKind.LEAK else DEFECTS[kind]
+            if name not in known[target]:
+                place = problems.place(fault["kind"].table, "kind")
+                problems.add(place, f"{target} {missing_defect(name)}")
 
 
 def build_fault(fault: Settings) -> FaultConfig:

@@ -10,6 +10,7 @@ from hil_bench.bench.configuration.buses import build_bus, check_buses, read_bus
 from hil_bench.bench.configuration.eds_findings import warn_of_nodes
 from hil_bench.bench.configuration.faults import (
     build_fault,
+    check_defects,
     check_faults,
     find_targets,
     read_faults,
@@ -29,6 +30,7 @@ from hil_bench.bench.configuration.nodes import (
     resolve_nodes,
 )
 from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration.scripts import read_scripts
 from hil_bench.config.document import Document, check_tables, merge, read_document, read_section
 from hil_bench.config.settings import (
     Given,
@@ -89,8 +91,11 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     axes = read_axes(document, problems, default=needs_axis(document))
     nodes, chains = read_nodes(document, axes, problems)
     given = read_bindings(nodes, axes, problems)
+    scripts = read_scripts(nodes, problems)
     served = read_modbus(document, nodes, problems, wanted=modbus)
     read = read_faults(document, faults, problems)
+    if not nodes:
+        problems.add(problems.place("nodes"), "the bench has none; give one as [nodes.NAME]")
     problems.raise_any()
 
     _check_timing(bench, problems)
@@ -104,6 +109,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         resolve_modbus(served, nodes, file.parent if file else Path(), problems)
     check_faults(read, find_targets(nodes, axes, bindings), problems)
     built_axes = build_axes(axes, bench["step_us"].value, problems)
+    check_defects(read, built_axes, problems)
     problems.raise_any()
     built_modbus = build_modbus(served, nodes, problems) if served else None
     problems.raise_any()
@@ -119,7 +125,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         further_buses={name: build_bus(table) for name, table in further.items()},
         axes=built_axes,
         nodes=tuple(
-            build_node(name, node, bindings[name], chains.get(name), problems)
+            build_node(name, node, bindings[name], scripts[name], chains.get(name), problems)
             for name, node in nodes.items()
         ),
         modbus=built_modbus,

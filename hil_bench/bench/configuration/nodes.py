@@ -6,6 +6,7 @@ from typing import Any
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
+from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.config.document import Document, give, read_named_sections
 from hil_bench.config.objects import named_serial_number, parse_object
@@ -16,10 +17,13 @@ from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.chains import CHAIN_TABLE, build_chain, read_chain
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.registry import GENERIC, KINDS, VALVE, kind_of
+from hil_bench.kinds.scripts import ScriptConfig
 from hil_bench.plants.kind import AxisSettings
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 """The bindings of each node by its name."""
+
+_NO_AXIS = "the bench has no plant: give it one as [plant.axis1], or the node an eds and no profile"
 
 
 def read_nodes(
@@ -77,7 +81,7 @@ def needs_axis(document: Document) -> bool:
 def _is_alone(node: Mapping[str, object]) -> bool:
     objects = node.get("objects")
     values = objects.values() if isinstance(objects, dict) else ()
-    is_bound = any(isinstance(value, dict) for value in values)
+    is_bound = any(isinstance(value, dict) and not is_script(value) for value in values)
     kind = _find_kind(node.get("profile", GENERIC.name))
     has_eds = "eds" in node or (kind is not None and kind.eds is not None)
     return has_eds and kind is not None and not kind.has_axis and not is_bound
@@ -119,6 +123,7 @@ def build_node(
     name: str,
     node: Settings,
     bindings: Sequence[SourceConfig | SinkConfig],
+    scripts: tuple[ScriptConfig, ...],
     chain: Settings | None,
     problems: Problems,
 ) -> NodeConfig:
@@ -134,7 +139,8 @@ def build_node(
         if not isinstance(value, dict)
     }
     bound: dict[str, Any] = {
-        "sources": tuple(bound for bound in bindings if isinstance(bound, SourceConfig))
+        "sources": tuple(bound for bound in bindings if isinstance(bound, SourceConfig)),
+        "scripts": scripts,
     }
     if kind is GENERIC:
         bound["sinks"] = tuple(bound for bound in bindings if isinstance(bound, SinkConfig))
@@ -161,7 +167,8 @@ def _resolve_axis(place: str, node: Settings, axes: list[str], problems: Problem
         node["axis"] = axis._replace(value=axes[0])
     elif axis.value not in axes:
         wrong = "missing" if axis.value is None else f"there is no axis {describe(axis.value)}"
-        problems.add(place, f"{wrong}; give one of {', '.join(axes)}")
+        right = f"give one of {', '.join(axes)}" if axes else _NO_AXIS
+        problems.add(place, f"{wrong}; {right}")
 
 
 def _resolve_eds(place: str, node: Settings, base: Path, problems: Problems) -> None:

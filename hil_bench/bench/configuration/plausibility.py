@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from hil_bench.bench.configuration.records import BenchConfig
-from hil_bench.config.settings import Problems, Setting, Settings, quote_name
+from hil_bench.config.settings import Origin, Problems, Setting, Settings, quote_name
 from hil_bench.plants.kind import PlantKind, Range
 
 Kind = PlantKind[Any]
@@ -50,14 +50,29 @@ def find_doubts(config: BenchConfig) -> list[str]:
     """Return what of a configuration is hard to believe, a line each."""
     source = str(config.path) if config.path else "built-in bench"
     kinds = {f"plant.{axis.name}": axis.kind for axis in config.axes}
-    return [*_unusual(source, kinds, config.settings), *_unresolved(source, config)]
+    return [
+        *_unusual(source, kinds, config.settings),
+        *_left_over(source, kinds, config.settings),
+        *_unresolved(source, config),
+    ]
+
+
+def _left_over(
+    source: str, kinds: Mapping[str, Kind], settings: Sequence[Setting]
+) -> Iterator[str]:
+    """Yield the defaults that fit badly to what the file says of an axis."""
+    for table, kind in kinds.items():
+        of_axis = {each.key.name: each for each in settings if each.table == table}
+        for key, why in kind.find_leftovers(of_axis):
+            yield f"{source}:{table}.{quote_name(key)}: {why}"
 
 
 def _unusual(source: str, kinds: Mapping[str, Kind], settings: Sequence[Setting]) -> Iterator[str]:
     for setting in settings:
         kind = kinds.get(setting.table)
         usual = kind and kind.usual.get(setting.key.name)
-        if kind and usual and not _is_within(setting, usual):
+        is_own = setting.origin is not Origin.DATA_SHEET  # else its data are compared
+        if kind and usual and is_own and not _is_within(setting, usual):
             place = f"{source}:{setting.table}.{quote_name(setting.key.name)}"
             yield f"{place}: {_explain(setting, kind, usual, 'usual')}"
 

@@ -28,6 +28,15 @@ def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:
     raise ConfigError(f'faults: there is no {what} "{name}"; {right}')
 
 
+def missing_defect(name: str) -> str:
+    """Return why an axis cannot have a defect, and what would be right."""
+    if name == "load_loss":
+        return "has no load to lose; give it load_n, load_mass_kg or load_series_s_n"
+    if name in {"pump_loss", "relief_sag", "gas_loss"}:
+        return 'has a constant supply pressure; give it supply = "unit"'
+    return "cannot be worn: that takes a full-order cylinder and the bench's own solver"
+
+
 def choose(name: str, choices: type[_Choice], value: str) -> _Choice:
     """Return a member of an enumeration by its value.
 

@@ -1,6 +1,6 @@
 """The effects of faults on the parts of a bench."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Frame
@@ -10,7 +10,7 @@ from hil_bench.devices.faults.line import Babble, Line, Meeting, silence
 from hil_bench.devices.faults.sensor_stages import SensorStage
 from hil_bench.devices.faults.signal_path import SignalPath, Stage
 from hil_bench.plants.plant import Plant
-from hil_bench.plants.quantity import SUPPLY
+from hil_bench.plants.quantity import SUPPLY, Influence
 
 _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
@@ -44,11 +44,13 @@ class SpoolPoint(NamedTuple):
         command: the way of the spool's set-point [m].
         position: returns where the spool is [m].
         device: the valve's electronics, None where they have no enable input.
+        full: spool position of 100 % [m].
     """
 
     command: SignalPath
     position: Callable[[], float]
     device: Enabled | None = None
+    full: float = 1.0
 
 
 class SupplyPoint(NamedTuple):
@@ -61,6 +63,34 @@ class SupplyPoint(NamedTuple):
 
     plant: Plant
     lowest: float
+
+
+class DefectPoint(NamedTuple):
+    """Where a fault gets at the plant of an axis.
+
+    Attributes:
+        plant: of the axis.
+        known: what may be worn or broken, by name.
+        amounts: by the name of a defect, what each fault adds to it now; the plant has the sum.
+    """
+
+    plant: Plant
+    known: Mapping[str, Influence]
+    amounts: dict[str, dict[object, float]]
+
+    def add(self, name: str, owner: object, amount: float) -> None:
+        """Let a fault add an amount to a defect."""
+        self.amounts.setdefault(name, {})[owner] = amount
+        self._set(name)
+
+    def remove(self, name: str, owner: object) -> None:
+        """Let a fault add no more."""
+        self.amounts.get(name, {}).pop(owner, None)
+        self._set(name)
+
+    def _set(self, name: str) -> None:
+        total = sum(self.amounts[name].values())
+        self.plant.influence(name, min(total, self.known[name].high))
 
 
 class SensorEffect:
@@ -146,6 +176,65 @@ class SupplyEffect:
 
     def _hold(self) -> None:
         self._plant.influence(SUPPLY, self._pressure)
+
+
+class Growth:
+    """An amount that grows from tick to tick.
+
+    Args:
+        full: what it comes to.
+        ticks: how long that takes; 0 for at once.
+    """
+
+    def __init__(self, full: float, ticks: int) -> None:
+        self._full, self._ticks = full, ticks
+        self._passed = 0
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it grows no more."""
+        return self._passed > self._ticks
+
+    def next(self) -> float:
+        """Return the amount of the next tick."""
+        share = 1.0 if self._passed >= self._ticks else self._passed / self._ticks
+        self._passed += 1
+        return self._full * share
+
+
+class DefectEffect:
+    """A defect of a plant, which grows.
+
+    Args:
+        point: the plant.
+        name: of the defect.
+        make: makes its growth.
+        holds: what is called before each tick of the plants.
+    """
+
+    def __init__(
+        self,
+        point: DefectPoint,
+        name: str,
+        make: Callable[[], Growth],
+        holds: list[Callable[[], None]],
+    ) -> None:
+        self._point, self._name, self._make, self._holds = point, name, make, holds
+        self._growth = make()
+
+    def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Let it grow."""
+        self._growth = self._make()
+        self._holds.append(self._grow)
+
+    def end(self, now: int) -> None:  # noqa: ARG002 - of the protocol
+        """Mend it."""
+        self._holds.remove(self._grow)
+        self._point.remove(self._name, self)
+
+    def _grow(self) -> None:
+        if not self._growth.is_full:
+            self._point.add(self._name, self, self._growth.next())
 
 
 class LineEffect:

@@ -13,25 +13,28 @@ Amounts and times are in SI. Whatever makes no sense is refused with a `ConfigEr
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Unpack
 
 from numpy.random import Generator
 
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.checks import bounded, choose, count, find, identifier, to_ns
+from hil_bench.devices.faults.checks import (
+    bounded,
+    choose,
+    count,
+    find,
+    identifier,
+    to_ns,
+)
 from hil_bench.devices.faults.effects import (
     BabbleEffect,
     EnableEffect,
     LineEffect,
     ResetEffect,
     SensorEffect,
-    SensorPoint,
     SpoolEffect,
-    SpoolPoint,
     SupplyEffect,
-    SupplyPoint,
 )
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
@@ -46,7 +49,9 @@ from hil_bench.devices.faults.line import (
     silence,
     truncation,
 )
-from hil_bench.devices.faults.schedule import FaultSchedule, When
+from hil_bench.devices.faults.physical_faults import PhysicalFaults
+from hil_bench.devices.faults.points import FaultPoints
+from hil_bench.devices.faults.schedule import When
 from hil_bench.devices.faults.sensor_stages import (
     Broken,
     Frozen,
@@ -76,26 +81,7 @@ class Which(When, total=False):
     can_id: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class FaultPoints:
-    """What of a bench may have faults, by name.
-
-    Attributes:
-        sensors: nodes that measure.
-        valves: nodes that command a spool.
-        supplies: axes with a supply.
-        nodes: nodes on the bus.
-        buses: the number of the bus of each node; without it all are on bus 0.
-    """
-
-    sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
-    valves: Mapping[str, SpoolPoint] = field(default_factory=dict)
-    supplies: Mapping[str, SupplyPoint] = field(default_factory=dict)
-    nodes: Mapping[str, Node] = field(default_factory=dict)
-    buses: Mapping[str, int] = field(default_factory=dict)
-
-
-class Faults(FaultSchedule):
+class Faults(PhysicalFaults):
     """The faults of one bench.
 
     Args:
@@ -109,15 +95,14 @@ class Faults(FaultSchedule):
         babbles: to be called in each tick, with where to send to.
     """
 
+    lines: Mapping[Node, Line]
+
     def __init__(
         self, points: FaultPoints | None = None, *, tick_ns: int = 1_000_000, seed: int = 0
     ) -> None:
-        super().__init__()
-        self.lines: Mapping[Node, Line] = {}
-        self.holds: list[Callable[[], None]] = []
+        super().__init__(points or FaultPoints(), tick_ns)
+        self.lines = {}
         self.babbles: list[Babble] = []
-        self._points = points or FaultPoints()
-        self._tick = tick_ns * 1e-9
         self._seed = seed
         self._streams: Counter[str] = Counter()
 

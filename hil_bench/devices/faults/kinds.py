@@ -1,6 +1,9 @@
 """The kinds of faults and their choices, as they are named in `bench.toml`."""
 
+from collections.abc import Mapping
 from enum import StrEnum
+from types import MappingProxyType
+from typing import Final
 
 
 class FaultKind(StrEnum):
@@ -16,6 +19,15 @@ class FaultKind(StrEnum):
     INVERT = "invert"
     DISABLE = "disable"
     DROP_SUPPLY = "drop_supply"
+    LEAK = "leak"
+    AERATE = "aerate"
+    JAM = "jam"
+    DROP_LOAD = "drop_load"
+    WEAR_PUMP = "wear_pump"
+    SAG_RELIEF = "sag_relief"
+    LOSE_GAS = "lose_gas"
+    BIND = "bind"
+    WEAKEN = "weaken"
     SILENCE = "silence"
     RESET = "reset"
     LOSE = "lose"
@@ -29,8 +41,50 @@ SENSOR_KINDS = frozenset(
 )
 """Kinds that only a sensor may have."""
 
-VALVE_KINDS = frozenset({FaultKind.STICK, FaultKind.INVERT, FaultKind.DISABLE})
+VALVE_KINDS = frozenset(
+    {
+        FaultKind.STICK,
+        FaultKind.INVERT,
+        FaultKind.DISABLE,
+        FaultKind.BIND,
+        FaultKind.WEAKEN,
+    }
+)
 """Kinds that only a valve may have."""
+
+
+DEFECTS: Final[Mapping[FaultKind, str]] = MappingProxyType(
+    {
+        FaultKind.AERATE: "entrained_air",
+        FaultKind.JAM: "dry_friction",
+        FaultKind.DROP_LOAD: "load_loss",
+        FaultKind.WEAR_PUMP: "pump_loss",
+        FaultKind.SAG_RELIEF: "relief_sag",
+        FaultKind.LOSE_GAS: "gas_loss",
+    }
+)
+"""The defect of a plant that each of these kinds is; that of a leak depends on its path."""
+
+DEFECT_KINDS = frozenset({FaultKind.LEAK, *DEFECTS})
+"""Kinds that only the plant of an axis may have."""
+
+
+class LeakPath(StrEnum):
+    """Between what oil leaks."""
+
+    INTERNAL = "internal"
+    A = "a"
+    B = "b"
+
+
+LEAKS: Final[Mapping[LeakPath, str]] = MappingProxyType(
+    {
+        LeakPath.INTERNAL: "internal_leakage",
+        LeakPath.A: "leakage_a",
+        LeakPath.B: "leakage_b",
+    }
+)
+"""The defect that a leak by each path is."""
 
 
 class Reading(StrEnum):

@@ -13,6 +13,7 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     CONSTANT_LOAD_KEYS,
     DELAY_KEY,
     END_STOP_KEYS,
+    LAND_KEYS,
     LOAD_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
@@ -24,9 +25,11 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     Supply,
 )
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_full_model
+from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     EntrainedAir,
     LuGreFriction,
+    MeteringLands,
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
@@ -47,6 +50,21 @@ from hil_bench.plants.quantity import SUPPLY, Influence
 
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
 
+_LARGEST_LEAK = 5e-3 / 60.0 / 1e5  # [m³/(s Pa)], 5 l/min a bar: a hose that has burst
+_DEFECTS = (
+    Influence("internal_leakage", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("leakage_a", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("leakage_b", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
+    Influence("entrained_air", "-", 0.0, MOST_AIR),
+    Influence("dry_friction", "N", 0.0, LOAD_LIMIT),
+)
+_LOAD_DEFECTS = (Influence("load_loss", "-", 0.0, 1.0),)
+_SUPPLY_DEFECTS = (
+    Influence("pump_loss", "-", 0.0, 1.0),
+    Influence("relief_sag", "Pa", 0.0, _SUPPLY_LIMIT),
+    Influence("gas_loss", "-", 0.0, 1.0),
+)
+
 _PHYSICAL_KEYS = {
     key.field or key.name: key.name
     for key in (
@@ -56,11 +74,12 @@ _PHYSICAL_KEYS = {
         *CAVITATION_KEYS,
         *AIR_KEYS,
         *BRISTLE_KEYS,
+        *LAND_KEYS,
         *SUPPLY_KEYS,
         *LOAD_KEYS,
         DELAY_KEY,
     )
-} | {"bristles": "friction", "supply_unit": "supply"}
+} | {"bristles": "friction", "supply_unit": "supply", "lands": "flow_saturation"}
 # A symbol, but not a unit, which follows a number or a stroke.
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
@@ -96,6 +115,17 @@ class CylinderConfig(AxisConfig):
         return (
             Influence(LOAD, "N", -LOAD_LIMIT, LOAD_LIMIT),
             Influence(SUPPLY, "Pa", self.parameters.P_T, _SUPPLY_LIMIT),
+        )
+
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """What the full model of this axis can have, stepped by the bench's own solver."""
+        if self.model is Model.REDUCED or self.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
+            return ()
+        return (
+            *_DEFECTS,
+            *(_LOAD_DEFECTS if self.options.loads else ()),
+            *(_SUPPLY_DEFECTS if self.options.supply is not None else ()),
         )
 
     def limits(self, quantity: str) -> tuple[float, float]:
@@ -179,6 +209,9 @@ def _build_options(axis: Settings) -> PlantOptions:
         options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
     if axis["friction"].value is Friction.LUGRE:
         options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+    lands = MeteringLands(**convert(axis, LAND_KEYS))
+    if lands != MeteringLands():
+        options["lands"] = lands
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return PlantOptions(**options, loads=_build_loads(axis))

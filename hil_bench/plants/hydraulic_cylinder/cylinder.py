@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import (
@@ -25,6 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
     SPEED,
     SPOOL_POSITION,
 )
+from hil_bench.plants.quantity import SUPPLY
 
 _FASTEST = 10.0
 """Whatever is asked for, the piston is not set to more than this [m/s] ..."""
@@ -64,14 +66,22 @@ class _Cylinder(Plant):
         """Set the load [N] or P_S [Pa]; let go, a constant P_S is what it was, a unit fills up."""
         if name == LOAD:
             self._load = 0.0 if value is None else value
+        elif name != SUPPLY:
+            self._wear(name, 0.0 if value is None else value)
         elif value is not None:
             self.supply_pressure = value
         elif self.options.supply is None:
             self.supply_pressure = self.parameters.P_S
 
+    def _wear(self, name: str, amount: float) -> None:
+        """Set a defect; a model that can have none is not asked for any."""
+
 
 class FullOrderCylinder(FullOrderPlant, _Cylinder):
     """The full-order model on a bench."""
+
+    def _wear(self, name: str, amount: float) -> None:
+        self.defects = replace(self.defects, **{name: amount})
 
 
 class ReducedOrderCylinder(ReducedOrderPlant, _Cylinder):

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, number, points
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
@@ -108,6 +109,14 @@ BRISTLE_KEYS = (
     _quantity("bristle_damping_n_s_m", 2e3, NEWTON_SECOND_PER_METRE, "sigma_1"),
 )
 
+LAND_KEYS = (
+    _quantity("land_gain_pa", 1.0, ONE, "gain_pa"),
+    _quantity("land_gain_at", 1.0, ONE, "gain_at"),
+    _quantity("land_gain_pb", 1.0, ONE, "gain_pb"),
+    _quantity("land_gain_bt", 1.0, ONE, "gain_bt"),
+    _quantity("flow_saturation", 0.0, ONE, "saturation"),
+)
+
 SUPPLY_KEYS = (
     _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
     _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
@@ -138,6 +147,7 @@ DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
 
 AXIS_KEYS = (
     Key("model", choice(Model), Model.FULL_ORDER),
+    *DATA_SHEET_KEYS,
     DELAY_KEY,
     *PARAMETER_KEYS,
     *OPTION_KEYS,
@@ -148,6 +158,7 @@ AXIS_KEYS = (
     *AIR_KEYS,
     Key("friction", choice(Friction), Friction.STRIBECK),
     *BRISTLE_KEYS,
+    *LAND_KEYS,
     Key("supply", choice(Supply), Supply.CONSTANT),
     *SUPPLY_KEYS,
     *LOAD_KEYS,

@@ -1,6 +1,6 @@
 """The hydraulic cylinder as a kind of plant."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
@@ -11,11 +11,16 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
     full_opening_mm,
 )
 from hil_bench.plants.hydraulic_cylinder.cylinder import build_cylinder
+from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
+    apply_data_sheet,
+    find_leftovers,
+)
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
-from hil_bench.plants.kind import PlantKind
+from hil_bench.plants.hydraulic_cylinder.summary import summarise
+from hil_bench.plants.kind import Fact, PlantKind
 from hil_bench.plants.plant import Plant
 from hil_bench.units import MILLIMETRE
 
@@ -43,6 +48,18 @@ class HydraulicCylinder(PlantKind[CylinderConfig]):
     ) -> CylinderConfig | None:
         """Return the record of an axis."""
         return configure(self, name, settings, step_us, problems)
+
+    def derive(self, settings: Settings, problems: Problems) -> Settings:
+        """Return the settings of an axis with what its data sheets determine."""
+        return apply_data_sheet(settings, problems)
+
+    def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
+        """Yield the parts of an axis that are still Table I's beside data sheets of others."""
+        return find_leftovers(settings)
+
+    def summarise(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
+        """Return speeds, forces, pressures, frequencies and energies of an axis."""
+        return summarise(axis, tick_us, step_us)
 
     def build(
         self, axis: CylinderConfig, dt: float, start: Mapping[str, float] | None = None

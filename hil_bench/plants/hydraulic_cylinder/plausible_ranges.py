@@ -15,6 +15,7 @@ _VOLUME = "a miniature cylinder to a press"
 _LEAK = "a sound seal lets 0 through, a worn one some ml/min for each bar"
 _FORCE = "up to a press of 1000 t"
 _SPOOL = "spools of size 4 to 32 travel 0.3 to 15 mm"
+_LAND = "edges differ by some percent, those of a spool 2:1 by half"
 _EXPONENT = "1 is isothermal, 1.4 adiabatic, 1.67 that of a noble gas"
 
 USUAL: Final[Mapping[str, Range]] = {
@@ -61,10 +62,37 @@ USUAL: Final[Mapping[str, Range]] = {
     "accumulator_volume_l": Range(0.0, 1000.0, "0.02 to 450 l are made; 0 for none"),
     "accumulator_precharge_bar": Range(1.0, 700.0, _PRESSURE),
     "accumulator_exponent": Range(1.0, 1.67, _EXPONENT),
+    "land_gain_pa": Range(0.1, 2.0, _LAND),
+    "land_gain_at": Range(0.1, 2.0, _LAND),
+    "land_gain_pb": Range(0.1, 2.0, _LAND),
+    "land_gain_bt": Range(0.1, 2.0, _LAND),
+    "flow_saturation": Range(0.0, 20.0, "0 of a linear valve"),
     "load_n": Range(-1e7, 1e7, _FORCE),
     "load_spring_n_mm": Range(0.0, 1e6, "springs and machine frames"),
     "load_spring_rest_mm": Range(-30_000.0, 30_000.0, "within the reach of the cylinder"),
     "load_mass_kg": Range(0.0, 1e6, "a press of 1000 t"),
+    "bore_mm": Range(8.0, 1100.0, "ISO 6020 and 6022 have 25 to 500"),
+    "rod_mm": Range(4.0, 1000.0, "ISO 6020 and 6022 have 12 to 360"),
+    "second_rod_mm": Range(0.0, 1000.0, "as the other rod, 0 for none"),
+    "dead_volume_a_cm3": Range(0.05, 1e5, "some percent of the swept volume"),
+    "dead_volume_b_cm3": Range(0.05, 1e5, "some percent of the swept volume"),
+    "line_a_length_m": Range(0.0, 100.0, "a valve on the cylinder to one across the hall"),
+    "line_b_length_m": Range(0.0, 100.0, "a valve on the cylinder to one across the hall"),
+    "line_a_inner_mm": Range(2.0, 150.0, "hoses of DN 3 to pipes of DN 125"),
+    "line_b_inner_mm": Range(2.0, 150.0, "hoses of DN 3 to pipes of DN 125"),
+    "breakaway_pressure_bar": Range(0.05, 20.0, "0.5 of low-friction seals to 10 of V-packings"),
+    "rated_flow_l_min": Range(0.5, 5000.0, "servo-valves of size 4 to cartridges of size 100"),
+    "rated_pressure_drop_bar": Range(1.0, 70.0, "an edge: 5 of proportional, 35 of servo-valves"),
+    "spool_stroke_mm": Range(0.2, 30.0, _SPOOL),
+    "overlap_percent": Range(0.0, 40.0, "0 of servo-valves, 10 to 25 of proportional valves"),
+    "ratio_a_b": Range(0.2, 5.0, "1 of symmetric spools, 2 for cylinders of ratio 2"),
+    "flow_at_half_opening_percent": Range(50.0, 90.0, "50 of a linear valve"),
+    "frequency_90deg_hz": Range(1.0, 1000.0, "5 Hz of pilots to some 300 Hz of servo-valves"),
+    "step_response_ms": Range(0.5, 500.0, "2 of servo-valves to 200 of large pilots"),
+    "oil_temperature_c": Range(-20.0, 90.0, "a cold start to the limit of seals"),
+    "pump_displacement_cm3": Range(0.1, 1000.0, "a micro pump to a large variable one"),
+    "pump_speed_rpm": Range(300.0, 6000.0, "1450 of a motor with four poles"),
+    "pump_volumetric_efficiency_percent": Range(50.0, 100.0, "85 to 97 of sound pumps"),
 }
 """What data sheets and machines have; beyond it a unit is mistaken more often than not."""
 

@@ -36,18 +36,24 @@ def find_unresolved(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterato
 
 
 def eigenfrequencies(axis: CylinderConfig) -> tuple[float, float]:
-    """Return the cylinder's eigenfrequency at mid-stroke and at its stiffer end [Hz].
+    """Return the cylinder's eigenfrequency at mid-stroke and at its stiffer end [Hz]."""
+    h = axis.parameters.h
+    return eigenfrequency(axis, 0.0), max(eigenfrequency(axis, -h), eigenfrequency(axis, h))
+
+
+def eigenfrequency(axis: CylinderConfig, x: float) -> float:
+    """Return the cylinder's eigenfrequency at a piston position [Hz].
 
     Both chambers are springs: omega² = E (A_A² / V_A + A_B² / V_B) / m.
+
+    Args:
+        axis: the cylinder.
+        x: position from mid-stroke [m].
     """
     p = axis.parameters
     mass = p.m + axis.options.load_mass
-
-    def at(x: float) -> float:
-        stiffness = p.A_A**2 / (p.V_A0 + p.A_A * x) + p.A_B**2 / (p.V_B0 - p.A_B * x)
-        return math.sqrt(p.E * stiffness / mass) / (2.0 * math.pi)
-
-    return at(0.0), max(at(-p.h), at(p.h))
+    stiffness = p.A_A**2 / (p.V_A0 + p.A_A * x) + p.A_B**2 / (p.V_B0 - p.A_B * x)
+    return math.sqrt(p.E * stiffness / mass) / (2.0 * math.pi)
 
 
 def _right_us(frequency: float, samples: float) -> str:

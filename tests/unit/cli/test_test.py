@@ -15,6 +15,7 @@ VARIANTS = {
     "emergency_stop": ("restarts=1", "SRS-41"),
     "end_stop": ("speed_mm_s=280", "SRS-51"),
     "heartbeat_loss": ("heartbeat_timeout_ms=0", "SRS-30"),
+    "scripted_nodes": ("demand=4000", "IO-3"),
     "settling": ("position_gain=250", "SRS-1"),
     "supply_sag": ("position_gain=0.5", "SRS-11"),
 }

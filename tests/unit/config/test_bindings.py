@@ -94,7 +94,7 @@ BOUND = "nodes.io.objects.0x6401.01"
 
 IN_THE_FILE = [
     # The binding itself
-    ('"0x6401.01" = { scale = 2 }', f'{BOUND}: is bound to nothing; give source = "AXIS.P_A" or sink = "AXIS.spool_setpoint"'),
+    ('"0x6401.01" = { scale = 2 }', f'{BOUND}: is bound to nothing; give source = "AXIS.P_A" or sink = "AXIS.spool_setpoint", or a script: constant, ramp, sine, table, follow'),
     ('"0x6401.01" = { source = "axis1.P_A", sink = "axis1.u" }', f'{BOUND}: is both a source and a sink; give source = "AXIS.P_A" or sink = "AXIS.spool_setpoint"'),
     ('"0x1017" = { source = "axis1.P_A" }', "nodes.io.objects.0x1017.00: belongs to the communication services; bind an object from 0x2000 up"),
     ('"0x6401.01" = { source = "axis1.P_A", factor = 2 }', f"{BOUND}.factor: unknown key; the nearest known key is source"),

@@ -20,6 +20,7 @@ from hil_bench.bench.configuration.keys import (
     node_keys,
 )
 from hil_bench.bench.configuration.modbus import MODBUS_KEYS, UNIT_KEYS
+from hil_bench.bench.configuration.scripts import SCRIPT_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
@@ -36,6 +37,7 @@ TABLES = (
     *map(node_keys, reversed(KINDS.built_in.values())),
     SOURCE_KEYS,
     SINK_KEYS,
+    *SCRIPT_KEYS.values(),
     *CHAIN_KEYS.values(),
     COMMON_KEYS,
     *OWN_KEYS.values(),
@@ -137,7 +139,7 @@ def test_the_example_of_faults_loads() -> None:
     config = load_config(ROOT / "examples" / "faults.toml")
 
     assert [fault.kind for fault in config.faults] == [
-        *("offset", "break_wire", "stick", "drop_supply", "lose", "reset")
+        *("offset", "break_wire", "stick", "drop_supply", "lose", "reset", "leak", "bind")
     ]
 
 

@@ -11,7 +11,7 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import FaultConfig, Origin, load_config
 from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
-from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.devices.faults.kinds import Direction, FaultKind, LeakPath, Reading
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
@@ -38,6 +38,15 @@ EXAMPLES = {
     FaultKind.INVERT: ("valve", "", {}),
     FaultKind.DISABLE: ("valve", "", {}),
     FaultKind.DROP_SUPPLY: ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
+    FaultKind.LEAK: ("axis1", 'leak_l_min_bar = 0.06\npath = "a"\ngrowth_s = 2', {"conductance": 1e-11, "path": LeakPath.A, "growth": 2.0}),
+    FaultKind.AERATE: ("axis1", "air_percent = 2", {"share": 0.02, "growth": 0.0}),
+    FaultKind.JAM: ("axis1", "force_n = 5000", {"force": 5000.0, "growth": 0.0}),
+    FaultKind.DROP_LOAD: ("axis1", "", {"share": 1.0, "growth": 0.0}),
+    FaultKind.WEAR_PUMP: ("axis1", "loss_percent = 30", {"share": 0.3, "growth": 0.0}),
+    FaultKind.SAG_RELIEF: ("axis1", "sag_bar = 50", {"pressure": 50e5, "growth": 0.0}),
+    FaultKind.LOSE_GAS: ("axis1", "", {"share": 1.0, "growth": 0.0}),
+    FaultKind.BIND: ("valve", "band_percent = 5", {"band": 0.05, "growth": 0.0}),
+    FaultKind.WEAKEN: ("valve", "travel_percent = 50", {"travel": 0.5, "growth": 0.0}),
     FaultKind.SILENCE: ("valve", "", {}),
     FaultKind.RESET: ("valve", "", {}),
     FaultKind.LOSE: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
@@ -45,6 +54,10 @@ EXAMPLES = {
     FaultKind.TRUNCATE: ("valve", "length = 4", {"length": 4}),
     FaultKind.BABBLE: ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
 }  # fmt: skip
+
+
+PLANT = '[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
+"""An axis that can have each of them."""
 
 
 def fault(kind: str, target: str, more: str = "") -> str:
@@ -58,7 +71,9 @@ def test_there_is_an_example_of_each_kind() -> None:
 @pytest.mark.parametrize("kind", FaultKind)
 def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
     target, more, values = EXAMPLES[kind]
-    (found,) = load_config(write(fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))).faults
+    (found,) = load_config(
+        write(PLANT + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))
+    ).faults
     assert found == FaultConfig(kind, target, at=2.0, duration=0.5, values=found.values)
     assert found.values.keys() == values.keys()
     for name, value in values.items():
@@ -67,7 +82,9 @@ def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
 
 
 def test_each_kind_can_be_made_and_happens(write: Write) -> None:
-    text = "".join(fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items())
+    text = PLANT + "".join(
+        fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items()
+    )
     bench = build_bench(load_config(write(text)))
     bench.start(0)
     bench.tick([], 1_000_000)

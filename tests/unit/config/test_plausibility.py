@@ -11,8 +11,8 @@ from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequencies
 
-NO_QUANTITY = {"position_mm", "load_slope_deg"}
-"""Limited by the stroke, and to a right angle."""
+NO_QUANTITY = {"position_mm", "load_slope_deg", "oil"}
+"""Limited by the stroke, to a right angle, and a name."""
 
 
 @pytest.fixture

@@ -18,6 +18,15 @@ KEYS = {
     "invert": 'target = "valve"',
     "disable": 'target = "valve"',
     "drop_supply": 'target = "axis1"\npressure_bar = "sag_bar"',
+    "leak": 'target = "axis1"\nleak_l_min_bar = 0.1\npath = "b"\ngrowth_s = 0.005',
+    "aerate": 'target = "axis1"\nair_percent = 2',
+    "jam": 'target = "axis1"\nforce_n = 1000',
+    "drop_load": 'target = "axis1"',
+    "wear_pump": 'target = "axis1"\nloss_percent = 40',
+    "sag_relief": 'target = "axis1"\nsag_bar = 10',
+    "lose_gas": 'target = "axis1"',
+    "bind": 'target = "valve"\nband_percent = 3',
+    "weaken": 'target = "valve"\ntravel_percent = 50',
     "silence": 'target = "valve"',
     "reset": 'target = "valve"',
     "lose": 'target = "valve"\nshare_percent = 10\ndirection = "sent"\ncan_id = 0x181',
@@ -27,8 +36,12 @@ KEYS = {
 }
 """The keys of each kind, as docs/faults.md has them."""
 
+BENCH = '[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
+"""An axis that can have each of them."""
+
 SCENARIO = """
 title = "T"
+bench = "bench.toml"
 duration_s = 0.05
 [parameters]
 sag_bar = 40
@@ -63,6 +76,7 @@ def test_each_kind_is_tried():
 
 @pytest.mark.parametrize("kind", KEYS)
 def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
+    (tmp_path / "bench.toml").write_text(BENCH)
     path = tmp_path / "a.scenario.toml"
     path.write_text(SCENARIO.format(kind=kind, keys=KEYS[kind]))
     run.play(run.prepare(load_scenario(path)))

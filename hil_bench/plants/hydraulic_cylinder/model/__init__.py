@@ -4,6 +4,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import Extensi
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     EntrainedAir,
     LuGreFriction,
+    MeteringLands,
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
@@ -36,6 +37,7 @@ __all__ = [
     "LoadSeries",
     "LuGreFriction",
     "MassOnSlope",
+    "MeteringLands",
     "Model",
     "Plant",
     "PlantInput",

@@ -7,8 +7,9 @@ from typing import NamedTuple
 from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
-from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE
+from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE, MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
@@ -24,12 +25,20 @@ LeakConstants = tuple[float, float]
 """(C_LA, C_LB) [m³/(s Pa)]."""
 
 ExtendedConstants = tuple[
-    LeakConstants, AirConstants, BristleConstants, LoadConstants, SupplyConstants
+    LeakConstants,
+    AirConstants,
+    BristleConstants,
+    LoadConstants,
+    SupplyConstants,
+    LandConstants,
 ]
 
 # Where the extension begins in the row, after the paper's constants, and where the load series.
 _EXTENSION = ROW
-SERIES = _EXTENSION + 16
+SERIES = _EXTENSION + 21
+
+RELIEF_PRESSURE = _EXTENSION + 11
+"""Place of the relief valve's setting in the row: the third of the supply's constants."""
 
 
 class ExtensionState(NamedTuple):
@@ -54,6 +63,7 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
         _bristle_constants(options),
         _load_constants(options),
         supply_constants(parameters, options),
+        _land_constants(options.lands),
     )
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
@@ -100,6 +110,11 @@ def supply_constants(parameters: PlantParameters, options: PlantOptions) -> Supp
     )
 
 
+def _land_constants(lands: MeteringLands | None) -> LandConstants:
+    lands = MeteringLands() if lands is None else lands
+    return lands.gain_pa, lands.gain_at, lands.gain_pb, lands.gain_bt, lands.saturation
+
+
 @kernel
 def unpack_extended(row: Floats) -> ExtendedConstants:
     """Return the constants of the extensions in their groups."""
@@ -109,4 +124,5 @@ def unpack_extended(row: Floats) -> ExtendedConstants:
         (row[39], row[40]),
         (row[41], row[42], row[43]),
         (row[44], row[45], row[46], row[47], row[48], row[49], row[50]),
+        (row[51], row[52], row[53], row[54], row[55]),
     )

@@ -33,6 +33,7 @@ from hil_bench.plants.hydraulic_cylinder.model.following import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder, Spool, finish_step
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force
 from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
 from hil_bench.plants.hydraulic_cylinder.model.parts import (
@@ -138,14 +139,15 @@ def compress_oil(
         constants: in their groups.
         extension: those of the extensions.
     """
-    (dt, _, per_E_dt, _), _, _, _, (K, _, P_T, transition, signed), chambers, _, _ = constants
-    (C_LA, C_LB), air, _, _, supply = extension
+    (dt, _, per_E_dt, _), _, opening, _, (K, _, P_T, transition, signed), chambers, _, _ = constants
+    (C_LA, C_LB), air, _, _, supply, lands = extension
     E, C_L, _, _, _, _, _ = chambers
     x, v, P_A, P_B, _, _ = cylinder
 
     orifice = (K, P_S, P_T, transition, signed)
-    Q_A, secant_A, tangent_A = linearise_flow(z, P_A, orifice)
-    Q_B, secant_B, tangent_B = linearise_flow(-z, P_B, orifice)
+    open_A, open_B = meter_openings(z, opening, lands)
+    Q_A, secant_A, tangent_A = linearise_flow(open_A, P_A, orifice)
+    Q_B, secant_B, tangent_B = linearise_flow(open_B, P_B, orifice)
     net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
     net_A, net_B = net_A - C_LA * (P_A - P_T), net_B - C_LB * (P_B - P_T)
     V_A, V_B = chamber_volumes(x + 0.5 * dt * v, chambers)
@@ -222,7 +224,7 @@ def try_extended(
         extension: those of the extensions.
     """
     (dt, m, _, floor), _, opening, _, _, chambers, friction, _ = constants
-    _, _, bristles, (_, spring, rest), _ = extension
+    _, _, bristles, (_, spring, rest), _, _ = extension
     x, v, P_A, P_B, _, _ = cylinder
     z = orifice_state(0.5 * (spool[0] + spool[1]), opening)
     oil, ports, charge, fed = compress_oil(cylinder, z, P_S, constants, extension)
@@ -295,4 +297,4 @@ def advance_extended_midpoint(
     x, v, P_A, P_B, V_CA, V_CB = cylinder
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
     state[EXTRA] += extra
-    return keep_extended(state, states, steps, point, groups)
+    return keep_extended(state, states, steps, point, groups, extension[5])

@@ -1,5 +1,6 @@
 """What may stand in place of the paper's constants: air in the oil, bristles, a real supply."""
 
+import math
 from dataclasses import dataclass
 
 from hil_bench.errors import ParameterError
@@ -113,3 +114,44 @@ class SupplyUnit:
                 f"precharge_pressure = {self.precharge_pressure:g} Pa: must be below "
                 f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills"
             )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeteringLands:
+    """Edges of a spool that are not alike, and whose flow saturates with their opening.
+
+    Attributes:
+        gain_pa: of the edge from the supply to A, as a share of K [-].
+        gain_at: of the edge from A to the tank [-].
+        gain_pb: of the edge from the supply to B [-].
+        gain_bt: of the edge from B to the tank [-].
+        saturation: s of the flow a sqrt((1 + s) / (1 + s a²)) at a share a of the opening; 0 for a
+            linear one [-].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    gain_pa: float = 1.0
+    gain_at: float = 1.0
+    gain_pb: float = 1.0
+    gain_bt: float = 1.0
+    saturation: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("gain_pa", "gain_at", "gain_pb", "gain_bt"):
+            require_positive(name, getattr(self, name), "")
+        require_not_negative("saturation", self.saturation, "")
+
+    @property
+    def largest_gain(self) -> float:
+        """The gain of the widest edge [-]."""
+        return max(self.gain_pa, self.gain_at, self.gain_pb, self.gain_bt)
+
+    def gains(self, *, extends: bool) -> tuple[float, float]:
+        """Return the gains of the edges that feed and drain the cylinder in a direction."""
+        return (self.gain_pa, self.gain_bt) if extends else (self.gain_pb, self.gain_at)
+
+    def bend(self, share: float) -> float:
+        """Return the flow at a share of the opening, as a share of that of the wide open valve."""
+        return share * math.sqrt((1.0 + self.saturation) / (1.0 + self.saturation * share * share))

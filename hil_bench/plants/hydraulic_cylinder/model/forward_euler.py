@@ -16,6 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.orifice import port_flow
 from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
@@ -56,7 +57,7 @@ def compress_oil_explicit(
         extension: those of the extensions.
     """
     (dt, _, _, floor), _, _, _, (_, _, P_T, _, _), chambers, _, _ = constants
-    (C_LA, C_LB), air, _, _, _ = extension
+    (C_LA, C_LB), air, _, _, _, _ = extension
     E, C_L, _, _, _, _, _ = chambers
     P_A, P_B, V_CA, V_CB = filling
     V_A, V_B = chamber_volumes(x, chambers)
@@ -124,13 +125,14 @@ def advance_forward_euler(
     """
     groups, extension = unpack(constants), unpack_extended(constants)
     (dt, m, _, floor), spool, opening, _, (K, _, P_T, width, signed), chambers, _, stop = groups
-    _, _, _, (constant, spring, rest), supply = extension
+    _, _, _, (constant, spring, rest), supply, lands = extension
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
     point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += constant
     for step in range(steps):
         z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
-        Q_A, Q_B = port_flow(z, P_A, orifice), port_flow(-z, P_B, orifice)
+        open_A, open_B = meter_openings(z, opening, lands)
+        Q_A, Q_B = port_flow(open_A, P_A, orifice), port_flow(open_B, P_B, orifice)
         t = (state[STEPS] + step) * dt
         point = find_point(constants, point, last, t)
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
@@ -145,4 +147,4 @@ def advance_forward_euler(
         acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
-    return keep_extended(state, states, steps, point, groups)
+    return keep_extended(state, states, steps, point, groups, lands)

@@ -9,6 +9,7 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     ExtensionState,
     pack_extended,
@@ -108,13 +109,13 @@ class FullOrderPlant:
         is_midpoint = solver is Solver.LINEARLY_IMPLICIT_MIDPOINT
         self._is_extended = is_extended = self.options.is_extended or not is_midpoint
         self._advance = ready(_ADVANCE[solver, is_extended])
+        self._defects = Defects()
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         self._state = make_row(
             (*start, t / dt, z_f, P_S, 0.0, 0.0) if is_extended else (*start, 0.0)
         )
-        self._supply = (self._state, SUPPLY) if is_extended else (self._constants, ORIFICE_P_S)
         self._output = self._advance_by(0.0, 0.0, 0)
 
     @property
@@ -144,14 +145,45 @@ class FullOrderPlant:
     @property
     def supply_pressure(self) -> float:
         """P_S at the valve now [Pa]."""
-        row, place = self._supply
-        return float(row[place])
+        return float(self._state[SUPPLY] if self._is_extended else self._constants[ORIFICE_P_S])
 
     @supply_pressure.setter
     def supply_pressure(self, pressure: float) -> None:
         require_not_negative("supply_pressure", pressure, "Pa")
-        row, place = self._supply
-        row[place] = pressure
+        if self._is_extended:
+            self._state[SUPPLY] = pressure
+        else:
+            self._constants[ORIFICE_P_S] = pressure
+
+    @property
+    def defects(self) -> Defects:
+        """What is worn or broken; what is written holds until it is written again."""
+        return self._defects
+
+    @defects.setter
+    def defects(self, defects: Defects) -> None:
+        if defects == self._defects:
+            return
+        P_S = self.supply_pressure
+        if defects.needs_extension:
+            self._extend()
+        self._defects = defects
+        self._constants = make_row(
+            pack_defective(
+                self.parameters, self.options, self.dt, defects, is_extended=self._is_extended
+            )
+        )
+        self.supply_pressure = P_S
+
+    def _extend(self) -> None:
+        """Go on with the extended kernels, which give the same while nothing is extended."""
+        if self._is_extended:
+            return
+        P_S, states = self.supply_pressure, self.state
+        extra = float(self._state[PLAIN_EXTRA])
+        self._state = make_row((*states, 0.0, 0.0, P_S, 0.0, extra))
+        self._advance = ready(_ADVANCE[self.solver, True])
+        self._is_extended = True
 
     def restart(self, state: PlantState) -> None:
         """Go on from another state; what the extensions hold stays."""

@@ -10,6 +10,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
     EntrainedAir,
     LuGreFriction,
+    MeteringLands,
     SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
@@ -72,6 +73,7 @@ class PlantOptions:
         C_LB: external leakage coefficient, chamber B to the tank [m³/(s Pa)].
         air: what is entrained in the oil; None for the constant E.
         bristles: LuGre friction in place of the tanh in eq. (13); None for the static curve.
+        lands: gains and saturation of the metering edges; None for four like edges.
         supply: what holds P_S up; None for the constant P_S.
         loads: what acts on the rod besides the F_L of each step; one series at the most.
 
@@ -90,6 +92,7 @@ class PlantOptions:
     C_LB: float = 0.0
     air: EntrainedAir | None = None
     bristles: LuGreFriction | None = None
+    lands: MeteringLands | None = None
     supply: SupplyUnit | None = None
     loads: tuple[Load, ...] = ()
 
@@ -119,6 +122,7 @@ class PlantOptions:
         require_kind("end_stop", self.end_stop, EndStop, NoneType)
         require_kind("air", self.air, EntrainedAir, NoneType)
         require_kind("bristles", self.bristles, LuGreFriction, NoneType)
+        require_kind("lands", self.lands, MeteringLands, NoneType)
         require_kind("supply", self.supply, SupplyUnit, NoneType)
         require_kind("loads", self.loads, tuple)
         for load in self.loads:
@@ -127,8 +131,10 @@ class PlantOptions:
     @property
     def is_extended(self) -> bool:
         """Whether anything is on that the paper's equations do not have."""
-        extensions = (self.air, self.bristles, self.supply)
-        return bool(self.C_LA or self.C_LB or self.loads) or extensions != (None, None, None)
+        extensions = (self.air, self.bristles, self.lands, self.supply)
+        return bool(self.C_LA or self.C_LB or self.loads) or any(
+            extension is not None for extension in extensions
+        )
 
     @property
     def load_mass(self) -> float:

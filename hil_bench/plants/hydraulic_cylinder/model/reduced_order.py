@@ -242,6 +242,7 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
         "C_LB": bool(options.C_LB),
         "air_fraction": options.air is not None,
         "bristles": options.bristles is not None,
+        "lands": options.lands is not None,
         "supply_unit": options.supply is not None,
     }
     for symbol, is_given in given.items():

@@ -194,10 +194,16 @@ def _matrix(
     ]
 
 
+def _widest_opening(parameters: PlantParameters, options: PlantOptions) -> float:
+    """Return the opening of the widest edge of the wide open valve [m]."""
+    gain = 1.0 if options.lands is None else options.lands.largest_gain
+    return gain * max(parameters.alpha, options.alpha_negative or 0.0)
+
+
 def _orifice_slopes(parameters: PlantParameters, options: PlantOptions) -> tuple[float, ...]:
     """Return -dQ/dP [m³/(s Pa)] of eqs. (5), (6): closed, wide open at the full drop, and steep."""
     span = parameters.P_S - parameters.P_T
-    opening = max(parameters.alpha, options.alpha_negative or 0.0)
+    opening = _widest_opening(parameters, options)
     return (
         0.0,
         *(
@@ -244,6 +250,6 @@ def _spool_modes(parameters: PlantParameters) -> Modes:
 def _largest_velocity(parameters: PlantParameters, options: PlantOptions) -> float:
     """Return the velocity at which the wide open valve fills the smaller chamber [m/s]."""
     span = parameters.P_S - parameters.P_T
-    opening = max(parameters.alpha, options.alpha_negative or 0.0)
+    opening = _widest_opening(parameters, options)
     area = min(parameters.A_A, parameters.A_B)
     return parameters.K * opening * math.sqrt(span) / area

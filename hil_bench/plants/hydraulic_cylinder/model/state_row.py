@@ -3,6 +3,7 @@
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
+from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants, meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
 from hil_bench.plants.hydraulic_cylinder.model.spool import OpeningConstants, orifice_state
 
@@ -61,7 +62,12 @@ def read_states(row: Floats) -> States:
 
 @kernel
 def keep_extended(
-    row: Floats, states: States, steps: int, point: int, constants: Constants
+    row: Floats,
+    states: States,
+    steps: int,
+    point: int,
+    constants: Constants,
+    lands: LandConstants,
 ) -> Seen:
     """Write the states of a plant with extensions back, and return what is seen of them.
 
@@ -71,11 +77,14 @@ def keep_extended(
         steps: made since they were read.
         point: index of the load series' point in the row of constants.
         constants: in their groups.
+        lands: of the metering edges.
     """
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
     row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
     row[6], row[7], row[9], row[10] = V_CA, V_CB, z_f, P_S
     row[STEPS], row[POINT] = row[STEPS] + steps, float(point - SERIES)
     K, _, P_T, transition, signed = constants[4]
-    plain = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB)
-    return show(plain, constants[2], (K, P_S, P_T, transition, signed))
+    orifice = (K, P_S, P_T, transition, signed)
+    z = orifice_state(nu, constants[2])
+    open_A, open_B = meter_openings(z, constants[2], lands)
+    return x, v, P_A, P_B, nu, z, port_flow(open_A, P_A, orifice), port_flow(open_B, P_B, orifice)

@@ -1,0 +1,89 @@
+"""Density, viscosity and bulk modulus of an oil by its class."""
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
+
+KELVIN = 273.15
+
+EXPANSION = 7e-4
+"""A typical thermal expansion of mineral oil [1/K]."""
+
+TEMPERATURE_C = 40.0
+"""Of an oil of which none is given: that of the viscosity in its name."""
+
+
+class Oil(NamedTuple):
+    """A class of oil; all but the viscosity at 40 °C, which ISO 3448 says, are typical values.
+
+    Attributes:
+        density: at 15 °C [kg/m³].
+        viscosity_40: at 40 °C [mm²/s].
+        viscosity_100: at 100 °C [mm²/s].
+        bulk_modulus: of the pure oil at 40 °C and some 100 bar, in rigid lines [MPa].
+    """
+
+    density: float
+    viscosity_40: float
+    viscosity_100: float
+    bulk_modulus: float
+
+    def density_at(self, temperature: float) -> float:
+        """Return the density [kg/m³] at a temperature [°C]."""
+        return self.density / (1.0 + EXPANSION * (temperature - 15.0))
+
+    def viscosity_at(self, temperature: float) -> float:
+        """Return the kinematic viscosity [mm²/s] at a temperature [°C], by ASTM D341.
+
+        log10 log10 (nu + 0.7) = a - b log10 T, through the values at 40 and 100 °C.
+        """
+        cold, hot = math.log10(40.0 + KELVIN), math.log10(100.0 + KELVIN)
+        at_cold = math.log10(math.log10(self.viscosity_40 + 0.7))
+        at_hot = math.log10(math.log10(self.viscosity_100 + 0.7))
+        share = (math.log10(temperature + KELVIN) - cold) / (hot - cold)
+        inner = float(10.0 ** (at_cold + share * (at_hot - at_cold)))
+        return float(10.0**inner) - 0.7
+
+
+OILS: Final[dict[str, Oil]] = {
+    "HLP 22": Oil(865.0, 22.0, 4.3, 1400.0),
+    "HLP 32": Oil(870.0, 32.0, 5.4, 1400.0),
+    "HLP 46": Oil(875.0, 46.0, 6.8, 1400.0),
+    "HLP 68": Oil(880.0, 68.0, 8.7, 1400.0),
+    "HLP 100": Oil(885.0, 100.0, 11.4, 1400.0),
+    "HVLP 32": Oil(870.0, 32.0, 6.3, 1400.0),
+    "HVLP 46": Oil(875.0, 46.0, 8.2, 1400.0),
+    "HVLP 68": Oil(880.0, 68.0, 10.9, 1400.0),
+    "HEES 46": Oil(920.0, 46.0, 9.3, 1500.0),
+}
+"""By the names of DIN 51524 and ISO 15380: the class and the viscosity grade of ISO 3448."""
+
+
+def find_oil(sheet: Sheet) -> Oil | None:
+    """Return the oil of a sheet; None without one, or for one that is refused."""
+    if not sheet.has("oil"):
+        if sheet.has("oil_temperature_c"):
+            right = 'give oil = "HLP 46" for example'
+            sheet.refuse("oil_temperature_c", f"says nothing without an oil; {right}")
+        return None
+    name = " ".join(str(sheet.settings["oil"].value).upper().replace("-", " ").split())
+    if name not in OILS:
+        known = ", ".join(f'"{each}"' for each in OILS)
+        given = sheet.settings["oil"].value
+        sheet.refuse("oil", f'"{given}" is unknown; give one of {known}')
+        return None
+    return OILS[name]
+
+
+def derive_oil(sheet: Sheet, oil: Oil | None) -> Iterator[Derived]:
+    """Yield density and bulk modulus of an oil."""
+    if oil is None:
+        return
+    density = oil.density_at(sheet.number("oil_temperature_c", TEMPERATURE_C))
+    sources = sheet.given(("oil", "oil_temperature_c"))
+    heat = "" if sheet.has("oil_temperature_c") else f"at {TEMPERATURE_C:g} °C"
+    yield Derived("oil_density_kg_m3", density, sources, heat, yields=True)
+    what = "oil without air in rigid lines"
+    yield Derived("bulk_modulus_mpa", oil.bulk_modulus, ("oil",), what, yields=True)

@@ -1,0 +1,127 @@
+"""What is worn or broken at a plant: the parameters that it has then.
+
+Each defect is an amount that may grow and go away while the plant runs. The equations stay those of
+the model; a defect changes the constants in them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from hil_bench.plants.hydraulic_cylinder.model.constants import pack
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    RELIEF_PRESSURE,
+    pack_extended,
+)
+from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir, SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.loads import (
+    ConstantLoad,
+    Load,
+    LoadSeries,
+    MassOnSlope,
+)
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+
+MOST_AIR = 0.5
+"""Largest share of air that the mixture law takes [-]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Defects:
+    """What is worn or broken; 0 is sound.
+
+    Attributes:
+        internal_leakage: adds to C_L [m³/(s Pa)].
+        leakage_a: adds to C_LA, from chamber A to the tank [m³/(s Pa)].
+        leakage_b: adds to C_LB, from chamber B to the tank [m³/(s Pa)].
+        entrained_air: adds to the volume of air in the oil at atmospheric pressure [-].
+        dry_friction: adds to F_c and F_s [N].
+        load_loss: share of the loads, with their mass, that is gone [-].
+        pump_loss: share of the pump's flow that is lost [-].
+        relief_sag: by how much the relief valve opens too early [Pa].
+        gas_loss: share of the accumulator's gas that is gone [-].
+    """
+
+    internal_leakage: float = 0.0
+    leakage_a: float = 0.0
+    leakage_b: float = 0.0
+    entrained_air: float = 0.0
+    dry_friction: float = 0.0
+    load_loss: float = 0.0
+    pump_loss: float = 0.0
+    relief_sag: float = 0.0
+    gas_loss: float = 0.0
+
+    @property
+    def needs_extension(self) -> bool:
+        """Whether the paper's equations cannot hold them."""
+        return bool(self.leakage_a or self.leakage_b or self.entrained_air)
+
+
+def pack_defective(
+    parameters: PlantParameters,
+    options: PlantOptions,
+    dt: float,
+    defects: Defects,
+    *,
+    is_extended: bool,
+) -> Sequence[float]:
+    """Return the constants of a plant with defects, as `pack` or `pack_extended` give them.
+
+    Args:
+        parameters: of the sound plant.
+        options: of the sound plant.
+        dt: step [s].
+        defects: what is wrong with it.
+        is_extended: whether it runs the extended kernels.
+    """
+    worn = replace(
+        parameters,
+        C_L=parameters.C_L + defects.internal_leakage,
+        F_c=parameters.F_c + defects.dry_friction,
+        F_s=parameters.F_s + defects.dry_friction,
+    )
+    if not is_extended:
+        return pack(worn, options, dt)
+    changed = replace(
+        options,
+        C_LA=options.C_LA + defects.leakage_a,
+        C_LB=options.C_LB + defects.leakage_b,
+        air=_aerate(options.air, defects.entrained_air),
+        supply=None if options.supply is None else _wear_supply(options.supply, defects),
+        loads=tuple(_lighten(load, 1.0 - defects.load_loss) for load in options.loads),
+    )
+    row = list(pack_extended(worn, changed, dt))
+    # A relief valve that is stuck open lets the pressure fall below the accumulator's precharge,
+    # which no one would configure.
+    row[RELIEF_PRESSURE] = max(row[RELIEF_PRESSURE] - defects.relief_sag, 0.0)
+    return row
+
+
+def _aerate(air: EntrainedAir | None, more: float) -> EntrainedAir | None:
+    if not more:
+        return air
+    if air is None:
+        return EntrainedAir(air_fraction=min(more, MOST_AIR))
+    return replace(air, air_fraction=min(air.air_fraction + more, MOST_AIR))
+
+
+def _wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:
+    return replace(
+        unit,
+        pump_flow=unit.pump_flow * (1.0 - defects.pump_loss),
+        accumulator_volume=unit.accumulator_volume * (1.0 - defects.gas_loss),
+    )
+
+
+def _lighten(load: Load, share: float) -> Load:
+    """Return what is left of a load; a spring stays."""
+    if share == 1.0:
+        return load
+    if isinstance(load, ConstantLoad):
+        return replace(load, load_force=load.load_force * share)
+    if isinstance(load, MassOnSlope):
+        return replace(load, load_mass=load.load_mass * share)
+    if isinstance(load, LoadSeries):
+        return replace(load, forces=tuple(force * share for force in load.forces))
+    return load

@@ -1,0 +1,111 @@
+"""The steady motion of a cylinder under a constant opening: speed, pressures and flow."""
+
+import math
+from typing import NamedTuple
+
+from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
+from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+
+
+class SteadyMotion(NamedTuple):
+    """A motion in which nothing changes but the position.
+
+    Attributes:
+        speed: of the piston, without its sign; 0 where the load holds it [m/s].
+        P_A: pressure in chamber A [Pa].
+        P_B: pressure in chamber B [Pa].
+        supply_flow: what the valve draws [m³/s].
+        is_pump_limited: whether the pump gives less than the valve would draw.
+        is_cavitating: whether the load runs ahead of the oil.
+    """
+
+    speed: float
+    P_A: float
+    P_B: float
+    supply_flow: float
+    is_pump_limited: bool
+    is_cavitating: bool
+
+
+def steady_motion(
+    parameters: PlantParameters,
+    options: PlantOptions,
+    *,
+    extends: bool,
+    z: float | None = None,
+    load: float | None = None,
+) -> SteadyMotion:
+    """Return the steady motion in one direction, without leakage.
+
+    With the speed v, the fed area A_1 and the other A_2 the drops over the edges are
+    (A_1 v / (K z))² and (A_2 v / (K z))² (Ruderman 2017 eqs. (5), (6)), so the forces balance where
+
+        P_S A_1 - P_T A_2 - F - f(v) = v² (A_1³ + A_2³) / (K z)²,
+
+    with a K of its own for each edge where the lands differ. Where a load would pull the piston
+    faster than oil follows, the fed chamber cavitates, and the edge that drains holds the load:
+
+        P_floor A_1 - P_T A_2 - F - f(v) = v² A_2³ / (K z)².
+
+    Args:
+        parameters: of the plant.
+        options: of the plant; a supply unit holds its relief pressure as far as its pump can.
+        extends: which direction.
+        z: orifice state [m]; None for the wide open valve.
+        load: against extension [N]; None for that of the options in mid-stroke.
+    """
+    p = parameters
+    force = options.load_at(0.0) if load is None else load
+    P_S = p.P_S if options.supply is None else options.supply.relief_pressure
+    fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
+    feeding, draining = _conductances(p, options, z, extends=extends)
+    drive = P_S * fed - p.P_T * other - against
+    speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2)
+    pump = math.inf if options.supply is None else options.supply.pump_flow
+    is_limited = speed * fed > pump
+    speed = min(speed, pump / fed)
+    P_2 = p.P_T + (other * speed / draining) ** 2
+    P_1 = (P_2 * other + against + _friction(p, speed)) / fed if speed else P_S
+    flow, floor = speed * fed, options.cavitation_floor
+    is_cavitating = floor is not None and P_1 < floor
+    if floor is not None and is_cavitating:
+        drive = floor * fed - p.P_T * other - against
+        speed, P_1 = _balance(parameters, drive, other**3 / draining**2), floor
+        P_2 = p.P_T + (other * speed / draining) ** 2
+        flow = min(feeding * math.sqrt(P_S - floor), pump)
+    P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
+    return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_cavitating)
+
+
+def _conductances(
+    parameters: PlantParameters, options: PlantOptions, z: float | None, *, extends: bool
+) -> tuple[float, float]:
+    """Return K z of the edge that feeds and of the one that drains [m³/(s sqrt(Pa))]."""
+    negative = options.alpha_negative
+    alpha = parameters.alpha if extends or negative is None else negative
+    lands = MeteringLands() if options.lands is None else options.lands
+    full = parameters.K * alpha * lands.bend(1.0 if z is None else z / alpha)
+    feeding, draining = lands.gains(extends=extends)
+    return full * feeding, full * draining
+
+
+def _friction(parameters: PlantParameters, speed: float) -> float:
+    """Return the friction of eq. (13) [N] at a speed above 0 [m/s], with the true sign."""
+    p = parameters
+    stribeck = (p.F_s - p.F_c) * math.exp(-((speed / p.chi) ** p.delta))
+    return p.F_c + stribeck + p.sigma * speed
+
+
+def _balance(parameters: PlantParameters, drive: float, resistance: float) -> float:
+    """Return the largest speed at which a force drives friction and edges [m/s]; 0 for none."""
+    if drive <= parameters.F_c:
+        return 0.0
+    low, high = 0.0, math.sqrt(drive / resistance)
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if drive - _friction(parameters, middle) > resistance * middle * middle:
+            low = middle
+        else:
+            high = middle
+    return low

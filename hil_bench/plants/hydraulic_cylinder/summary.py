@@ -1,0 +1,141 @@
+"""What an engineer checks first of an axis: speeds, forces, pressures, frequencies, energies.
+
+`docs/data-sheets.md` has the formulas with their sources, and one machine by hand.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import SteadyMotion, steady_motion
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
+from hil_bench.plants.kind import Fact
+from hil_bench.units import BAR, LITRE_PER_MINUTE
+
+_SWINGS = 1.0 / (2.0 * math.pi)
+
+
+def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
+    """Return what an engineer checks first of an axis.
+
+    Args:
+        axis: its record.
+        tick_us: period of the loop [us].
+        step_us: step of the solver [us].
+    """
+    return [
+        *_motion_facts(axis),
+        *_rest_facts(axis),
+        *_swing_facts(axis, tick_us, step_us),
+        *_impact_facts(axis),
+    ]
+
+
+def softest_position(parameters: PlantParameters) -> float:
+    """Return the piston position with the lowest eigenfrequency [m].
+
+    The derivative of A_A² / V_A + A_B² / V_B is 0 where V_A / V_B = (A_A / A_B)^1.5; an end of the
+    stroke where that lies beyond it.
+    """
+    p = parameters
+    ratio = (p.A_A / p.A_B) ** 1.5
+    x = (ratio * p.V_B0 - p.V_A0) / (p.A_A + ratio * p.A_B)
+    return float(min(max(x, -p.h), p.h))
+
+
+def damping_ratio(axis: CylinderConfig, x: float) -> float:
+    """Return the damping ratio of the piston on the oil with the valve closed.
+
+    That of the oscillating pair among the eigenvalues of eqs. (8), (9) and (12), linearised in
+    v, P_A and P_B with viscous friction and leakage; 1 where nothing oscillates.
+
+    Args:
+        axis: the cylinder.
+        x: position from mid-stroke [m].
+    """
+    p, options = axis.parameters, axis.options
+    mass = p.m + options.load_mass
+    per_a, per_b = p.E / (p.V_A0 + p.A_A * x), p.E / (p.V_B0 - p.A_B * x)
+    matrix = [
+        [-p.sigma / mass, p.A_A / mass, -p.A_B / mass],
+        [-p.A_A * per_a, -(p.C_L + options.C_LA) * per_a, p.C_L * per_a],
+        [p.A_B * per_b, p.C_L * per_b, -(p.C_L + options.C_LB) * per_b],
+    ]
+    modes = np.linalg.eigvals(np.array(matrix))
+    swing = modes[np.argmax(np.abs(modes.imag))]
+    return float(-swing.real / abs(swing)) if swing.imag else 1.0
+
+
+def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
+    for word, extends in (("extending", True), ("retracting", False)):
+        motion = steady_motion(axis.parameters, axis.options, extends=extends)
+        yield Fact(f"top speed {word}", motion.speed * 1e3, "mm/s", _note(motion))
+        yield Fact(f"  pressure A {word}", BAR.from_si(motion.P_A), "bar")
+        yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
+        flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
+        yield Fact(f"  flow from the supply {word}", flow, "l/min")
+
+
+def _note(motion: SteadyMotion) -> str:
+    if not motion.speed:
+        return "the load holds the piston"
+    if motion.is_cavitating:
+        return "the load runs ahead of the oil: the chamber cavitates"
+    if motion.is_pump_limited:
+        return "limited by the pump"
+    return "valve wide open, with friction and load"
+
+
+def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
+    p = axis.parameters
+    load = axis.options.load_at(axis.position)
+    rest = balanced_state(p, F_L=load)
+    yield Fact("pressure A at rest", BAR.from_si(rest.P_A), "bar", "at the start of a run")
+    yield Fact("pressure B at rest", BAR.from_si(rest.P_B), "bar")
+    unit = axis.options.supply
+    supply = p.P_S if unit is None else unit.relief_pressure
+    yield Fact("largest push", (supply * p.A_A - p.P_T * p.A_B) * 1e-3, "kN", "without friction")
+    yield Fact("largest pull", (supply * p.A_B - p.P_T * p.A_A) * 1e-3, "kN")
+    if load:
+        yield Fact("load at the start", load * 1e-3, "kN", "positive against extension")
+
+
+def _swing_facts(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[Fact]:
+    p = axis.parameters
+    x = softest_position(p)
+    lowest = eigenfrequency(axis, x)
+    highest = max(eigenfrequency(axis, -p.h), eigenfrequency(axis, p.h))
+    yield Fact("eigenfrequency, retracted", eigenfrequency(axis, -p.h), "Hz")
+    yield Fact("eigenfrequency, mid-stroke", eigenfrequency(axis, 0.0), "Hz")
+    yield Fact("eigenfrequency, extended", eigenfrequency(axis, p.h), "Hz")
+    yield Fact("eigenfrequency, lowest", lowest, "Hz", f"at {x * 1e3:.4g} mm from mid-stroke")
+    omega = 2.0 * math.pi * lowest
+    damping = damping_ratio(axis, x)
+    yield Fact("damping ratio there", damping, "-", "by friction and leakage, valve closed")
+    yield Fact("limit of a position controller", 2.0 * damping * omega, "1/s", "gain 2 D omega")
+    yield Fact("valve at -90 degrees", p.omega_0 * _SWINGS, "Hz", f"{p.omega_0 / omega:.3g} times")
+    yield Fact("ticks a swing", 1e6 / (lowest * tick_us), "-", _verdict(lowest, tick_us, 4.0))
+    yield Fact("steps a swing", 1e6 / (highest * step_us), "-", _verdict(highest, step_us, 12.0))
+
+
+def _verdict(frequency: float, period_us: int, needed: float) -> str:
+    verdict = "resolved" if 1e6 / (frequency * period_us) >= needed else "not resolved"
+    return f"{verdict}: {needed:g} are needed"
+
+
+def _impact_facts(axis: CylinderConfig) -> Iterator[Fact]:
+    p = axis.parameters
+    mass = p.m + axis.options.load_mass
+    speed = max(steady_motion(p, axis.options, extends=extends).speed for extends in (True, False))
+    push = max(p.P_S * p.A_A, p.P_S * p.A_B)
+    yield Fact("moving mass", mass, "kg")
+    yield Fact("time to top speed, at least", 1e3 * mass * speed / push, "ms", "mass by full force")
+    yield Fact("energy at the end stop", 0.5 * mass * speed * speed, "J", "at the higher top speed")
+    stop = axis.options.end_stop
+    if stop is not None:
+        depth = speed * math.sqrt(mass / stop.stiffness)
+        yield Fact("  depth of impact, at most", 1e3 * depth, "mm", "without the stop's damping")

@@ -1,0 +1,137 @@
+import io
+import json
+import sys
+import tomllib
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.cli import main
+from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import CYLINDERS, VALVES
+
+PRESS = ["--cylinder", "63/36x500", "--valve", "60 l/min @ 5 bar", "--supply", "210"]
+PRESS += ["--load", "500"]
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
+
+
+def test_a_bench_is_written_with_the_origin_of_each_value(tmp_path, capsys):
+    assert main(["new", *PRESS]) == 0
+    text = (tmp_path / "bench.toml").read_text()
+    axis = tomllib.loads(text)["plant"]["axis1"]
+    assert (axis["bore_mm"], axis["rod_mm"], axis["stroke_mm"]) == (63, 36, 500)
+    lines = [line for line in text.splitlines() if line.startswith("overlap_percent")]
+    assert lines[0].endswith("# typical of NG10: look it up in the data sheet")
+    assert "rated_flow_l_min = 60.0                   # command line\n" in text
+    out, err = capsys.readouterr()
+    assert out.startswith("wrote bench.toml\n\ntop speed extending ")
+    assert err == ""
+    # 210 bar make 210 / (1 - (36/63)²) = 312 bar in the rod's chamber.
+    assert tomllib.loads(text)["nodes"]["pressure_b"]["span_bar"] == [0, 400]
+
+
+@pytest.mark.parametrize(
+    ("valve", "keys"),
+    [
+        ("NG16", {"rated_flow_l_min": 150, "overlap_percent": 15}),
+        ("servo ng10", {"rated_pressure_drop_bar": 35, "overlap_percent": 0}),
+        ("40 l/min @ 35 bar", {"rated_flow_l_min": 40, "overlap_percent": 0}),
+        ("40 l/min@5bar, overlap 20 %, 25 ms", {"overlap_percent": 20, "step_response_ms": 25}),
+        ("40 l/min @ 5 bar, 55 Hz", {"frequency_90deg_hz": 55, "overlap_percent": 15}),
+    ],
+)
+def test_a_valve_is_a_size_or_its_data(tmp_path, valve, keys):
+    options = [*PRESS]
+    options[3] = valve
+    assert main(["new", *options, "-q"]) == 0
+    axis = tomllib.loads((tmp_path / "bench.toml").read_text())["plant"]["axis1"]
+    assert keys.items() <= axis.items()
+
+
+def test_a_double_rod_has_two_equal_areas():
+    options = [*PRESS]
+    options[1] = "80/45/45x300"
+    assert main(["new", *options, "-q"]) == 0
+    p = load_config("bench.toml").axes[0].parameters
+    assert p.A_A == p.A_B
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--cylinder", "63/70x500"], '--cylinder: "63/70x500": the rod of 70 mm fills the bore;'),
+        (["--cylinder", "63"], '--cylinder: "63" is no cylinder; give BORE/RODxSTROKE in mm'),
+        (["--valve", "60 l/min"], '--valve: "60 l/min" is no valve; give "60 l/min @ 5 bar'),
+        (["--valve", "60 l/min @ 5 bar, blue"], '--valve: "blue" is no datum of a valve; give'),
+        (["--supply", "much"], '--supply: "much" is out of range; give a number in bar, 1 to 1000'),
+        (["--oil", "olive"], '--oil: "olive" is unknown; give one of "HLP 22"'),
+        (["--cylinder", "63/36x0"], "built-in bench:plant.axis1.stroke_mm: 0 is no stroke"),
+    ],
+)
+def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, capsys, options, said):
+    assert main(["new", *PRESS, *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"hil-bench: error: {said}")
+    assert not (tmp_path / "bench.toml").exists()
+
+
+def test_what_is_missing_is_named(capsys):
+    assert main(["new", "--valve", "NG10"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split()[2] for line in lines] == ["--cylinder:", "--supply:", "--load:"]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_what_no_option_says_is_asked_until_it_makes_sense(tmp_path, monkeypatch, capsys):
+    answers = "63/99x500\n63/36x500\nNG10\n210\n\n500\n\n\n"
+    monkeypatch.setattr(sys, "stdin", Terminal(answers))
+    assert main(["new"]) == 0
+    axis = tomllib.loads((tmp_path / "bench.toml").read_text())["plant"]["axis1"]
+    assert (axis["rod_mm"], axis["load_mass_kg"], axis["oil"]) == (36, 500, "HLP 46")
+    err = capsys.readouterr().err
+    assert "the rod of 99 mm fills the bore" in err
+    assert "supply pressure in bar: " in err
+
+
+def test_an_input_that_ends_writes_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdin", Terminal("63/36x500\n"))
+    assert main(["new"]) == 2
+    assert "the input has ended; nothing was written" in capsys.readouterr().err
+    assert not (tmp_path / "bench.toml").exists()
+
+
+def test_a_file_that_is_there_is_kept(tmp_path, capsys):
+    (tmp_path / "bench.toml").write_text("mine")
+    assert main(["new", *PRESS]) == 2
+    assert "bench.toml: is there already; give another name, or --force" in capsys.readouterr().err
+    assert (tmp_path / "bench.toml").read_text() == "mine"
+    assert main(["new", *PRESS, "--force", "-q"]) == 0
+
+
+def test_json_has_the_summary_and_the_catalogue_is_printed(capsys):
+    assert main(["new", *PRESS, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    names = {fact["name"].strip(): fact["unit"] for fact in found["summary"]["axis1"]}
+    assert names["eigenfrequency, lowest"] == "Hz"
+    assert main(["new", "--catalogue"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in (*VALVES, *CYLINDERS))
+
+
+def test_what_check_prints_of_data_sheets_is_the_same_bench(tmp_path, capsys):
+    assert main(["new", *PRESS, "-q"]) == 0
+    assert main(["check", "bench.toml"]) == 0
+    printed = tmp_path / "printed.toml"
+    printed.write_text(capsys.readouterr().out)
+    assert load_config(printed).axes == load_config("bench.toml").axes
+    text = printed.read_text()
+    assert "# What axis1 can do:" in text
+    assert "# piston_area_cm2 = 31.1725  " in text

@@ -1,0 +1,96 @@
+"""The worked machines: by hand within 1 %, and scenarios that pass and can fail."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.configuration.plausibility import find_doubts
+from hil_bench.cli import main
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.summary import facts_of
+
+MACHINES = Path(__file__).parents[2] / "examples" / "machines"
+
+# docs/machines.md, worked out with a pocket calculator from the data in the files
+BY_HAND = {
+    "press": {
+        "eigenfrequency, mid-stroke": 35.3,
+        "largest push": 65.46,
+        "pressure A at rest": 78.9,
+        "top speed retracting": 296.5,
+        "moving mass": 305.7,
+    },
+    "servo": {
+        "eigenfrequency, mid-stroke": 75.1,
+        "largest push": 72.16,
+        "pressure A at rest": 105.0,
+        "top speed extending": 334.7,
+        "moving mass": 262.4,
+    },
+    "lift": {
+        "eigenfrequency, mid-stroke": 12.25,
+        "largest push": 125.7,
+        "pressure A at rest": 78.85,
+        "top speed extending": 502.8,
+        "moving mass": 3032.0,
+    },
+}
+VARIANTS = {
+    "press": ("sag_bar=120", "PR-1"),
+    "servo": ("band_percent=12", "SV-1"),
+    "lift": ("leak_l_min_bar=0.5", "LI-1"),
+}
+
+
+def facts(name):
+    config = load_config(MACHINES / f"{name}.toml")
+    return {fact.name.strip(): fact.value for fact in facts_of(config, config.axes[0])}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_the_summary_is_what_is_worked_out_by_hand(name):
+    found = facts(name)
+    assert {key: found[key] for key in BY_HAND[name]} == pytest.approx(BY_HAND[name], rel=0.01)
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_nothing_of_a_machine_is_doubted(name):
+    assert find_doubts(load_config(MACHINES / f"{name}.toml")) == []
+
+
+def test_the_damping_of_the_servo_axis_is_the_closed_form_of_a_symmetric_cylinder():
+    """D = (sigma / m + 2 C_L E / V) / (2 omega), to first order in D."""
+    axis = load_config(MACHINES / "servo.toml").axes[0]
+    p = axis.parameters
+    mass = p.m + 250.0
+    omega = math.sqrt(2.0 * p.E * p.A_A**2 / p.V_A0 / mass)
+    expected = (p.sigma / mass + 2.0 * p.C_L * p.E / p.V_A0) / (2.0 * omega)
+    assert facts("servo")["damping ratio there"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_load_that_runs_ahead_of_a_small_pump_cavitates():
+    """Floor A_A + F - f(v) = v² A_B³ / K²: the edge that drains holds the press' ram."""
+    axis = load_config(MACHINES / "press.toml").axes[0]
+    p = axis.parameters
+    found = facts("press")
+    speed = found["top speed extending"] * 1e-3
+    force = -101325.0 * p.A_A + 300.0 * 9.80665
+    held = speed**2 * p.A_B**3 / (p.K * p.alpha) ** 2
+    assert force - p.F_c - p.sigma * speed == pytest.approx(held, rel=1e-3)
+    assert found["pressure A extending"] == pytest.approx(-1.01325)
+
+
+@pytest.mark.slow  # ten seconds of bench time for each machine
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_scenario_passes_and_its_variant_fails(name, capsys):
+    path = str(MACHINES / f"{name}.scenario.toml")
+    assert main(["test", path]) == ExitCode.DONE, capsys.readouterr().out
+    capsys.readouterr()
+    given, found_out = VARIANTS[name]
+    assert main(["test", path, "--set", given, "--json"]) == ExitCode.CHECK_FAILED
+    (result,) = json.loads(capsys.readouterr().out).values()
+    outcomes = {each["id"]: each["judgement"]["outcome"] for each in result["findings"]}
+    assert outcomes[found_out] == "failed"

@@ -99,7 +99,11 @@ class Run:
 
 
 def prepare(
-    scenario: Scenario, given: Mapping[str, float] | None = None, *, seed: int | None = None
+    scenario: Scenario,
+    given: Mapping[str, float] | None = None,
+    *,
+    seed: int | None = None,
+    tables: Mapping[str, object] | None = None,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
@@ -107,12 +111,13 @@ def prepare(
         scenario: as loaded.
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
+        tables: tables of the bench's file, nested; their keys win over its own.
 
     Raises:
         ConfigError: something does not fit; a line a problem.
     """
     bench = scenario.path.parent / scenario.bench if scenario.bench else None
-    config = load_config(bench, seed=seed)
+    config = load_config(bench, seed=seed, tables=tables)
     values = parameter_values(scenario, given)
     actions = resolve_steps(scenario, config.tick_ns, values)
     session = open_session(config)

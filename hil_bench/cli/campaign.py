@@ -2,7 +2,6 @@
 
 import argparse
 import logging
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -26,6 +25,7 @@ from hil_bench.campaign.summary import (
     summarise,
     worst_runs,
 )
+from hil_bench.cli.campaign_arguments import add_jobs_argument, count
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -62,16 +62,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "campaign", type=Path, metavar="FILE", help="campaign.toml, or a scenario with ranges"
     )
-    parser.add_argument("--runs", type=_count, metavar="N", help="points of each scenario")
+    parser.add_argument("--runs", type=count, metavar="N", help="points of each scenario")
     parser.add_argument("--sampler", choices=[each.value for each in Sampler])
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler")
-    parser.add_argument(
-        "--jobs",
-        type=_jobs,
-        metavar="N",
-        default=_processors(),
-        help="processes (%(default)s); 0 for this one, where nothing ends a run that hangs",
-    )
+    add_jobs_argument(parser)
     parser.add_argument("--shard", type=_shard, default=WHOLE, metavar="I/N", help="one part of N")
     parser.add_argument(
         "--output", type=Path, metavar="DIR", help="folder of the results (FILE's name + .results)"
@@ -209,21 +203,6 @@ def _content(plan: Plan, outcome: Outcome, changes: list[Change]) -> dict[str, o
     }
 
 
-def _count(text: str) -> int:
-    """Return a positive integer.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text}: give an integer from 1 up")
-    return int(text)
-
-
-def _jobs(text: str) -> int:
-    return 0 if text == "0" else _count(text)
-
-
 def _shard(text: str) -> Shard:
     """Return the part that ``I/N`` names.
 
@@ -234,9 +213,3 @@ def _shard(text: str) -> Shard:
     if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
         raise argparse.ArgumentTypeError(f"{text}: give I/N, as in 3/16, I from 1 to N")
     return Shard(int(number), int(count))
-
-
-def _processors() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -24,9 +24,10 @@ def unused_parameters(scenario: Scenario) -> Iterator[str]:
             own = [field.name for field in fields(ControllerSettings)]
     for parameter in scenario.parameters:
         if parameter.name not in {*used, *own}:
-            near = f"; the nearest of the controller's is {find_nearest(parameter.name, own)}"
-            right = near if own else "; name it in a step, an expectation or the firmware's words"
-            yield f"{scenario.path}: parameters.{parameter.name}: does nothing{right}"
+            right = "name it in a step, an expectation or the firmware's words"
+            if own:
+                right = f"the nearest of the controller's is {find_nearest(parameter.name, own)}"
+            yield f"{scenario.path}: parameters.{parameter.name}: does nothing; {right}"
 
 
 def _names_in_steps(scenario: Scenario) -> Iterator[str]:

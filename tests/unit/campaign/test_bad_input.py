@@ -95,3 +95,9 @@ def test_campaigns_without_a_run_in_common_cannot_be_compared(tmp_path, capsys):
     capsys.readouterr()
     assert cli.main([*words, "--seed=2", "--compare", str(before)]) == 2
     assert "no run is in both campaigns" in capsys.readouterr().err
+
+
+def test_a_parameter_that_does_nothing_is_said_without_a_controller(tmp_path, capsys):
+    path = write_rest(tmp_path, REST.replace('"load_n"', "0.0"))
+    assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
+    assert "parameters.load_n: does nothing; name it in a step" in capsys.readouterr().err

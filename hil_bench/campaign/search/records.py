@@ -84,7 +84,7 @@ class SearchResult:
     Attributes:
         trials: in their order.
         finds: of each requirement, in the order of the file.
-        has_ended_early: whether the time was over before the runs were done.
+        has_ended_early: whether a method has done fewer runs than it had: by time, or by failures.
     """
 
     trials: tuple[Trial, ...]

@@ -49,18 +49,19 @@ class Searcher:
             methods: one after the other.
             budget: how long.
             seed: of the random generators.
-            ends_at_failure: whether a method ends when all requirements have failed.
+            ends_at_failure: whether a method ends when it has failed all requirements.
         """
         until = monotonic() + 60.0 * budget.minutes if budget.minutes else float("inf")
         trials: list[Trial] = []
         has_ended_early = False
-        for number, method in enumerate(methods, 1):
-            share = (until - monotonic()) / (len(methods) - number + 1)
-            own = list(self._trials(method, budget.runs, seed, monotonic() + share))
-            has_ended_early |= len(own) < budget.runs and not ends_at_failure
-            trials += own
-            if ends_at_failure and self._all_failed(trials):
-                break
+        for number, method in enumerate(methods):
+            share = (until - monotonic()) / (len(methods) - number)
+            before = len(trials)
+            for trial in self.trials(method, budget.runs, seed, monotonic() + share):
+                trials.append(trial)
+                if ends_at_failure and self._all_failed(trials[before:]):
+                    break
+            has_ended_early |= len(trials) - before < budget.runs
         finds = tuple(_find(each, trials) for each in self._requirements)
         return SearchResult(tuple(trials), finds, has_ended_early)
 
@@ -73,7 +74,20 @@ class Searcher:
             self._note(result)
         return [found[spec.key] for spec in specs]
 
-    def _trials(self, method: Method, runs: int, seed: int, until: float) -> Iterator[Trial]:
+    def trials(
+        self, method: Method, runs: int, seed: int, until: float = float("inf")
+    ) -> Iterator[Trial]:
+        """Do the runs of a method.
+
+        Args:
+            method: which.
+            runs: how many.
+            seed: of its random generators.
+            until: when no other batch begins, on the machine's clock [s].
+
+        Yields:
+            Each run with what came of it.
+        """
         search = build_search(method, self._requirements, len(self._space), runs, seed)
         done = 0
         while done < runs and monotonic() < until:

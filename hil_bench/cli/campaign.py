@@ -14,6 +14,7 @@ from hil_bench.campaign.pool import Backend, Pool, perform_here
 from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import Campaign, RunOutcome, RunResult
+from hil_bench.campaign.reports.campaign_report import write_campaign_report
 from hil_bench.campaign.running import perform
 from hil_bench.campaign.sampling import Sampler
 from hil_bench.campaign.store import Store
@@ -92,6 +93,8 @@ def run(args: argparse.Namespace) -> int:
         _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)
     changes = compare(_before(args.compare), outcome.results) if args.compare else []
+    if args.report:
+        write_campaign_report(args.report, plan, outcome, changes)
     print_results(args, _lines(plan, outcome, changes), _content(plan, outcome, changes))
     return _exit_code(outcome)
 

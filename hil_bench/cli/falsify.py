@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.campaign.pool import Backend, Pool, perform_here
 from hil_bench.campaign.progress import progress_bar
+from hil_bench.campaign.reports.search_report import write_search_report
 from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Find, Method
 from hil_bench.cli.campaign_arguments import add_jobs_argument, count
@@ -81,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
         total = args.runs * len(plan.methods)
         note = stack.enter_context(progress_bar(total, is_shown=shown))
         found = falsify(args.scenario, plan, backend, args.output, note)
+    if args.report:
+        write_search_report(args.report, found)
     print_results(args, found.lines(), _content(found))
     return _exit_code(found)
 

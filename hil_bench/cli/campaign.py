@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.campaign.comparison import Change, compare
+from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import Backend, Pool, perform_here
@@ -71,6 +72,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--output", type=Path, metavar="DIR", help="folder of the results (FILE's name + .results)"
     )
+    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, as tcp://host:8786")
     parser.add_argument("--merge", action="store_true", help="run nothing, show what is there")
     parser.add_argument("--run", metavar="KEY", dest="key", help="repeat one run; its first digits")
     parser.add_argument(
@@ -117,7 +119,7 @@ def _campaign(args: argparse.Namespace) -> Campaign:
 def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
-        backend: Backend = stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
+        backend = _backend(args, stack)
         shown = False if is_silent(args) else None
         total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
         note = stack.enter_context(progress_bar(total, is_shown=shown))
@@ -127,6 +129,12 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
             kept = "what is done is kept; the same command goes on from there"
             logger.warning("%s: interrupted; %s", store.folder, kept)
             raise
+
+
+def _backend(args: argparse.Namespace, stack: ExitStack) -> Backend:
+    if args.dask:
+        return stack.enter_context(DaskBackend(args.dask))
+    return stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
 
 
 def _before(folder: Path) -> Iterator[RunResult]:

@@ -52,7 +52,7 @@ def write_campaign_report(
         {
             "result": each,
             "margin": severity(each),
-            "values": show_point(each.values),
+            "point": show_point(each.values),
             "reasons": [one for one in each.verdicts if one.outcome != "passed"],
             "command": command_of(plan, each),
         }

@@ -24,7 +24,7 @@ def margin_figure(margins: Sequence[float]) -> str:
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(5.2, 1.7), layout="constrained")
+        figure = Figure(figsize=(6.4, 1.7), layout="constrained")
         axes = figure.add_subplot()
         values = np.clip(margins, -_LARGEST, _LARGEST)
         ends = min(values.min(), 0.0), max(values.max(), 0.0) + 1e-9
@@ -37,7 +37,7 @@ def margin_figure(margins: Sequence[float]) -> str:
             axes.hist(failed, edges, color=RED, label=f"fails ({len(failed)})")
         axes.axvline(0.0, color="#222222", linewidth=1.0)
         axes.set(xlabel="margin, as a share of the tolerance", ylabel="runs")
-        axes.legend(loc="upper right")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return svg_of(figure)
 
 
@@ -47,13 +47,13 @@ def search_figure(found: SearchResult, requirement: str) -> str:
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(5.2, 2.2), layout="constrained")
+        figure = Figure(figsize=(6.4, 2.2), layout="constrained")
         axes = figure.add_subplot()
         for method, colour in _COLOURS.items():
             _draw_method(axes, found, requirement, method, colour)
         axes.axhline(0.0, color="#222222", linewidth=1.0)
         axes.set(xlabel="run", ylabel="smallest margin so far")
-        axes.legend(loc="upper right")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return svg_of(figure)
 
 

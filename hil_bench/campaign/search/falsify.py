@@ -78,7 +78,7 @@ class Falsification(NamedTuple):
     def lines(self) -> Iterator[str]:
         """Yield what was found, for people."""
         for find in self.search.finds:
-            yield f"{find.id} {self._what(find)}"
+            yield f"{find.id}: {self._what(find)}"
         for failure in self.failures:
             yield from _failure_lines(failure)
 

@@ -76,7 +76,7 @@ def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
     found = search(path, tmp_path / "out", runs=20)
     assert found.failures == ()
     text = "\n".join(found.lines())
-    assert "R-1 no failure in 60 runs; smallest margin at limit_bar=6" in text
+    assert "R-1: no failure in 60 runs; smallest margin at limit_bar=6" in text
     # 1 - 0.05^(1/20) = 0.139
     assert "95% upper bound on the failure probability under the sampled distribution 0.14" in text
     assert "correct" not in text
@@ -146,7 +146,7 @@ def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypat
     text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
     path = write_rest(tmp_path, text.replace("range = [1.0", "range = [60.0"))
     assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2"]) == 6
-    assert "R-2 was never exercised in 6 runs" in capsys.readouterr().out
+    assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
 
 
 def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkeypatch):

@@ -136,6 +136,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--language", choices=["python", "c"], help="both without it")
     parser.add_argument("--only", nargs="+", metavar="ID", help="of defects.toml")
+    parser.add_argument("--method", choices=list(ALL_METHODS), type=Method, help="all without it")
     parser.add_argument("--runs", type=int, default=40, help="of each method (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--sound", type=int, metavar="N", help="count false alarms in N runs")
@@ -144,7 +145,8 @@ def main() -> None:
         for language in [options.language] if options.language else ["python", "c"]:
             count_false_alarms(language, options.sound, options.seed)
         return
-    found = dict.fromkeys(ALL_METHODS, 0)
+    methods = [options.method] if options.method else ALL_METHODS
+    found = dict.fromkeys(methods, 0)
     chosen = [
         each
         for each in load_defects()
@@ -153,7 +155,7 @@ def main() -> None:
     for defect in chosen:
         line = f"{defect.language:7}{defect.id:24}"
         with seeded(defect, defect.language) as scenario:
-            for method in ALL_METHODS:
+            for method in methods:
                 number = first_failure(scenario, method, options.runs, options.seed)
                 found[method] += number is not None
                 line += f"{method} {number or '-':>4}   "

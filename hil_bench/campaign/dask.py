@@ -68,8 +68,8 @@ class DaskBackend:
         from distributed import as_completed  # noqa: PLC0415 - an extra
 
         self._check_workers()
+        waiting: Iterator[RunSpec] = iter(specs)
         batches = iter(lambda: list(islice(waiting, self._task_runs)), [])
-        waiting = iter(specs)
         done: Any = as_completed(loop=self._client.loop)  # type: ignore[no-untyped-call]
         while True:
             for batch in islice(batches, max(_TASKS * self._threads() - done.count(), 0)):

@@ -14,6 +14,7 @@ from hil_bench.campaign.search.records import Method
 from hil_bench.scenario.judgement import RequirementOutcome
 
 _SIGMA = 0.3  # of the first step in the unit cube: half of it is within reach
+_FIRST = 16  # points before the first start of CMA-ES
 _BATCH = 16  # points that a method without memory asks for at once
 _STALE = 12  # generations of CMA-ES without a smaller cost, after which it starts anew
 _HASTE = 4  # what a generation without any difference counts as
@@ -54,8 +55,8 @@ class Sampled:
 class Evolution:
     """CMA-ES with restarts (Hansen 2016, arXiv 1604.00772), each about other requirements.
 
-    The first start is in the middle; later ones are at the best point that is known for their
-    requirements and at random points, in turn.
+    It begins with points that fill the space evenly. A start is at the best point that is known for
+    its requirements, and in every second round of turns at a random one.
 
     Args:
         requirements: all.
@@ -73,10 +74,13 @@ class Evolution:
         self._wanted: Sequence[str] = self._requirements
         self._best, self._stale = math.inf, 0
         self._cma: Any = None
-        self._start(np.full(dimensions, 0.5))
+        first_seed = int(self._generator.integers(2**31))
+        self._first = unit_points(Sampler.SOBOL, _FIRST, dimensions, first_seed)
 
     def ask(self) -> Floats:
         """Return the next generation."""
+        if self._cma is None:
+            return self._first
         size = self._cma.population_size
         return np.array([self._cma.ask() for _ in range(size)])
 
@@ -86,6 +90,9 @@ class Evolution:
         self._known += zip(points, results, strict=True)
         news = set(failures(results)) - self._failed
         self._failed |= news
+        if self._cma is None:
+            self._start(self._best_known())
+            return
         if len(costs) < self._cma.population_size:
             return  # the last generation, cut off by the budget
         self._cma.tell(list(zip(points, costs, strict=True)))
@@ -103,8 +110,11 @@ class Evolution:
         if self._starts // len(found) % 2:
             self._start(self._generator.random(self._dimensions))
         else:
-            point, _ = min(self._known, key=lambda each: cost_of(each[1], self._wanted))
-            self._start(point)
+            self._start(self._best_known())
+
+    def _best_known(self) -> Floats:
+        """Return the best point for the requirements of this turn."""
+        return min(self._known, key=lambda each: cost_of(each[1], self._wanted))[0]
 
     def _start(self, mean: Floats) -> None:
         from cmaes import CMA  # noqa: PLC0415 - an extra

@@ -1,6 +1,7 @@
 """Runs on the workers of a Dask cluster, many in a task."""
 
 import multiprocessing
+import threading
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from types import TracebackType
@@ -17,6 +18,10 @@ TASK_RUNS = 100
 _TASKS = 2  # that wait for each thread of the workers: the scheduler holds no more
 _CONNECT_TIME = 10.0  # [s]
 _KEPT = "all earlier runs are kept, and the same command goes on from there"
+
+
+_POOLS: dict[int, Pool] = {}
+"""On a worker: the process of each of its threads, from task to task; they end with it."""
 
 
 class DaskBackend:
@@ -119,5 +124,12 @@ def perform_batch(specs: list[RunSpec]) -> list[RunResult]:
     if multiprocessing.current_process().daemon:
         right = "start it with DASK_DISTRIBUTED__WORKER__DAEMON=False, or with --no-nanny"
         raise ConfigError(f"the Dask worker may not start processes for the runs; {right}")
-    with Pool(1) as pool:
-        return list(pool(specs))
+    thread = threading.get_ident()
+    pool = _POOLS.pop(thread, None) or Pool(1)
+    try:
+        results = list(pool(specs))
+    except BaseException:
+        pool.close()
+        raise
+    _POOLS[thread] = pool
+    return results

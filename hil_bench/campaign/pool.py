@@ -65,6 +65,10 @@ class Pool:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all processes, whatever they do."""
         for worker in (*self._idle, *self._busy):
             worker.kill()
         self._idle, self._busy = [], []

@@ -14,7 +14,7 @@ from hil_bench.campaign.pool import perform_here
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.store import Store
 
-RUNS = 60
+RUNS = 24
 
 # In a process of its own: the cluster leaves threads and sockets behind, which are none of ours.
 PROGRAM = """\
@@ -35,7 +35,7 @@ def main():
     plan = Plan(replace(read_campaign(Path(path)), runs=int(runs)))
     store = Store(Path(folder), {})
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
-    with LocalCluster(**options) as cluster, DaskBackend(cluster.scheduler_address, 10) as backend:
+    with LocalCluster(**options) as cluster, DaskBackend(cluster.scheduler_address, 4) as backend:
         victims = list(backend._client.run(os.getpid).values())[:1]
         def note(result):
             while result is not None and victims:

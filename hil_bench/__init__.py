@@ -8,6 +8,7 @@ first use; `__init__.pyi` has the names with their types.
 _MODULES = {
     "bench.assembly": ("embedded_bus",),
     "bench.configuration": ("BenchConfig", "load_config"),
+    "campaign.table": ("run_campaign",),
     "errors": ("BusError", "ConfigError", "HilBenchError", "WaitTimeoutError"),
     "devices.faults.faults": ("Faults",),
     "outside.recording.frames": ("read_frames",),

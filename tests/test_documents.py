@@ -17,6 +17,7 @@ from support.feed_loop import FeedLoop
 import hil_drivers.modbus
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.register_maps import load_register_map
+from hil_bench.campaign.reading import read_campaign
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation
@@ -121,6 +122,10 @@ def test_a_toml_snippet_loads(block, tmp_path):
     if "[[expect]]" in block.text:
         path.write_text(block.text, encoding="utf-8")
         check_scenario(path)
+        return
+    if "scenarios = [" in block.text:
+        path.write_text(block.text, encoding="utf-8")
+        assert read_campaign(path).parameters
         return
     if "_registers." in block.text:
         path.write_text(block.text, encoding="utf-8")

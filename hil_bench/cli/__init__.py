@@ -38,6 +38,8 @@ VERBS = {
     "judge": "hold requirements against recordings: verdict, margin, what decides",
     "test": "play scenarios, and judge what they require",
     "scenario": "check scenario files, list what they hold, convert TOML to CSV and back",
+    "campaign": "run scenarios over parameters, benches and firmware, thousands of times",
+    "falsify": "search for what makes a requirement of a scenario fail",
     "commission": "take an axis into operation step by step: report and recording",
     "identify": "find the plant's parameters, and what is known of them, from a recording",
     "scan": "find the nodes of a bus, and what each says of itself",

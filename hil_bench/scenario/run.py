@@ -83,7 +83,11 @@ class Run:
 
 
 def prepare(
-    scenario: Scenario, given: Mapping[str, float] | None = None, *, seed: int | None = None
+    scenario: Scenario,
+    given: Mapping[str, float] | None = None,
+    *,
+    seed: int | None = None,
+    tables: Mapping[str, object] | None = None,
 ) -> PreparedScenario:
     """Return a scenario with its numbers in, checked against its bench.
 
@@ -91,11 +95,12 @@ def prepare(
         scenario: as loaded.
         given: values of parameters, in their own units, that win over the file's.
         seed: takes the place of the bench's own.
+        tables: tables of the bench's file, nested; their keys win over its own.
 
     A `ConfigError` has a line for each problem.
     """
     bench = scenario.path.parent / scenario.bench if scenario.bench else None
-    config = load_config(bench, seed=seed)
+    config = load_config(bench, seed=seed, tables=tables)
     values = parameter_values(scenario, given)
     return prepare_on(config, scenario, values)
 

@@ -67,6 +67,10 @@ class HelperProcess:
         """Whether it runs."""
         return self.pid is not None and self._process.is_alive()
 
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when it says something, or has ended."""
+        return self._connection.fileno()
+
     def start(self) -> None:
         """Start it."""
         start_shielded(self._process)

@@ -1,0 +1,133 @@
+"""Campaigns: runs a second of processor time, memory over many runs, one digest however they run.
+
+    python benchmarks/campaign.py                       # the shortest run there is
+    python benchmarks/campaign.py --runs 10000 --scenario examples/scenarios/settling.scenario.toml
+
+The digests of one process, of two, of three parts in another order, and of a campaign that was
+killed half-way and went on must be the same.
+"""
+
+import argparse
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from hil_bench.campaign.executing import Shard, collect, execute
+from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.pool import Backend, Pool
+from hil_bench.campaign.reading import read_campaign
+from hil_bench.campaign.records import RunResult, RunSpec
+from hil_bench.campaign.store import Store
+
+SHORT = """\
+title = "Rest"
+duration_s = 0.01
+[parameters]
+limit_bar = { value = 250.0, range = [1.0, 301.0] }
+[[expect]]
+id = "R-1"
+that = "always axis1.P_A < limit_bar"
+"""
+
+
+def resident_mb() -> float:
+    """Return what all processes of this program hold in memory [MB]."""
+    total = 0
+    for status in Path("/proc").glob("[0-9]*/status"):
+        text = status.read_text(encoding="utf-8") if status.exists() else ""
+        fields = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
+        owner = {int(fields.get("Pid", 0)), int(fields.get("PPid", 0))}
+        if own_id() in owner and "VmRSS" in fields:
+            total += int(fields["VmRSS"].split()[0])
+    return total / 1024
+
+
+def own_id() -> int:
+    """Return the number of this process."""
+    return int(Path("/proc/self").resolve().name)
+
+
+def watched(backend: Backend, every: int) -> Backend:
+    """Return a backend that prints the memory now and then."""
+
+    def run(specs: Iterable[RunSpec]) -> Iterator[RunResult]:
+        for number, result in enumerate(backend(specs), 1):
+            if number % every == 0:
+                print(f"  {number} runs: {resident_mb():.0f} MB", flush=True)
+            yield result
+
+    return run
+
+
+def measure(plan: Plan, folder: Path, jobs: int) -> str:
+    """Do a campaign; return the digest of its results."""
+    store = Store(folder, plan.firmware)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with Pool(jobs) as pool:
+        execute(plan, store, watched(pool, max(len(plan) // 5, 1)))
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    rate = len(plan) / used
+    print(
+        f"{jobs} processes: {rate:.1f} runs a second of processor time, start included", flush=True
+    )
+    return collect(plan, store).digest
+
+
+def in_parts(plan: Plan, folder: Path) -> str:
+    """Do a campaign in three parts, the last first; return the digest of what they merge to."""
+    with Pool(1) as pool:
+        for number in (3, 2, 1):
+            execute(plan, Store(folder / str(number), plan.firmware), pool, Shard(number, 3))
+    return collect(plan, Store(folder, plan.firmware)).digest
+
+
+def killed(plan: Plan, folder: Path, scenario: Path) -> str:
+    """Kill a campaign once some of it is kept, and go on; return the digest."""
+    words = [sys.executable, "-m", "hil_bench", "campaign", str(scenario), "--jobs=1"]
+    words += [f"--runs={plan.campaign.runs}", "--output", str(folder), "--json"]
+    program = subprocess.Popen(words, stdout=subprocess.DEVNULL)  # noqa: S603 - our own
+    store = Store(folder, plan.firmware)
+    while program.poll() is None:
+        try:
+            program.wait(0.2)
+        except subprocess.TimeoutExpired:
+            if store.keys():
+                program.send_signal(signal.SIGKILL)
+    kept = len(store.keys())
+    with Pool(1) as pool:
+        execute(plan, store, pool)
+    print(f"killed with {kept} of {len(plan)} runs kept, the rest done by the next process")
+    return collect(plan, store).digest
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--runs", type=int, default=600)
+    parser.add_argument("--scenario", type=Path, help="the shortest there is, without it")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
+        folder = Path(name)
+        scenario = options.scenario or folder / "rest.scenario.toml"
+        if not options.scenario:
+            scenario.write_text(SHORT, encoding="utf-8")
+        plan = Plan(replace(read_campaign(scenario), runs=options.runs))
+        digests = {
+            "1 process": measure(plan, folder / "one", 1),
+            "2 processes": measure(plan, folder / "two", 2),
+            "3 parts": in_parts(plan, folder / "parts"),
+            "killed": killed(plan, folder / "killed", scenario),
+        }
+    for how, digest in digests.items():
+        print(f"{how:12} {digest[:16]}")
+    sys.exit(len(set(digests.values())) - 1)
+
+
+if __name__ == "__main__":
+    main()

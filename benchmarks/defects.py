@@ -1,0 +1,168 @@
+"""How many of twenty seeded defects the search finds, against random and Sobol points.
+
+    python benchmarks/defects.py --language python --runs 40
+    python benchmarks/defects.py --language c --runs 40
+    python benchmarks/defects.py --only wind_up no_limit --runs 200 --seed 3
+
+Each defect is a change of one place, in benchmarks/defects/defects.toml. A method ends at the first
+run that fails a requirement or does not come to its end. `--sound N` plays the controller as it is
+at N random points instead: each failure there is a false alarm.
+"""
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+import types
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import hil_drivers
+from hil_bench.campaign.plan import own_case, space_of
+from hil_bench.campaign.pool import perform_here
+from hil_bench.campaign.search.records import ALL_METHODS, Method
+from hil_bench.campaign.search.search import Searcher
+from hil_bench.scenario import controllers
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.records import Controller, Scenario
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "benchmarks" / "defects"
+FIRMWARE = ROOT / "examples" / "firmware"
+DRIVERS = Path(str(hil_drivers.__file__)).parent
+
+
+@dataclass(frozen=True)
+class Defect:
+    """A change of one place; see defects.toml."""
+
+    id: str
+    language: str
+    file: str
+    what: str
+    old: str
+    new: str
+
+    def source(self) -> str:
+        """Return the text of the file with the defect."""
+        folder = DRIVERS if self.language == "python" else FIRMWARE
+        text = (folder / self.file).read_text(encoding="utf-8")
+        if text.count(self.old) != 1:
+            sys.exit(f"{self.id}: its place is {text.count(self.old)} times in {self.file}")
+        return text.replace(self.old, self.new)
+
+
+def load_defects() -> list[Defect]:
+    """Return all defects."""
+    document = tomllib.loads((FOLDER / "defects.toml").read_text(encoding="utf-8"))
+    return [Defect(**each) for each in document["defect"]]
+
+
+@contextmanager
+def seeded(defect: Defect | None, language: str) -> Iterator[Scenario]:
+    """Seed a defect; None leaves the controller as it is.
+
+    Yields:
+        The scenario of the controller.
+    """
+    if language == "python":
+        with _patched(defect):
+            yield load_scenario(FOLDER / "python.scenario.toml")
+        return
+    scenario = load_scenario(FOLDER / "firmware.scenario.toml")
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
+        program = build_firmware(defect, Path(folder))
+        words = scenario.controller.firmware if scenario.controller else ()
+        yield replace(scenario, controller=Controller((str(program), *words[1:])))
+
+
+def build_firmware(defect: Defect | None, folder: Path) -> Path:
+    """Return the program of a copy of the firmware."""
+    copy = folder / "firmware"
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "*.py"))
+    if defect is not None:
+        (copy / defect.file).write_text(defect.source(), encoding="utf-8")
+    subprocess.run(["make", "-s", "CFLAGS=-O2 -Wno-error"], cwd=copy, check=True)  # noqa: S607
+    return copy / "build" / "position_control"
+
+
+@contextmanager
+def _patched(defect: Defect | None) -> Iterator[None]:
+    if defect is None:
+        yield
+        return
+    module = types.ModuleType(f"defect_{defect.id}")
+    sys.modules[module.__name__] = module  # where dataclasses look for it
+    exec(compile(defect.source(), defect.file, "exec"), module.__dict__)  # noqa: S102 - our own
+    names = [name for name in vars(module) if name in vars(controllers) and name[0].isupper()]
+    own = {name: getattr(controllers, name) for name in names}
+    for name in names:
+        setattr(controllers, name, getattr(module, name))
+    try:
+        yield
+    finally:
+        for name, value in own.items():
+            setattr(controllers, name, value)
+        del sys.modules[module.__name__]
+
+
+def first_failure(scenario: Scenario, method: Method, runs: int, seed: int) -> int | None:
+    """Return the number of the first run that fails; None where none does."""
+    searcher = Searcher(own_case(scenario), space_of(scenario), perform_here)
+    for trial in searcher.trials(method, runs, seed):
+        if trial.result.outcome.is_failure:
+            return trial.number
+    return None
+
+
+def count_false_alarms(language: str, runs: int, seed: int) -> None:
+    """Play the controller as it is."""
+    with seeded(None, language) as scenario:
+        searcher = Searcher(own_case(scenario), space_of(scenario), perform_here)
+        alarms = 0
+        for trial in searcher.trials(Method.RANDOM, runs, seed):
+            if trial.result.outcome.is_failure:
+                alarms += 1
+                print(f"false alarm: {trial.result}")
+        print(f"{language}: {alarms} false alarms in {runs} runs", flush=True)
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--language", choices=["python", "c"], help="both without it")
+    parser.add_argument("--only", nargs="+", metavar="ID", help="of defects.toml")
+    parser.add_argument("--method", choices=list(ALL_METHODS), type=Method, help="all without it")
+    parser.add_argument("--runs", type=int, default=40, help="of each method (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sound", type=int, metavar="N", help="count false alarms in N runs")
+    options = parser.parse_args()
+    if options.sound:
+        for language in [options.language] if options.language else ["python", "c"]:
+            count_false_alarms(language, options.sound, options.seed)
+        return
+    methods = [options.method] if options.method else ALL_METHODS
+    found = dict.fromkeys(methods, 0)
+    chosen = [
+        each
+        for each in load_defects()
+        if options.language in {None, each.language} and each.id in (options.only or [each.id])
+    ]
+    for defect in chosen:
+        line = f"{defect.language:7}{defect.id:24}"
+        with seeded(defect, defect.language) as scenario:
+            for method in methods:
+                number = first_failure(scenario, method, options.runs, options.seed)
+                found[method] += number is not None
+                line += f"{method} {number or '-':>4}   "
+        print(line, flush=True)
+    total = ", ".join(f"{method} {count}" for method, count in found.items())
+    print(f"found of {len(chosen)} in {options.runs} runs: {total}")
+
+
+if __name__ == "__main__":
+    main()

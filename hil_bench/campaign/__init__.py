@@ -1,0 +1,1 @@
+"""Thousands of runs of scenarios, and a search for what makes a requirement fail."""

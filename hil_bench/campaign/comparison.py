@@ -1,0 +1,95 @@
+"""Two campaigns side by side: before and after a change of firmware, bench or program."""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hil_bench.campaign.records import RunResult, Verdict
+from hil_bench.campaign.summary import show_point
+from hil_bench.errors import ConfigError
+from hil_bench.scenario.judgement import RequirementOutcome
+
+_FAILED = RequirementOutcome.FAILED.value
+
+
+class Change(NamedTuple):
+    """What became of a requirement.
+
+    Attributes:
+        scenario: its name.
+        id: of the requirement.
+        runs: how many both campaigns have.
+        broken: runs that fail it now, and did not before.
+        mended: runs that failed it before, and do not now.
+        margins: median of the margins, before and now; None where there are none.
+    """
+
+    scenario: str
+    id: str
+    runs: int
+    broken: tuple[RunResult, ...]
+    mended: tuple[RunResult, ...]
+    margins: tuple[float, float] | None
+
+    def line(self) -> str:
+        """Return it in a line."""
+        counts = f"{len(self.broken)} newly failed, {len(self.mended)} no longer"
+        line = f"{self.scenario}  {self.id}: of {self.runs} common runs {counts}"
+        if self.margins is not None:
+            line += f"; median margin {self.margins[0]:+.3g} before, {self.margins[1]:+.3g} now"
+        if self.broken:
+            line += f"; first at {show_point(self.broken[0].values)}"
+        return line
+
+
+def compare(before: Iterable[RunResult], now: Sequence[RunResult]) -> list[Change]:
+    """Return what changed, requirement by requirement.
+
+    Runs are the same where scenario, bench, seed and values are; firmware may have another name.
+
+    Args:
+        before: the results of the first campaign.
+        now: of the second.
+
+    Raises:
+        ConfigError: the campaigns have no run in common.
+    """
+    old = {_place(each): each for each in before}
+    pairs = [(old[_place(each)], each) for each in now if _place(each) in old]
+    if not pairs:
+        raise ConfigError("--compare: no run is in both campaigns; sample with the same seed")
+    names = dict.fromkeys((new.scenario, one.id) for _, new in pairs for one in new.verdicts)
+    return [_change(*name, pairs) for name in names]
+
+
+def _change(
+    scenario: str, requirement: str, pairs: Sequence[tuple[RunResult, RunResult]]
+) -> Change:
+    found = [
+        (old, new, result)
+        for before, result in pairs
+        if result.scenario == scenario
+        and (old := _verdict(before, requirement)) is not None
+        and (new := _verdict(result, requirement)) is not None
+    ]
+    broken = [each for old, new, each in found if new.outcome == _FAILED != old.outcome]
+    mended = [each for old, new, each in found if old.outcome == _FAILED != new.outcome]
+    sized = [
+        (old.margin, new.margin)
+        for old, new, _ in found
+        if old.margin is not None and new.margin is not None
+    ]
+    margins = None
+    if sized:
+        first, second = (float(np.median(column)) for column in zip(*sized, strict=True))
+        margins = first, second
+    return Change(scenario, requirement, len(found), tuple(broken), tuple(mended), margins)
+
+
+def _verdict(result: RunResult, requirement: str) -> Verdict | None:
+    return next((each for each in result.verdicts if each.id == requirement), None)
+
+
+def _place(result: RunResult) -> tuple[object, ...]:
+    return result.scenario, result.bench, result.seed, *sorted(result.values.items())

@@ -1,0 +1,219 @@
+"""What values a parameter takes: distributions by their quantiles, and levels for grids."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from hil_bench.config.values import describe, number
+from hil_bench.errors import ConfigError
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+
+Span = tuple[float, float]
+"""Lowest and highest value."""
+
+
+class Distribution(Protocol):
+    """What values a parameter takes, in its own unit."""
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+
+    def levels(self, count: int) -> Floats:
+        """Return the values of a grid."""
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value; infinite for none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """All values between two are equally likely."""
+
+    low: float
+    high: float
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value."""
+        return self.low, self.high
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+        return np.clip(self.low + (self.high - self.low) * shares, self.low, self.high)
+
+    def levels(self, count: int) -> Floats:
+        """Return evenly spaced values, both ends included."""
+        return np.linspace(self.low, self.high, count)
+
+
+@dataclass(frozen=True, slots=True)
+class LogUniform:
+    """All orders of magnitude between two positive values are equally likely."""
+
+    low: float
+    high: float
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value."""
+        return self.low, self.high
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+        return np.clip(self.low * (self.high / self.low) ** shares, self.low, self.high)
+
+    def levels(self, count: int) -> Floats:
+        """Return values with one ratio from each to the next, both ends included."""
+        return np.geomspace(self.low, self.high, count)
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """A normal distribution, cut off at the bounds.
+
+    Attributes:
+        mean: of the distribution before it is cut off.
+        deviation: its standard deviation.
+        low: no value is below.
+        high: no value is above.
+    """
+
+    mean: float
+    deviation: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value."""
+        return self.low, self.high
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+        from scipy.stats import truncnorm  # noqa: PLC0415 - an extra, and slow to import
+
+        ends = ((end - self.mean) / self.deviation for end in (self.low, self.high))
+        inner = np.clip(shares, 1e-12, 1.0 - 1e-12)  # the tails of the normal end nowhere
+        found = truncnorm.ppf(inner, *ends, loc=self.mean, scale=self.deviation)
+        return np.asarray(found, dtype=np.float64)
+
+    def levels(self, count: int) -> Floats:
+        """Return values with the same share of all between each and the next."""
+        return self.quantiles((np.arange(count) + 0.5) / count)
+
+
+@dataclass(frozen=True, slots=True)
+class Triangular:
+    """The density rises from `low` to `mode`, and falls to `high`."""
+
+    low: float
+    mode: float
+    high: float
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value."""
+        return self.low, self.high
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+        width, rise, fall = self.high - self.low, self.mode - self.low, self.high - self.mode
+        rising = self.low + np.sqrt(shares * width * rise)
+        falling = self.high - np.sqrt((1.0 - shares) * width * fall)
+        return np.where(shares * width < rise, rising, falling)
+
+    def levels(self, count: int) -> Floats:
+        """Return values with the same share of all between each and the next."""
+        return self.quantiles((np.arange(count) + 0.5) / count)
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """Some values, all equally likely."""
+
+    values: tuple[float, ...]
+
+    @property
+    def bounds(self) -> Span:
+        """Lowest and highest value."""
+        return min(self.values), max(self.values)
+
+    def quantiles(self, shares: Floats) -> Floats:
+        """Return the values below which these shares of all values lie."""
+        places = np.minimum((shares * len(self.values)).astype(np.int64), len(self.values) - 1)
+        return np.array(self.values, dtype=np.float64)[places]
+
+    def levels(self, count: int) -> Floats:
+        """Return all values, however many."""
+        del count
+        return np.array(self.values, dtype=np.float64)
+
+
+def read_distribution(value: object) -> Distribution:
+    """Return the distribution of a table such as ``{ range = [20, 180] }``.
+
+    Raises:
+        ConfigError: the value is something else.
+    """
+    right = f"give a table of one of {', '.join(_FORMS)}, as in {{ range = [20, 180] }}"
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"{describe(value)} is not a distribution; {right}")
+    if len(value) != 1 or next(iter(value)) not in _FORMS:
+        names = " and ".join(sorted(value)) or "nothing"
+        raise ConfigError(f"has {names}; {right}")
+    ((form, numbers),) = value.items()
+    if not isinstance(numbers, list) or not numbers:
+        raise ConfigError(f"{form}: {describe(numbers)} is not a list of numbers")
+    return _FORMS[form]([number()(each) for each in numbers])
+
+
+def _uniform(numbers: Sequence[float]) -> Distribution:
+    return Uniform(*_ends("range", numbers))
+
+
+def _log_uniform(numbers: Sequence[float]) -> Distribution:
+    low, high = _ends("log_range", numbers)
+    if low <= 0.0:
+        raise ConfigError(f"log_range: {low:g} is not positive; give [lowest, highest] above 0")
+    return LogUniform(low, high)
+
+
+def _normal(numbers: Sequence[float]) -> Distribution:
+    if len(numbers) != 2 or numbers[1] <= 0.0:
+        raise ConfigError("normal: give [mean, standard deviation], the deviation above 0")
+    return Normal(*numbers)
+
+
+def _triangular(numbers: Sequence[float]) -> Distribution:
+    if len(numbers) != 3 or not numbers[0] <= numbers[1] <= numbers[2] > numbers[0]:
+        raise ConfigError("triangular: give [lowest, most likely, highest]")
+    return Triangular(*numbers)
+
+
+def _choices(numbers: Sequence[float]) -> Distribution:
+    if len(set(numbers)) < len(numbers):
+        raise ConfigError("values: one is there twice; give each once")
+    return Choices(tuple(numbers))
+
+
+def _ends(form: str, numbers: Sequence[float]) -> Span:
+    if len(numbers) != 2 or numbers[0] >= numbers[1]:
+        raise ConfigError(f"{form}: give [lowest, highest], the lowest below the highest")
+    return numbers[0], numbers[1]
+
+
+_FORMS: Final[Mapping[str, Callable[[Sequence[float]], Distribution]]] = MappingProxyType(
+    {
+        "range": _uniform,
+        "log_range": _log_uniform,
+        "normal": _normal,
+        "triangular": _triangular,
+        "values": _choices,
+    }
+)

@@ -1,0 +1,155 @@
+"""A campaign as its file has it, a run to be done, and what came of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
+
+from hil_bench.campaign.distributions import Distribution
+from hil_bench.campaign.sampling import Point, Sampler
+from hil_bench.scenario.records import Scenario
+
+EACH = "each"
+"""In the place of seeds: every point has a seed of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What to run.
+
+    Attributes:
+        path: its file; it names other files from there.
+        title: in words.
+        scenarios: files of scenarios.
+        sampler: how points are chosen.
+        runs: points of each scenario; a grid has as many as it has.
+        levels: of a grid, values a parameter.
+        seed: of the sampler.
+        seeds: of the bench: each point is run with every one of them; empty for the bench's own.
+        seed_each: whether each point has a seed of its own in their place.
+        benches: files of benches in the place of the scenarios' own; empty for these.
+        firmware: command lines in the place of the scenarios' own, by name.
+        parameters: what values the scenarios' parameters take; others have the `range` of the file.
+        tolerances: what values keys of the bench take, by their place as in
+            ``plant.axis1.mass_kg``.
+        timeout: how long a run may take, on the machine's clock [s].
+    """
+
+    path: Path
+    scenarios: tuple[Path, ...]
+    title: str = ""
+    sampler: Sampler = Sampler.SOBOL
+    runs: int = 64
+    levels: int = 5
+    seed: int = 0
+    seeds: tuple[int, ...] = ()
+    seed_each: bool = False
+    benches: tuple[Path, ...] = ()
+    firmware: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parameters: Mapping[str, Distribution] = field(default_factory=dict)
+    tolerances: Mapping[str, Distribution] = field(default_factory=dict)
+    timeout: float = 60.0
+
+
+class Case(NamedTuple):
+    """A scenario on a bench with a controller: what all runs of a group have in common.
+
+    Attributes:
+        name: of the scenario, as the campaign names it.
+        bench: of the bench, likewise; empty for the scenario's own.
+        firmware: of the firmware, likewise.
+        scenario: with that bench, by its absolute path, and that firmware.
+        digest: of all that decides what its runs find, but parameters and seed.
+    """
+
+    name: str
+    bench: str
+    firmware: str
+    scenario: Scenario
+    digest: str
+
+
+class RunSpec(NamedTuple):
+    """A run to be done.
+
+    Attributes:
+        key: the digest of all below.
+        case: what is run.
+        parameters: of the scenario, each in its own unit.
+        tolerances: keys of the bench with their values.
+        seed: of the bench; None for the bench's own.
+        timeout: how long it may take [s].
+    """
+
+    key: str
+    case: Case
+    parameters: Point
+    tolerances: Point
+    seed: int | None
+    timeout: float
+
+    @property
+    def values(self) -> Point:
+        """All that was varied."""
+        return {**self.parameters, **self.tolerances}
+
+
+class RunOutcome(StrEnum):
+    """What became of a run; the worst of its requirements, where it came to its end."""
+
+    PASSED = "passed"
+    NOT_EXERCISED = "not exercised"
+    INCONCLUSIVE = "inconclusive"
+    FAILED = "failed"
+    TIMED_OUT = "timed out"
+    CRASHED = "crashed"
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether it shows that something is wrong."""
+        return self in {RunOutcome.FAILED, RunOutcome.TIMED_OUT, RunOutcome.CRASHED}
+
+
+class Verdict(NamedTuple):
+    """What a run says of a requirement.
+
+    Attributes:
+        id: of the requirement.
+        outcome: as `RequirementOutcome` has it.
+        margin: as a share of the tolerance; None where it is unknown or has no size.
+        reason: why, in a line.
+    """
+
+    id: str
+    outcome: str
+    margin: float | None
+    reason: str
+
+
+class RunResult(NamedTuple):
+    """What came of a run.
+
+    Attributes:
+        key: of the run.
+        scenario: the name of the scenario.
+        bench: of the bench; empty for the scenario's own.
+        firmware: likewise.
+        seed: of the bench; None for the bench's own.
+        values: what was varied, in the units of the names.
+        outcome: of the run.
+        problem: why it did not come to its end; empty where it did.
+        duration: of the run, in bench time [s].
+        verdicts: on each requirement; empty where it did not come to its end.
+    """
+
+    key: str
+    scenario: str
+    bench: str
+    firmware: str
+    seed: int | None
+    values: Point
+    outcome: RunOutcome
+    problem: str = ""
+    duration: float = 0.0
+    verdicts: tuple[Verdict, ...] = ()

@@ -1,0 +1,72 @@
+"""The report of a campaign."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from hil_bench.campaign.comparison import Change
+from hil_bench.campaign.executing import Outcome
+from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.reports.figures import margin_figure
+from hil_bench.campaign.reports.page import write_page
+from hil_bench.campaign.summary import (
+    bounds_of,
+    command_of,
+    correlations,
+    count_outcomes,
+    severity,
+    show_point,
+    summarise,
+    worst_runs,
+)
+
+_SHOWN = 20  # correlations
+
+
+def write_campaign_report(
+    path: Path, plan: Plan, outcome: Outcome, changes: Sequence[Change]
+) -> None:
+    """Write the report of a campaign.
+
+    Args:
+        path: of the HTML file.
+        plan: the campaign.
+        outcome: what came of it.
+        changes: since another campaign; empty for none.
+    """
+    campaign, results = plan.campaign, outcome.results
+    requirements = [
+        {
+            "scenario": each.scenario,
+            "id": each.id,
+            "outcomes": each.outcomes,
+            "failures": each.failures,
+            "is_exercised": each.is_exercised,
+            "smallest": min(each.margins, default=None),
+            "median": sorted(each.margins)[len(each.margins) // 2] if each.margins else None,
+            "worst": show_point(each.worst.values) if each.worst else "",
+            "figure": margin_figure(each.margins) if each.margins else "",
+        }
+        for each in summarise(results)
+    ]
+    worst = [
+        {
+            "result": each,
+            "margin": severity(each),
+            "point": show_point(each.values),
+            "reasons": [one for one in each.verdicts if one.outcome != "passed"],
+            "command": command_of(plan, each),
+        }
+        for each in worst_runs(results)
+    ]
+    content = {
+        "title": campaign.title or campaign.path.name,
+        "campaign": campaign,
+        "outcomes": count_outcomes(results),
+        "outcome": outcome,
+        "requirements": requirements,
+        "correlations": correlations(results)[:_SHOWN],
+        "bounds": list(bounds_of(plan, results)),
+        "worst": worst,
+        "changes": changes,
+    }
+    write_page(path, "campaign.html", content)

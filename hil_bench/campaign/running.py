@@ -1,0 +1,77 @@
+"""One run: a pure function of what its key is made of."""
+
+from functools import lru_cache
+
+from hil_bench.campaign.identity import case_digest, firmware_digest
+from hil_bench.campaign.plan import nested
+from hil_bench.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
+from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.recorded import Finding
+from hil_bench.scenario.results import reason_of
+from hil_bench.scenario.run import play as play_prepared
+from hil_bench.scenario.run import prepare
+
+_LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
+_ORDER = (
+    RequirementOutcome.FAILED,
+    RequirementOutcome.INCONCLUSIVE,
+    RequirementOutcome.NOT_EXERCISED,
+    RequirementOutcome.PASSED,
+)
+
+
+def perform(spec: RunSpec) -> RunResult:
+    """Return what comes of a run; a controller that fails is a result too.
+
+    A `ConfigError` says that the files here are not those of the campaign.
+    """
+    _check_case(spec.case)
+    try:
+        tables = nested(spec.tolerances)
+        run = play_prepared(
+            prepare(spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables)
+        )
+    except HilBenchError as error:
+        return failed_run(spec, RunOutcome.CRASHED, str(error))
+    except Exception as error:
+        return failed_run(spec, RunOutcome.CRASHED, f"{type(error).__name__}: {error}")
+    outcomes = {finding.judgement.outcome for finding in run.findings}
+    worst = next(each for each in _ORDER if each in outcomes)
+    return failed_run(spec, RunOutcome(worst.value), run.ending)._replace(
+        duration=run.duration, verdicts=tuple(_verdict(each) for each in run.findings)
+    )
+
+
+def failed_run(spec: RunSpec, outcome: RunOutcome, problem: str) -> RunResult:
+    """Return the result of a run without verdicts.
+
+    Args:
+        spec: the run.
+        outcome: what became of it.
+        problem: why.
+    """
+    name, bench, firmware = spec.case.name, spec.case.bench, spec.case.firmware
+    short = problem[-_LONGEST_PROBLEM:]
+    return RunResult(spec.key, name, bench, firmware, spec.seed, spec.values, outcome, short)
+
+
+@lru_cache(maxsize=64)
+def _digest_here(case: Case) -> str:
+    words = case.scenario.controller.firmware if case.scenario.controller else ()
+    return case_digest(case.scenario, prepare(case.scenario).config, firmware_digest(words))
+
+
+def _check_case(case: Case) -> None:
+    found = _digest_here(case)
+    if found != case.digest:
+        wrong = "version of hil-bench, bench or firmware is not that of the campaign"
+        right = "take the same to all machines, and leave it alone while a campaign runs"
+        raise ConfigError(f"{case.name}: the {wrong}; {right}")
+
+
+def _verdict(finding: Finding) -> Verdict:
+    judgement = finding.judgement
+    margin = judgement.margin
+    reason = reason_of(judgement)
+    return Verdict(finding.requirement.id, judgement.outcome.value, margin, reason)

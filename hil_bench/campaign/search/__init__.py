@@ -1,0 +1,1 @@
+"""The search for values of parameters for which a requirement fails."""

@@ -1,0 +1,103 @@
+"""What a search is to do, and what it has found."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from hil_bench.campaign.records import RunResult
+from hil_bench.campaign.sampling import Point
+from hil_bench.campaign.summary import size_of
+
+
+class Method(StrEnum):
+    """How a search chooses its runs."""
+
+    RANDOM = "random"
+    SOBOL = "sobol"
+    CMA_ES = "cma-es"
+
+
+ALL_METHODS = tuple(Method)
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """How long to search.
+
+    Attributes:
+        runs: of each method.
+        minutes: on the machine's clock, for all of them; None for no matter.
+    """
+
+    runs: int = 200
+    minutes: float | None = None
+
+
+class Trial(NamedTuple):
+    """A run of a search.
+
+    Attributes:
+        method: that chose it.
+        number: of the run among those of the method, from 1.
+        point: the values of the parameters.
+        result: what came of it.
+    """
+
+    method: Method
+    number: int
+    point: Point
+    result: RunResult
+
+    def margin(self, requirement: str) -> float | None:
+        """Return the margin of a requirement; None where the run did not come to its end."""
+        found = (size_of(each) for each in self.result.verdicts if each.id == requirement)
+        return next(found, None)
+
+
+class Find(NamedTuple):
+    """What a search says of a requirement.
+
+    Attributes:
+        id: of the requirement.
+        first: the first failure of each method, by its number; those that found none are missing.
+        worst: the trial with the smallest margin; None where no run came to its end.
+        margin: that margin.
+        is_exercised: whether any run came to its trigger and its end.
+    """
+
+    id: str
+    first: dict[Method, int]
+    worst: Trial | None
+    margin: float
+    is_exercised: bool
+
+    @property
+    def is_failed(self) -> bool:
+        """Whether it fails anywhere."""
+        return bool(self.first)
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """What a search has found.
+
+    Attributes:
+        trials: in their order.
+        finds: of each requirement, in the order of the file.
+        has_ended_early: whether a method has done fewer runs than it had: by time, or by failures.
+    """
+
+    trials: tuple[Trial, ...]
+    finds: tuple[Find, ...]
+    has_ended_early: bool
+
+    @property
+    def crashes(self) -> tuple[Trial, ...]:
+        """Runs that did not come to their end."""
+        return tuple(
+            each for each in self.trials if each.result.problem and not each.result.verdicts
+        )
+
+    def of(self, method: Method) -> tuple[Trial, ...]:
+        """Return the trials of a method."""
+        return tuple(each for each in self.trials if each.method is method)

@@ -1,0 +1,128 @@
+"""A search: methods one after the other, each with its runs."""
+
+from collections.abc import Callable, Iterator, Sequence
+from time import monotonic
+
+from hil_bench.campaign.distributions import Distribution
+from hil_bench.campaign.executing import Note
+from hil_bench.campaign.plan import make_spec
+from hil_bench.campaign.pool import Backend
+from hil_bench.campaign.records import Case, RunResult
+from hil_bench.campaign.sampling import Point, points_at
+from hil_bench.campaign.search.methods import build_search
+from hil_bench.campaign.search.records import Budget, Find, Method, SearchResult, Trial
+from hil_bench.scenario.judgement import RequirementOutcome
+
+_FAILED = RequirementOutcome.FAILED.value
+_IDLE = {RequirementOutcome.NOT_EXERCISED.value, RequirementOutcome.INCONCLUSIVE.value}
+
+
+class Searcher:
+    """Looks for values for which a requirement fails.
+
+    Args:
+        case: what is run.
+        space: the distribution of each parameter.
+        backend: does the runs.
+        timeout: how long a run may take [s].
+        note: is told of each result.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        space: dict[str, Distribution],
+        backend: Backend,
+        timeout: float = 60.0,
+        note: Note = lambda _result: None,
+    ) -> None:
+        self._case, self._space, self._backend = case, space, backend
+        self._timeout, self._note = timeout, note
+        self._requirements = [each.id for each in case.scenario.expectations]
+
+    def search(
+        self, methods: Sequence[Method], budget: Budget, seed: int, *, ends_at_failure: bool = False
+    ) -> SearchResult:
+        """Return what all methods find.
+
+        Args:
+            methods: one after the other.
+            budget: how long.
+            seed: of the random generators.
+            ends_at_failure: whether a method ends when it has failed all requirements.
+        """
+        until = monotonic() + 60.0 * budget.minutes if budget.minutes else float("inf")
+        trials: list[Trial] = []
+        has_ended_early = False
+        for number, method in enumerate(methods):
+            share = (until - monotonic()) / (len(methods) - number)
+            before = len(trials)
+            for trial in self.trials(method, budget.runs, seed, monotonic() + share):
+                trials.append(trial)
+                if ends_at_failure and self._all_failed(trials[before:]):
+                    break
+            has_ended_early |= len(trials) - before < budget.runs
+        finds = tuple(_find(each, trials) for each in self._requirements)
+        return SearchResult(tuple(trials), finds, has_ended_early)
+
+    def run(self, points: Sequence[Point]) -> list[RunResult]:
+        """Return what comes of some points, in their order."""
+        specs = [make_spec(self._case, point, self._space, None, self._timeout) for point in points]
+        found = {}
+        for result in self._backend({spec.key: spec for spec in specs}.values()):
+            found[result.key] = result
+            self._note(result)
+        return [found[spec.key] for spec in specs]
+
+    def trials(
+        self, method: Method, runs: int, seed: int, until: float = float("inf")
+    ) -> Iterator[Trial]:
+        """Do the runs of a method.
+
+        Args:
+            method: which.
+            runs: how many.
+            seed: of its random generators.
+            until: when no other batch begins, on the machine's clock [s].
+
+        Yields:
+            Each run with what came of it.
+        """
+        search = build_search(method, self._requirements, len(self._space), runs, seed)
+        done = 0
+        while done < runs and monotonic() < until:
+            shares = search.ask()[: runs - done]
+            points = list(points_at(self._space, shares))
+            results = self.run(points)
+            search.tell(shares, results)
+            for number, (point, result) in enumerate(zip(points, results, strict=True), done + 1):
+                yield Trial(method, number, point, result)
+            done += len(points)
+
+    def _all_failed(self, trials: Sequence[Trial]) -> bool:
+        return all(_find(each, trials).is_failed for each in self._requirements)
+
+
+def _find(requirement: str, trials: Sequence[Trial]) -> Find:
+    first: dict[Method, int] = {}
+    is_exercised = False
+    for trial in trials:
+        for verdict in trial.result.verdicts:
+            if verdict.id == requirement:
+                is_exercised |= verdict.outcome not in _IDLE
+                if verdict.outcome == _FAILED:
+                    first.setdefault(trial.method, trial.number)
+    known = [each for each in trials if each.margin(requirement) is not None]
+    worst = min(known, key=_by_margin(requirement), default=None)
+    margin = worst.margin(requirement) if worst else None
+    return Find(requirement, first, worst, float("inf") if margin is None else margin, is_exercised)
+
+
+def _by_margin(requirement: str) -> Callable[[Trial], tuple[bool, float]]:
+    """Return the order of trials: failed ones first, then by margin."""
+
+    def order(trial: Trial) -> tuple[bool, float]:
+        outcome = next(v.outcome for v in trial.result.verdicts if v.id == requirement)
+        return outcome != _FAILED, trial.margin(requirement) or 0.0
+
+    return order

@@ -1,0 +1,185 @@
+"""The results of a campaign in a folder: Parquet files, each written whole or not at all."""
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil_bench.campaign.identity import program_identity
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.errors import ConfigError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_PROGRAM = b"hil-bench"
+_FIRMWARE = b"firmware:"
+
+
+class Store:
+    """The results of a campaign.
+
+    Args:
+        folder: where they are; made where it is missing.
+        firmware: the digest of each firmware by its name.
+
+    Raises:
+        ConfigError: the folder cannot be made.
+    """
+
+    def __init__(self, folder: Path, firmware: Mapping[str, str]) -> None:
+        self.folder = folder
+        self._firmware = dict(firmware)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
+        self._remove_halves()
+
+    def write(self, results: Sequence[RunResult]) -> None:
+        """Write results to a file of their own.
+
+        Raises:
+            ConfigError: it cannot be written; those written before are there.
+        """
+        import pyarrow.parquet as pq  # noqa: PLC0415 - an extra, and slow to import
+
+        if not results:
+            return
+        rows = sorted(results)
+        name = hashlib.sha256("".join(row.key for row in rows).encode()).hexdigest()[:16]
+        path, half = self.folder / f"{name}.parquet", self.folder / f".{name}.{os.getpid()}.half"
+        meta = {_PROGRAM: program_identity().encode()}
+        meta |= {_FIRMWARE + k.encode(): v.encode() for k, v in self._firmware.items()}
+        table = _to_table(rows).replace_schema_metadata(meta)
+        try:
+            with half.open("wb") as file:
+                pq.write_table(table, file, compression="zstd")
+                file.flush()
+                os.fsync(file.fileno())
+            half.replace(path)
+        except OSError as error:
+            with suppress(OSError):
+                half.unlink(missing_ok=True)
+            kept = "all earlier runs are kept, and the same command goes on from there"
+            reason = error.strerror or str(error)
+            raise ConfigError(f"{self.folder}: cannot be written: {reason}; {kept}") from None
+
+    def keys(self) -> set[str]:
+        """Return the keys of all runs that are done."""
+        tables = (self._read(path, ["key"]) for path in self._files())
+        return {key for table in tables for key in table["key"].to_pylist()}
+
+    def results(self, *, is_foreign: bool = False) -> Iterator[RunResult]:
+        """Yield all results, file by file; one that is there twice comes twice.
+
+        Args:
+            is_foreign: whether another version of hil-bench may have made them.
+        """
+        for path in self._files():
+            for row in self._read(path, is_foreign=is_foreign).to_pylist():
+                yield _from_row(row)
+
+    def _files(self) -> list[Path]:
+        return sorted(self.folder.rglob("*.parquet"))
+
+    def _read(
+        self, path: Path, columns: list[str] | None = None, *, is_foreign: bool = False
+    ) -> "pa.Table":
+        import pyarrow as pa  # noqa: PLC0415 - an extra, and slow to import
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        try:
+            with path.open("rb") as file:
+                parquet = pq.ParquetFile(file)
+                meta = parquet.schema_arrow.metadata or {}
+                if not is_foreign:
+                    self._check_origin(path, meta)
+                return parquet.read(columns)
+        except (OSError, pa.ArrowException) as error:
+            right = "remove it, and its runs are done again"
+            first = str(error).splitlines()[0]
+            raise ConfigError(f"{path}: cannot be read: {first}; {right}") from None
+
+    def _check_origin(self, path: Path, meta: Mapping[bytes, bytes]) -> None:
+        program = meta.get(_PROGRAM, b"").decode(errors="replace")
+        if not program:
+            raise ConfigError(f"{path}: is no result of a campaign; take it out of the folder")
+        if program != program_identity():
+            wrong = f"comes from hil-bench {program}, and this is {program_identity()}"
+            right = "use one version for all, or another --output"
+            raise ConfigError(f"{path}: {wrong}; {right}")
+        for name, digest in self._firmware.items():
+            other = meta.get(_FIRMWARE + name.encode())
+            if other is not None and other.decode(errors="replace") != digest:
+                wrong = f"comes from another build of the firmware {name!r} ({other.decode()[:8]})"
+                right = f"here it is {digest[:8]}; take one build to all machines, or another"
+                raise ConfigError(f"{path}: {wrong}; {right} --output")
+
+    def _remove_halves(self) -> None:
+        """Remove what a process that was killed has left."""
+        for path in self.folder.glob(".*.half"):
+            with suppress(OSError, ValueError):
+                if not _runs(int(path.suffixes[-2][1:])):
+                    path.unlink()
+
+
+def same_finding(one: RunResult, other: RunResult) -> bool:
+    """Return whether two results of a run say the same; last words of firmware name ports."""
+    return one._replace(problem="") == other._replace(problem="")
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _to_table(results: Sequence[RunResult]) -> "pa.Table":
+    import pyarrow as pa  # noqa: PLC0415 - an extra, and slow to import
+
+    verdict = pa.struct(
+        [
+            ("id", pa.string()),
+            ("outcome", pa.string()),
+            ("margin", pa.float64()),
+            ("reason", pa.string()),
+        ]
+    )
+    schema = pa.schema(
+        [
+            ("key", pa.string()),
+            ("scenario", pa.string()),
+            ("bench", pa.string()),
+            ("firmware", pa.string()),
+            ("seed", pa.int64()),
+            ("values", pa.map_(pa.string(), pa.float64())),
+            ("outcome", pa.string()),
+            ("problem", pa.string()),
+            ("duration", pa.float64()),
+            ("verdicts", pa.list_(verdict)),
+        ]
+    )
+    rows = [
+        {
+            **each._asdict(),
+            "outcome": each.outcome.value,
+            "values": sorted(each.values.items()),
+            "verdicts": [one._asdict() for one in each.verdicts],
+        }
+        for each in results
+    ]
+    return pa.Table.from_pylist(rows, schema=schema)
+
+
+def _from_row(row: dict[str, Any]) -> RunResult:
+    values = dict(row.pop("values"))
+    verdicts = tuple(Verdict(**each) for each in row.pop("verdicts"))
+    outcome = RunOutcome(str(row.pop("outcome")))
+    return RunResult(**row, values=values, outcome=outcome, verdicts=verdicts)

@@ -1,0 +1,82 @@
+"""The results of a campaign as a table, and the face for Python."""
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from hil_bench.campaign.executing import collect, execute
+from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.pool import Pool, perform_here
+from hil_bench.campaign.progress import progress_bar
+from hil_bench.campaign.reading import read_campaign
+from hil_bench.campaign.records import RunResult
+from hil_bench.campaign.sampling import Sampler
+from hil_bench.campaign.store import Store
+
+if TYPE_CHECKING:
+    import pandas as pd  # type: ignore[import-untyped]
+
+
+def run_campaign(
+    path: str | os.PathLike[str],
+    *,
+    runs: int | None = None,
+    sampler: str | None = None,
+    seed: int | None = None,
+    jobs: int = 0,
+    output: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> "pd.DataFrame":
+    """Return the results of a campaign, a row a run; those that are in `output` are not done again.
+
+    The index is the run's key. Columns are scenario, bench, firmware, seed, a column a parameter in
+    its own unit, outcome and problem; and of each requirement its outcome in a column of its id,
+    and its margin in ``ID margin``. A `ConfigError` says what is wrong with the files.
+
+    Args:
+        path: `campaign.toml`, or a scenario whose ranges are the space.
+        runs: points of each scenario, in the place of the file's.
+        sampler: ``grid``, ``sobol``, ``latin_hypercube`` or ``monte_carlo``, likewise.
+        seed: of the sampler, likewise.
+        jobs: processes; 0 for this one, where nothing ends a run that hangs.
+        output: the folder for results; without it they are not kept.
+        progress: whether to show a bar on standard error.
+    """
+    campaign = read_campaign(Path(path))
+    given = {"runs": runs, "seed": seed, "sampler": Sampler(sampler) if sampler else None}
+    campaign = replace(campaign, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
+    plan = Plan(campaign)
+    with ExitStack() as stack:
+        folder = output or stack.enter_context(TemporaryDirectory(prefix="hil-bench-"))
+        store = Store(Path(folder), plan.firmware)
+        backend = stack.enter_context(Pool(jobs)) if jobs else perform_here
+        with progress_bar(len(plan), is_shown=progress) as note:
+            execute(plan, store, backend, note=note)
+        return to_table(collect(plan, store).results)
+
+
+def to_table(results: Sequence[RunResult]) -> "pd.DataFrame":
+    """Return results as a pandas table, a row a run; see `run_campaign`."""
+    import pandas as pd  # noqa: PLC0415 - an extra, and slow to import
+
+    rows = []
+    for each in results:
+        row: dict[str, object] = {
+            "key": each.key,
+            "scenario": each.scenario,
+            "bench": each.bench,
+            "firmware": each.firmware,
+            "seed": each.seed,
+            **each.values,
+            "outcome": each.outcome.value,
+            "problem": each.problem,
+        }
+        for verdict in each.verdicts:
+            row[verdict.id] = verdict.outcome
+            row[f"{verdict.id} margin"] = verdict.margin
+        rows.append(row)
+    return pd.DataFrame(rows).set_index("key")

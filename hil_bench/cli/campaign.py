@@ -1,0 +1,226 @@
+"""`hil-bench campaign`: thousands of runs of scenarios, kept, resumed, merged and compared."""
+
+import argparse
+import logging
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from hil_bench.campaign.comparison import Change, compare
+from hil_bench.campaign.dask import DaskBackend
+from hil_bench.campaign.executing import WHOLE, Outcome, Shard, collect, execute
+from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.pool import Backend, Pool, perform_here
+from hil_bench.campaign.progress import progress_bar
+from hil_bench.campaign.reading import read_campaign
+from hil_bench.campaign.records import Campaign, RunOutcome, RunResult
+from hil_bench.campaign.reports.campaign_report import write_campaign_report
+from hil_bench.campaign.running import perform
+from hil_bench.campaign.sampling import Sampler
+from hil_bench.campaign.store import Store
+from hil_bench.campaign.summary import (
+    bounds_of,
+    command_of,
+    count_outcomes,
+    show_point,
+    summarise,
+    worst_runs,
+)
+from hil_bench.cli.campaign_arguments import add_jobs_argument, count
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.errors import ConfigError
+
+logger = logging.getLogger(__name__)
+
+_SHOWN = 3  # worst runs on the terminal
+
+_EXAMPLES = """\
+The same command goes on where it was ended. Results of several machines are merged by putting their
+folders into one, and giving that as --output: what is done there is not done again.
+
+exit code 1 where a run failed, crashed or timed out; 6 where none did, but a requirement could not
+be decided or was never exercised, or runs are missing
+
+examples:
+  hil-bench campaign campaign.toml --jobs 2 --report report.html
+  hil-bench campaign sag.scenario.toml --runs 256 --sampler monte_carlo
+  hil-bench campaign campaign.toml --shard 3/16 --output shard3
+  hil-bench campaign campaign.toml --output all --merge --compare before
+  hil-bench campaign campaign.toml --run 5f2c9a01
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "campaign",
+        description="Run scenarios over parameters, benches and firmware, thousands of times.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "campaign", type=Path, metavar="FILE", help="campaign.toml, or a scenario with ranges"
+    )
+    parser.add_argument("--runs", type=count, metavar="N", help="points of each scenario")
+    parser.add_argument("--sampler", choices=[each.value for each in Sampler])
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler")
+    add_jobs_argument(parser)
+    parser.add_argument("--shard", type=_shard, default=WHOLE, metavar="I/N", help="one part of N")
+    parser.add_argument(
+        "--output", type=Path, metavar="DIR", help="folder of the results (FILE's name + .results)"
+    )
+    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, as tcp://host:8786")
+    parser.add_argument("--merge", action="store_true", help="run nothing, show what is there")
+    parser.add_argument("--run", metavar="KEY", dest="key", help="repeat one run; its first digits")
+    parser.add_argument(
+        "--compare", type=Path, metavar="DIR", help="results of a campaign before a change"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the campaign, and print what came of it."""
+    plan = Plan(_campaign(args))
+    if args.key:
+        return _repeat(args, plan)
+    if not args.output:
+        args.output = args.campaign.with_name(f"{args.campaign.name.split('.')[0]}.results")
+    store = Store(args.output, plan.firmware)
+    if not args.merge:
+        _execute(args, plan, store)
+    outcome = collect(plan, store, args.shard)
+    changes = compare(_before(args.compare), outcome.results) if args.compare else []
+    if args.report:
+        write_campaign_report(args.report, plan, outcome, changes)
+    print_results(args, _lines(plan, outcome, changes), _content(plan, outcome, changes))
+    return _exit_code(outcome)
+
+
+def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
+    """Return what the outcomes of runs mean for a shell."""
+    if any(each.is_failure for each in outcomes):
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if outcomes == {RunOutcome.PASSED} else ExitCode.INCONCLUSIVE
+
+
+def _campaign(args: argparse.Namespace) -> Campaign:
+    """Return the campaign of the file, with what the command line says."""
+    campaign = read_campaign(args.campaign)
+    given = {"runs": args.runs, "seed": args.seed}
+    given |= {"sampler": Sampler(args.sampler)} if args.sampler else {}
+    return replace(campaign, **{k: v for k, v in given.items() if v is not None})
+
+
+def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
+    with ExitStack() as stack:
+        stack.enter_context(interrupted_once())
+        backend = _backend(args, stack)
+        shown = False if is_silent(args) else None
+        total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
+        note = stack.enter_context(progress_bar(total, is_shown=shown))
+        try:
+            execute(plan, store, backend, args.shard, note)
+        except KeyboardInterrupt:
+            kept = "what is done is kept; the same command goes on from there"
+            logger.warning("%s: interrupted; %s", store.folder, kept)
+            raise
+
+
+def _backend(args: argparse.Namespace, stack: ExitStack) -> Backend:
+    if args.dask:
+        return stack.enter_context(DaskBackend(args.dask))
+    return stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
+
+
+def _before(folder: Path) -> Iterator[RunResult]:
+    """Return the results of an earlier campaign.
+
+    Raises:
+        ConfigError: there is no such folder.
+    """
+    if not folder.is_dir():
+        raise ConfigError(f"--compare {folder}: is no folder; give one with results of a campaign")
+    return Store(folder, {}).results(is_foreign=True)
+
+
+def _repeat(args: argparse.Namespace, plan: Plan) -> int:
+    """Do one run again, and print what came of it.
+
+    Raises:
+        ConfigError: no run, or more than one, has such a key.
+    """
+    found = [spec for spec in plan if spec.key.startswith(args.key)]
+    if len(found) != 1:
+        wrong = "begin several keys" if found else "begin no run's key"
+        raise ConfigError(f"--run {args.key}: these digits {wrong}; the report shows them whole")
+    result = perform(found[0])
+    lines = [f"{result.scenario}: {show_point(result.values)}: {result.outcome}"]
+    lines += [f"  {result.problem}"] if result.problem else []
+    lines += [f"  {each.id}  {each.outcome:13}  {each.reason}" for each in result.verdicts]
+    print_results(args, lines, {"run": result})
+    return exit_code_of_runs({result.outcome})
+
+
+def _exit_code(outcome: Outcome) -> ExitCode:
+    code = exit_code_of_runs({each.outcome for each in outcome.results})
+    return ExitCode.INCONCLUSIVE if outcome.missing and code is ExitCode.DONE else code
+
+
+def _lines(plan: Plan, outcome: Outcome, changes: list[Change]) -> Iterator[str]:
+    counts = ", ".join(f"{n} {name}" for name, n in count_outcomes(outcome.results).items())
+    missing = f"; {outcome.missing} not done yet" if outcome.missing else ""
+    yield f"{len(outcome.results)} runs: {counts or 'none'}{missing}"
+    for summary in summarise(outcome.results):
+        yield f"  {summary.line()}"
+    yield from (f"  {line}" for line in bounds_of(plan, outcome.results))
+    yield from (f"  {change.line()}" for change in changes)
+    failed = [each for each in outcome.results if each.outcome.is_failure]
+    for result in worst_runs(failed, _SHOWN):
+        problem = f": {result.problem.splitlines()[0]}" if result.problem else ""
+        yield f"  {result.outcome}{problem}; repeat it: {command_of(plan, result)}"
+    yield f"  digest of the results {outcome.digest}"
+
+
+def _content(plan: Plan, outcome: Outcome, changes: list[Change]) -> dict[str, object]:
+    return {
+        "runs": len(outcome.results),
+        "missing": outcome.missing,
+        "digest": outcome.digest,
+        "outcomes": count_outcomes(outcome.results),
+        "requirements": [
+            {
+                "scenario": each.scenario,
+                "id": each.id,
+                "outcomes": each.outcomes,
+                "smallest_margin": min(each.margins, default=None),
+                "at": each.worst.values if each.worst else None,
+            }
+            for each in summarise(outcome.results)
+        ],
+        "bounds": list(bounds_of(plan, outcome.results)),
+        "worst": [
+            {**each._asdict(), "command": command_of(plan, each)}
+            for each in worst_runs(outcome.results)
+        ],
+        "changes": [
+            each._replace(broken=len(each.broken), mended=len(each.mended))._asdict()  # type: ignore[arg-type]
+            for each in changes
+        ],
+    }
+
+
+def _shard(text: str) -> Shard:
+    """Return the part that ``I/N`` names.
+
+    Raises:
+        argparse.ArgumentTypeError: it names none.
+    """
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise argparse.ArgumentTypeError(f"{text}: give I/N, as in 3/16, I from 1 to N")
+    return Shard(int(number), int(count))

@@ -1,0 +1,122 @@
+"""`hil-bench falsify`: a search for what makes a requirement fail."""
+
+import argparse
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+
+from hil_bench.campaign.pool import Backend, Pool, perform_here
+from hil_bench.campaign.progress import progress_bar
+from hil_bench.campaign.reports.search_report import write_search_report
+from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
+from hil_bench.campaign.search.records import ALL_METHODS, Budget, Find, Method
+from hil_bench.cli.campaign_arguments import add_jobs_argument, count
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
+
+_EXAMPLES = """\
+The space is that of the scenario's parameters with a range. Each method gets the same number of
+runs. A failure is made small and written as a scenario and a pytest file.
+
+exit code 1 where a requirement failed or a run crashed; 6 where none did, but a requirement was
+never exercised
+
+examples:
+  hil-bench falsify sag.scenario.toml
+  hil-bench falsify sag.scenario.toml --method cma-es --runs 1000 --output failures
+  hil-bench falsify sag.scenario.toml --minutes 10 --jobs 2 --report report.html
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "falsify",
+        description="Search for values of a scenario's parameters for which a requirement fails.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="with ranges")
+    parser.add_argument(
+        "--runs", type=count, default=200, metavar="N", help="of each method (%(default)s)"
+    )
+    parser.add_argument("--minutes", type=float, metavar="M", help="longest time for all methods")
+    parser.add_argument(
+        "--method",
+        action="append",
+        type=Method,
+        choices=list(ALL_METHODS),
+        dest="methods",
+        help="again for more (all, one after the other)",
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (0)")
+    parser.add_argument(
+        "--timeout-s", type=float, default=60.0, metavar="S", help="longest time of a run (60)"
+    )
+    parser.add_argument(
+        "--stop-at-failure", action="store_true", help="end when all requirements have failed"
+    )
+    parser.add_argument(
+        "--output", type=Path, default=Path("failures"), metavar="DIR", help="(%(default)s)"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    add_jobs_argument(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, and print what was found."""
+    plan = SearchPlan(
+        tuple(args.methods or ALL_METHODS),
+        Budget(args.runs, args.minutes),
+        args.seed,
+        args.timeout_s,
+        args.stop_at_failure,
+    )
+    with ExitStack() as stack:
+        stack.enter_context(interrupted_once())
+        backend: Backend = stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
+        shown = False if is_silent(args) else None
+        total = args.runs * len(plan.methods)
+        note = stack.enter_context(progress_bar(total, is_shown=shown))
+        found = falsify(args.scenario, plan, backend, args.output, note)
+    if args.report:
+        write_search_report(args.report, found)
+    print_results(args, found.lines(), _content(found))
+    return _exit_code(found)
+
+
+def _exit_code(found: Falsification) -> ExitCode:
+    if found.search.crashes or any(each.is_failed for each in found.search.finds):
+        return ExitCode.CHECK_FAILED
+    is_seen = all(each.is_exercised for each in found.search.finds)
+    return ExitCode.DONE if is_seen else ExitCode.INCONCLUSIVE
+
+
+def _content(found: Falsification) -> dict[str, object]:
+    return {
+        "runs": {method.value: len(found.search.of(method)) for method in found.plan.methods},
+        "requirements": [_find(each) for each in found.search.finds],
+        "failures": [_failure(each) for each in found.failures],
+    }
+
+
+def _find(find: Find) -> dict[str, object]:
+    return {
+        "id": find.id,
+        "is_failed": find.is_failed,
+        "is_exercised": find.is_exercised,
+        "first_failure": {method.value: number for method, number in find.first.items()},
+        "smallest_margin": find.margin,
+        "at": find.worst.point if find.worst else None,
+    }
+
+
+def _failure(failure: Failure) -> dict[str, object]:
+    return {
+        "requirement": failure.target.requirement or None,
+        "files": list(failure.files or ()),
+        "shrunk": asdict(failure.shrunk.scenario) if failure.shrunk else None,
+    }

@@ -1,0 +1,158 @@
+"""The search, on scenarios whose margins have a closed form."""
+
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+from support.campaigns import REST, rest_pressures, write_rest
+
+from hil_bench import cli
+from hil_bench.campaign.pool import perform_here
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.campaign.search.cost import CRASH, cost_of, turns
+from hil_bench.campaign.search.falsify import SearchPlan, falsify
+from hil_bench.campaign.search.methods import Evolution, build_search
+from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
+from hil_bench.campaign.search.shrink import round_to
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.run import play, prepare
+
+# A tenth of the range fails, and one step and one requirement have nothing to do with it.
+P_A = rest_pressures()[0]
+NARROW = REST.replace("range = [1.0, 301.0]", f"range = [{P_A - 25:.3f}, {P_A + 225:.3f}]")
+
+
+def search(path, folder, runs=40, methods=ALL_METHODS):
+    plan = SearchPlan(methods, Budget(runs), seed=1)
+    return falsify(path, plan, perform_here, folder, lambda _result: None)
+
+
+def made_up(*margins):
+    """Return a result with a verdict a margin: R-0, R-1, ..."""
+    verdicts = tuple(
+        Verdict(f"R-{place}", "failed" if margin < 0 else "passed", margin, "")
+        for place, margin in enumerate(margins)
+    )
+    return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=verdicts)
+
+
+def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
+    path = write_rest(tmp_path, NARROW)
+    found = search(path, tmp_path / "out", methods=(Method.CMA_ES,))
+    (failure,) = found.failures
+    assert failure.target.requirement == "R-1"
+    small = load_scenario(failure.files.scenario)
+    # The only thing that matters is the limit: the load, its step and R-2 are gone.
+    assert [each.name for each in small.parameters] == ["limit_bar"]
+    assert small.steps == ()
+    assert [each.id for each in small.expectations] == ["R-1"]
+    assert small.duration < 0.01
+    # A limit below the pressure at rest, brought near to the usual 250 bar and rounded.
+    limit = small.parameters[0].value
+    assert P_A - 25 < limit < P_A
+    assert round_to(limit, 2) == limit
+    judgements = [play(prepare(small)).findings[0].judgement for _ in range(2)]
+    assert repr(judgements[0]) == repr(judgements[1])
+    assert judgements[0].margin == failure.shrunk.result.verdicts[0].margin
+
+
+def test_the_written_test_fails_under_pytest(tmp_path):
+    found = search(write_rest(tmp_path, NARROW), tmp_path / "out", methods=(Method.CMA_ES,))
+    lines = found.failures[0].files.test.read_text().splitlines()
+    assert len([line for line in lines if line]) <= 10
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    for each in found.failures[0].files:
+        shutil.copy(each, alone)
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_rest_r_1.py"]
+    ended = subprocess.run(words, cwd=alone, capture_output=True, text=True, check=False)  # noqa: S603
+    assert ended.returncode == 1, ended.stdout
+    assert "margin=-" in ended.stdout
+
+
+def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
+    path = write_rest(tmp_path, REST.replace("range = [1.0", "range = [60.0"))
+    found = search(path, tmp_path / "out", runs=20)
+    assert found.failures == ()
+    text = "\n".join(found.lines())
+    assert "R-1: no failure in 60 runs; smallest margin at limit_bar=6" in text
+    # 1 - 0.05^(1/20) = 0.139
+    assert "95% upper bound on the failure probability under the sampled distribution 0.14" in text
+    assert "correct" not in text
+
+
+def test_the_same_seed_finds_the_same(tmp_path):
+    path = write_rest(tmp_path, NARROW)
+    first, second = (search(path, tmp_path / name, runs=20).search for name in "ab")
+    assert [each.point for each in first.trials] == [each.point for each in second.trials]
+    assert len(first.trials) == 60
+
+
+def test_evolution_comes_to_the_corner_that_random_misses():
+    # The margin is the distance from a corner of the cube, a ball of 3 % of a width around fails:
+    # of random points a share of 4/3 π 0.03³ / 8 = 1.4e-5 hits it.
+    def margin(points):
+        return np.linalg.norm(points, axis=1) - 0.03
+
+    def smallest(method):
+        found = build_search(method, ["R-0"], 3, 300, seed=5)
+        best, done = np.inf, 0
+        while done < 300:
+            points = found.ask()[: 300 - done]
+            margins = margin(points)
+            found.tell(points, [made_up(each) for each in margins])
+            best, done = min(best, margins.min()), done + len(points)
+        return best
+
+    assert smallest(Method.CMA_ES) < 0 < smallest(Method.RANDOM)
+
+
+def test_no_requirement_starves():
+    # R-0 has a small margin that never fails; R-1 fails in a corner, and its margins are large.
+    search = Evolution(["R-0", "R-1"], 2, seed=1)
+    found = []
+    for _ in range(60):
+        points = search.ask()
+        far = np.linalg.norm(points - 1.0, axis=1)
+        search.tell(points, [made_up(0.01, 3.0 * each - 0.1) for each in far])
+        found += [each for each in far if 3.0 * each < 0.1]
+    assert found
+
+
+def test_turns_are_about_all_and_then_about_each():
+    assert turns(["a", "b", "c"], ["b"]) == [["a", "c"], ["a"], ["c"]]
+    assert turns(["a"], []) == [["a"]]
+    assert turns(["a", "b"], ["a", "b"]) == [["a", "b"]]
+
+
+def test_a_crash_costs_less_than_any_margin_and_idle_requirements_more():
+    crashed = RunResult("k", "s", "", "", None, {}, RunOutcome.CRASHED, "gone")
+    assert cost_of(crashed, ["R-0"]) == CRASH
+    idle = made_up(0.5)._replace(verdicts=(Verdict("R-0", "not exercised", 0.5, ""),))
+    assert cost_of(idle, ["R-0"]) > cost_of(made_up(1.0), ["R-0"])
+
+
+def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
+    plain = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
+    path = write_rest(tmp_path, plain)
+    assert cli.main(["falsify", str(path), "--jobs=0"]) == 2
+    assert "no parameter has a range; give one, as in" in capsys.readouterr().err
+
+
+def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    never = 'that = "whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar"'
+    text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
+    path = write_rest(tmp_path, text.replace("range = [1.0", "range = [60.0"))
+    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2"]) == 6
+    assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
+
+
+def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path, NARROW)
+    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=20", "--method=cma-es"]) == 1
+    repeat = capsys.readouterr().out.rpartition("repeat it: ")[2]
+    assert cli.main(repeat.split()[1:]) == 1
+    assert "R-1  failed" in capsys.readouterr().out

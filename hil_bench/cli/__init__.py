@@ -35,6 +35,7 @@ VERBS = {
     "plot": "draw a recording",
     "monitor": "print what passes a bus, in words: nodes, objects, values, errors",
     "decode": "print a log of frames in words; as channels, as a DBC",
+    "explain": "say what went wrong in a log, in the order an expert looks",
     "record": "record frames and decoded values of any bus",
     "judge": "hold requirements against recordings: verdict, margin, what decides",
     "test": "play scenarios, and judge what they require",

@@ -262,3 +262,22 @@ def test_decode_knows_no_more_than_the_command_line_says(capsys):
     assert decode.run is not None
     assert main(["decode", "t.log", "--node", "1"]) == 0
     assert all("  node 1" in line for line in lines(capsys))
+
+
+def test_explain_names_cause_node_clause_and_frames(folder, capsys):
+    assert main(["explain", "t.log", "bench.toml"]) == 1
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("10 frames in 0.009 s, 2 nodes, load ")
+    assert shown[2] == "1. SDO transfer aborted  (CiA 301, 7.2.4.3.17)"
+    assert shown[3] == (
+        "   valve: download 0x6041.00 Device status word aborted, 0x06010002, attempt to write a "
+        "read only object, first at 0.008 s"
+    )
+    assert shown[4].startswith("      0.008000  581  SDO  download 0x6041.00")
+    assert main(["explain", "t.log", "bench.toml", "--json"]) == 1
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (finding["cause"], finding["node"]) == ("sdo_abort", "valve")
+    with FrameFile(folder / "sound.log") as file:
+        file.write_frames(FRAMES[:5])
+    assert main(["explain", "sound.log", "bench.toml"]) == 0
+    assert capsys.readouterr().out.endswith("nothing wrong found\n")

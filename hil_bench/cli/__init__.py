@@ -46,6 +46,7 @@ VERBS = {
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "doctor": "show what this machine can do in real time, and what to change",
     "shadow": "run the plant beside a machine on its commands, and show what differs",
+    "bus-load": "compute load and response times of a bench on its buses",
     "devices": "print the device table: node-IDs, profiles, PDOs",
     "registers": "print the register maps of the Modbus units",
     "completion": "print what makes a shell complete verbs and options",

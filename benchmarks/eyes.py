@@ -27,7 +27,7 @@ from hil_bench.eyes.dbc import write_dbc
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.explain.explain import explain
 from hil_bench.eyes.nodes import nodes_of
-from hil_bench.outside.recording.frames import FrameFile, message_of
+from hil_bench.outside.recording.frames import message_of, open_frame_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.transports.listener import Listener
 from hil_bench.session.virtual_bench import VirtualBench
@@ -113,7 +113,7 @@ def main() -> None:
     print(f"{platform.python_version()}, {count} frames")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with FrameFile(folder / "t.log") as file:
+        with open_frame_file(folder / "t.log") as file:
             file.write_frames(frames)
         decoder = Decoder(nodes_of(load_config()))
         write_dbc(folder / "t.dbc", decoder)

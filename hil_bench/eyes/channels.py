@@ -15,7 +15,7 @@ from hil_bench.units import ONE
 
 _SI: Final[Mapping[str, str]] = MappingProxyType({"mm": "m", "mm/s": "m/s", "%": "-", "°C": "°C"})
 _PRESSURES: Final = frozenset({"bar", "mbar", "Pa", "hPa", "kPa", "MPa", "psi"})
-_NO_WORD: Final = re.compile(r"\W+")
+_NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
 
 _Key = tuple[int, int, int, int]
 """Bus, node-ID, index and sub-index."""

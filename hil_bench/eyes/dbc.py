@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 from hil_bench.eyes.channels import symbol_of
 from hil_bench.eyes.decoder import Decoder, PdoOwner
 from hil_bench.eyes.pdos import PdoField
@@ -15,6 +15,8 @@ try:
     from cantools.database.conversion import BaseConversion
 except ImportError:
     raise ConfigError("--dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
+
+_LONGEST = 8
 
 
 def write_dbc(path: Path, decoder: Decoder) -> int:
@@ -30,16 +32,15 @@ def write_dbc(path: Path, decoder: Decoder) -> int:
     messages = [
         _message(owners)
         for _, owners in sorted(decoder.pdos.items())
-        if any(owner.pdo.fields for owner in owners)
+        if any(_fits(field) for owner in owners for field in owner.pdo.fields)
     ]
     if not messages:
         raise ConfigError(f"--dbc {path}: no PDO is known; give bench.toml or --eds N=FILE")
     names = [node.name for node in decoder.nodes.values()]
     database = Database(messages, nodes=[Node(symbol_of(name), None) for name in names])
-    try:
-        path.write_text(database.as_dbc_string(), encoding="cp1252", newline="")
-    except OSError as error:
-        raise ConfigError(f"--dbc {path}: cannot be written: {error.strerror}") from None
+    content = database.as_dbc_string().encode("cp1252", errors="replace")
+    with about_file(f"--dbc {path}", right="give a file in a directory of yours"):
+        path.write_bytes(content)
     return len(messages)
 
 
@@ -51,7 +52,7 @@ def _message(owners: list[PdoOwner]) -> Message:
     return Message(
         owner.pdo.can_id,
         f"{symbol_of(owner.node.name)}_{owner.pdo.name}",
-        owner.pdo.length or 0,
+        min(owner.pdo.length or 0, _LONGEST),
         list(_signals(owner, receivers)),
         senders=[symbol_of(each.node.name) for each in senders],
     )
@@ -59,13 +60,18 @@ def _message(owners: list[PdoOwner]) -> Message:
 
 def _signals(owner: PdoOwner, receivers: list[str]) -> Iterator[Signal]:
     names: set[str] = set()
-    for field in owner.pdo.fields:
+    for field in filter(_fits, owner.pdo.fields):
         reader = field.reader
         place = f"x{reader.index:04X}_{reader.subindex:02X}"
         name = symbol_of(reader.name) or place
         name = f"{name}_{place}" if name in names else name
         names.add(name)
         yield _signal(name, field, receivers)
+
+
+def _fits(field: PdoField) -> bool:
+    """Return whether a field lies in a CAN frame: mappings from a bus may be nonsense."""
+    return field.bits > 0 and field.shift + field.bits <= 8 * _LONGEST
 
 
 def _signal(name: str, field: PdoField, receivers: list[str]) -> Signal:

@@ -58,7 +58,8 @@ class Decoder:
         self._routes: dict[_Key, _Handler] = {}
         self._last_frames: dict[tuple[int, int], Frame] = {}
         self._look_at = 0
-        self._route()
+        self._owned: dict[KnownNode, list[Pdo]] = {}
+        self._route(self.nodes.values())
 
     def take(self, logged: LoggedFrame) -> list[Sight]:
         """Return what a frame says; nothing for one in the middle of an SDO transfer."""
@@ -109,13 +110,18 @@ class Decoder:
             node = self.nodes[bus, node_id] = KnownNode(node_id, bus=bus)
         return node
 
-    def _route(self) -> None:
-        """Find the PDOs, and who is behind the identifiers that nodes may choose."""
+    def _route(self, changed: Iterable[KnownNode]) -> None:
+        """Find the PDOs, and who is behind the identifiers that nodes may choose.
+
+        Args:
+            changed: the nodes whose objects have changed; the PDOs of the others stay.
+        """
+        self._owned.update({node: node.pdos() for node in changed})
         self.pdos = {}
         self._routes = {}
-        for node in self.nodes.values():
+        for node, pdos in self._owned.items():
             shift = node.bus << BUS_SHIFT
-            for pdo in node.pdos():
+            for pdo in pdos:
                 self.pdos.setdefault(pdo.can_id | shift, []).append(PdoOwner(node, pdo))
             emcy = node.identifier_of(0x1014)
             if emcy is not None:
@@ -158,17 +164,24 @@ class Decoder:
         request = None if frame.is_remote else NmtRequest.parse(frame.data)
         name, node_id = "", None
         if request is not None:
-            for node in self.nodes.values():
-                if node.bus == frame.bus and request.addresses(node.node_id):
-                    node.state = ENTERED[request.command]
-                    if request.command in RESTORED:
-                        node.reset(RESTORED[request.command])
-            if request.command in RESTORED:
-                self._route()
+            self._follow_command(request, frame.bus)
             if request.node_id in _NODE_IDS:
                 node_id = request.node_id
                 name = self._node(frame.bus, node_id).name
         return Sight(logged.now, frame, Service.NMT, "NMT", name, node_id, words, problem=problem)
+
+    def _follow_command(self, request: NmtRequest, bus: int) -> None:
+        addressed = [
+            node
+            for node in self.nodes.values()
+            if node.bus == bus and request.addresses(node.node_id)
+        ]
+        for node in addressed:
+            node.state = ENTERED[request.command]
+            if request.command in RESTORED:
+                node.reset(RESTORED[request.command])
+        if request.command in RESTORED:
+            self._route(addressed)
 
     def _hear_sync(self, logged: LoggedFrame) -> Sight:
         frame = logged.frame
@@ -234,7 +247,7 @@ class Decoder:
         if node.state is NmtState.INITIALISING:
             node.state = NmtState.PRE_OPERATIONAL  # after its boot-up message
             node.reset(range(0x1000, 0x10000))
-            self._route()
+            self._route((node,))
 
     def _hear_pdo(self, logged: LoggedFrame) -> Sight:
         frame = logged.frame
@@ -303,7 +316,7 @@ class Decoder:
             if transfer.is_short:
                 problem = f"{len(raw)} bytes came, {transfer.announced} were announced"
             if node.assume(transfer.index, transfer.subindex, raw):
-                self._route()
+                self._route((node,))
                 reader = node.reader(transfer.index, transfer.subindex)
             sign = "=" if transfer.way is Way.UPLOAD else ":="
             words = f"{what} {sign} {reader.read(raw).text}, {duration}"

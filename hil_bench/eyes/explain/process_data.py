@@ -80,8 +80,9 @@ class ProcessData:
         Yields:
             The findings.
         """
-        for course in self._courses.values():
-            self._note_gap(course, end, None)
+        for (address, _), course in self._courses.items():
+            if course.owner in self._decoder.pdos.get(address, []):
+                self._note_gap(course, end, None)
         yield from self._length_findings()
         yield from self._mapping_findings()
         yield from self._clash_findings()
@@ -139,7 +140,8 @@ class ProcessData:
     def _take(self, owner: PdoOwner, address: int, sight: Sight) -> None:
         course = self._courses.get((address, owner.node.name))
         if course is not None and course.last >= 0:
-            self._note_gap(course, sight.now, sight)
+            if course.owner.pdo is owner.pdo:  # or it was configured anew meanwhile
+                self._note_gap(course, sight.now, sight)
         elif course is None or owner.node.state is NmtState.OPERATIONAL:
             course = course or _Course(owner, sight.now)
             self._courses[address, owner.node.name] = course

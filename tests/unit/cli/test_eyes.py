@@ -14,7 +14,7 @@ from support.sdo_frames import MS, answer, heard, request, upload
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import decode, main, monitor, record
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.frames import FrameFile, message_of, read_frames
+from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 from hil_bench.outside.transports.listener import Listener, dropped_by_kernel
 
 BENCH = """\
@@ -46,7 +46,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bench.toml").write_text(BENCH)
     for name in ("t.log", "t.asc", "t.blf"):
-        with FrameFile(tmp_path / name) as file:
+        with open_frame_file(tmp_path / name) as file:
             file.write_frames(FRAMES)
     return tmp_path
 
@@ -225,6 +225,14 @@ def test_record_writes_frames_and_values(folder, capsys):
 
 
 @pytest.mark.usefixtures("folder", "bus")
+def test_record_begins_at_its_trigger(capsys):
+    trigger = ["--trigger", "valve.spool_set_point > 20 %", "--pre-trigger", "0.0005"]
+    words = ["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0", *trigger]
+    assert main(words) == 0
+    assert "2 rows, 7 frames: r.mf4" in lines(capsys)[1]  # from the RPDO on, the fourth of ten
+
+
+@pytest.mark.usefixtures("folder", "bus")
 def test_record_refuses_values_that_nobody_knows(capsys):
     assert main(["record", "r.csv", "-i", "socketcan", "-c", "can0"]) == 2
     assert "r.csv: no values to record, as no node is known" in capsys.readouterr().err
@@ -277,7 +285,7 @@ def test_explain_names_cause_node_clause_and_frames(folder, capsys):
     assert main(["explain", "t.log", "bench.toml", "--json"]) == 1
     (finding,) = json.loads(capsys.readouterr().out)["findings"]
     assert (finding["cause"], finding["node"]) == ("sdo_abort", "valve")
-    with FrameFile(folder / "sound.log") as file:
+    with open_frame_file(folder / "sound.log") as file:
         file.write_frames(FRAMES[:5])
     assert main(["explain", "sound.log", "bench.toml"]) == 0
     assert capsys.readouterr().out.endswith("nothing wrong found\n")

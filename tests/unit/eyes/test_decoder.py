@@ -10,6 +10,7 @@ from support.sdo_frames import MS, answer, download, heard, request, upload
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.eyes.dbc import write_dbc
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.sight import Service
@@ -168,3 +169,26 @@ def test_no_frames_make_it_stumble(frames):
         for sight in decoder.take(logged):
             assert "\n" not in sight.text
     decoder.finish()
+
+
+def test_a_mapping_of_nonsense_is_read_and_written_as_far_as_it_goes(tmp_path):
+    frames = [
+        *download(5, 0x1800, 1, struct.pack("<I", 0x00000195)),
+        *download(5, 0x1A00, 1, struct.pack("<I", 0x64010110)),
+        *download(5, 0x1A00, 2, struct.pack("<I", 0xFFFFFFFF)),
+        *download(5, 0x1A00, 3, struct.pack("<I", 0x00000000)),
+        *download(5, 0x1A00, 0, b"\xff"),
+        Frame(0x195, bytes(8)),
+    ]
+    decoder = Decoder()
+    assert decode(*frames, decoder=decoder)[-1].problem == "8 bytes, and its mapping has 34"
+    assert write_dbc(tmp_path / "x.dbc", decoder) == 1
+    assert "x6401_01 : 0|16@1+" in (tmp_path / "x.dbc").read_text()
+
+
+def test_only_the_pdos_of_the_node_that_was_configured_are_found_anew():
+    decoder = Decoder(known())
+    before = {address: owners[0].pdo for address, owners in decoder.pdos.items()}
+    decode(*download(1, 0x1800, 5, struct.pack("<H", 50)), decoder=decoder)
+    changed = {a for a, owners in decoder.pdos.items() if owners[0].pdo is not before[a]}
+    assert changed == {0x181, 0x201}  # both of the valve

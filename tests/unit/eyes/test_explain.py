@@ -498,12 +498,13 @@ def every_object_read():
 
 @sound
 def changes_while_it_runs():
-    """Another heartbeat time, a heartbeat that is switched off, a PDO mapped anew by the book."""
+    """Other times of heartbeat and event timer, a heartbeat off, a PDO mapped anew by the book."""
 
     def play(rig):
         rig.start()
         rig.write(rig.position, 0x1017, 0, 500, "H")
         rig.write(rig.pressure_b, 0x1017, 0, 0, "H")
+        rig.write(rig.pressure_b, 0x1800, 5, 400, "H")
         rig.write(rig.pressure_a, 0x1800, 1, 0x80000182)
         rig.write(rig.pressure_a, 0x1A00, 0, 0, "B")
         rig.write(rig.pressure_a, 0x1A00, 1, 0x71300110)

@@ -7,7 +7,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
-from hil_drivers.emergency import Emergency
+from hil_bench.eyes.codes import emergency_text
 
 if TYPE_CHECKING:
     from hil_bench.devices.faults.schedule import FaultEvent
@@ -100,8 +100,7 @@ class _NodeWatch:
         yield from self._state_changes()
         errors = self._node.emcy.present
         for code in sorted(errors - self._errors):
-            meaning = Emergency(code, 0, b"", 0.0).meaning
-            yield f"EMCY 0x{code:04X} ({meaning})"
+            yield f"EMCY 0x{code:04X} ({emergency_text(code)})"
         for code in sorted(self._errors - errors):
             yield f"EMCY 0x{code:04X} gone"
         self._errors = errors

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import IO, Any
@@ -33,6 +34,10 @@ _NO_DATE = datetime(1970, 1, 1)  # noqa: DTZ001 - the format has local time
 
 _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 """An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
+
+_ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
+"""A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most
+of them python-can makes data frames."""
 
 _DIRECTIONS = (" R", " T")
 """How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
@@ -161,12 +166,31 @@ class _BlockBlfWriter(BLFWriter):
         return content
 
 
-def read_frames(path: Path) -> Iterator[LoggedFrame]:
+@dataclass(slots=True)
+class LeftOut:
+    """What of a log is not among its frames.
+
+    Attributes:
+        error_frames: of the bus.
+        fd_frames: CAN FD frames.
+        ending: why the log ends before its end; empty where it does not.
+    """
+
+    error_frames: int = 0
+    fd_frames: int = 0
+    ending: str = ""
+
+
+def read_frames(path: Path, left_out: LeftOut | None = None) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
     A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
     are left out. A candump log says of no frame whether it was received, unless python-can wrote
     it.
+
+    Args:
+        path: the log.
+        left_out: counts what is left out.
 
     Yields:
         The frames, in the order of the file.
@@ -183,15 +207,18 @@ def read_frames(path: Path) -> Iterator[LoggedFrame]:
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")
+    left_out = left_out or LeftOut()
     with file:
         if suffix == ".blf":
-            yield from map(logged_frame_of, _messages(path, _BlfReader, file))
+            yield from map(logged_frame_of, _messages(path, _BlfReader, file, left_out))
             return
         lines = _CompleteLines(file, encoding="utf-8")
-        for message in _messages(path, _TEXT_READERS[suffix], lines):
+        for message in _messages(path, _TEXT_READERS[suffix], lines, left_out):
             logged = logged_frame_of(message)
             is_silent = suffix == ".log" and not lines.says_direction
             yield logged._replace(is_received=None) if is_silent else logged
+        left_out.ending = left_out.ending or lines.ending
+        left_out.error_frames += lines.error_frames
 
 
 class _BlfReader(BLFReader):
@@ -210,19 +237,29 @@ class _CompleteLines(io.TextIOWrapper):
 
     Attributes:
         says_direction: whether the last line ends as one of python-can's candump logs.
+        ending: why it ends before its end; empty where it does not.
+        error_frames: lines that are one, and are left out.
     """
 
     says_direction = False
+    ending = ""
+    error_frames = 0
 
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
         line = super().__next__()
+        while _ERROR_FRAME.match(line):
+            self.error_frames += 1
+            line = super().__next__()
         if not line.endswith("\n"):
+            self.ending = "its last line is cut off"
             raise StopIteration
         self.says_direction = line.rstrip().endswith(_DIRECTIONS)
         return line
 
 
-def _messages(path: Path, reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
+def _messages(
+    path: Path, reader: _Reader, source: IO[Any], left_out: LeftOut
+) -> Iterator[can.Message]:
     """Yield messages until the end, or until what a killed writer left half written.
 
     Yields:
@@ -238,11 +275,14 @@ def _messages(path: Path, reader: _Reader, source: IO[Any]) -> Iterator[can.Mess
         except StopIteration:
             return
         except Exception as error:  # python-can's readers raise what their parsing meets
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
             if is_empty:
-                reason = (str(error).splitlines() or [type(error).__name__])[0]
                 raise ConfigError(f"{path}: is no log of frames: {reason}") from None
+            left_out.ending = f"what follows cannot be read ({reason})"
             return
         is_empty = False
+        left_out.error_frames += message.is_error_frame
+        left_out.fd_frames += message.is_fd
         if not (message.is_error_frame or message.is_fd):
             yield message
 

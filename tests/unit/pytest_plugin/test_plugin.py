@@ -168,11 +168,11 @@ def test_a_report_reads_pdos_and_leaves_out_what_is_cyclic(pytester):
     news, rest = result.stdout.str().split("- last cyclic frames -")
     news = news.split("frames that are not cyclic -")[1]
     # 50 % is 0x2000 of 0x4000; 0x0007 enables, 0x000F is ACTIVE (CiA 408).
-    assert re.search(r"201#07000020 .* to the bench  valve RPDO1: .* 0x0007, .* 8192\n", news)
-    assert re.search(r"181#0F000000 .* valve TPDO1: .* 0x000F, .* 0\n", news)
+    assert re.search(r"201#07000020 .* to the bench  valve RPDO1: .* 0x0007 DHM, .* 50 %\n", news)
+    assert re.search(r"181#0F000000 .* valve TPDO1: .* 0x000F ACTIVE, .* 0 %\n", news)
     assert news.count("valve TPDO1") < 5
     assert "position TPDO1" not in news
-    assert re.search(r"184#\w+ .* position TPDO1: Position value \d+, Speed value", rest)
+    assert re.search(r"184#\w+ .* position TPDO1: Position value [\d.]+ mm, Speed value", rest)
 
 
 def test_an_error_of_a_driver_shows_the_line_of_the_test_alone(pytester):

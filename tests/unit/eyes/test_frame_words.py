@@ -2,7 +2,8 @@
 
 import pytest
 
-from hil_bench.machine.commissioning.decoding import Function, function_of, meaning_of
+from hil_bench.eyes.frame_words import meaning_of
+from hil_bench.eyes.identifiers import Function, function_of
 
 
 @pytest.mark.parametrize(
@@ -45,7 +46,7 @@ def test_an_identifier_tells_its_function(can_id, function):
         (0x585, "4318100234120000", "upload 0x1018.02"),
         (0x605, "2B17100064000000", "download 0x1017.00"),
         (0x585, "6017100000000000", "download 0x1017.00 done"),
-        (0x585, "8017100002000106", "abort 0x1017.00, 0x06010002, Attempt to write a read only"),
+        (0x585, "8017100002000106", "abort 0x1017.00, 0x06010002, attempt to write a read only"),
         (0x605, "6000000000000000", "segment or block"),
         (0x181, "0102", ""),
         (0x605, "40", ""),

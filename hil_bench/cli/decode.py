@@ -1,0 +1,194 @@
+"""`hil-bench decode`: a log of frames in words, as channels, as a DBC."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.eyes_arguments import (
+    add_eds_argument,
+    add_filter_arguments,
+    check_nodes,
+    known_nodes,
+)
+from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.sight_lines import SightLines
+from hil_bench.errors import ConfigError
+from hil_bench.eyes.channels import PdoChannels
+from hil_bench.eyes.decoder import Decoder, PdoOwner
+from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.sight import Sight
+from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.outside.recording.frames import LeftOut, read_frames
+from hil_bench.outside.recording.inline_recorder import InlineRecorder
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.recorder import RecordingPlan
+
+_EXAMPLES = """\
+examples:
+  hil-bench decode trace.log bench.toml
+  hil-bench decode trace.asc --eds 5=vendor.eds --node 5 --changes
+  hil-bench decode trace.blf bench.toml --problems
+  hil-bench decode trace.log bench.toml -o decoded.mf4     values as channels, in SI
+  hil-bench decode trace.log bench.toml --dbc bus.dbc      for SavvyCAN, PlotJuggler, asammdf
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "decode",
+        description="Print the frames of a log in words, as 'hil-bench monitor' does of a bus; or\n"
+        "write the values of its PDOs as channels of a recording, or their mapping as a DBC file.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "log", type=Path, metavar="FILE", help="the log: .log of candump, .asc, .blf or .mf4"
+    )
+    add_bench_arguments(parser)
+    add_eds_argument(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="RECORDING",
+        help="print nothing: write the values as channels, in SI; .mf4 (with the frames) or .csv",
+    )
+    parser.add_argument(
+        "--dbc",
+        type=Path,
+        metavar="FILE.dbc",
+        help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end "
+        "(pip install 'hil-bench[dbc]')",
+    )
+    add_filter_arguments(parser)
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Decode a log.
+
+    Raises:
+        ConfigError: the log has no frames, or an output cannot be meant.
+    """
+    _check_outputs(args)
+    left_out = LeftOut()
+    decoder = Decoder(_nodes(args))
+    check_nodes(args.node, decoder)
+    frames = from_first(read_frames(args.log, left_out))
+    if args.output is None and args.dbc is None:
+        count = _print(args, decoder, frames)
+    else:
+        count = _write(args, decoder, list(frames))
+    if not count:
+        raise ConfigError(f"{args.log}: has no frames to decode")
+    for text in losses(args.log, left_out):
+        print(f"hil-bench: {text}", file=sys.stderr)
+    return ExitCode.DONE
+
+
+def from_first(frames: Iterator[LoggedFrame]) -> Iterator[LoggedFrame]:
+    """Count times from the first frame: logs of real buses have the date.
+
+    Yields:
+        The frames.
+    """
+    first: int | None = None
+    for logged in frames:
+        first = logged.now if first is None else first
+        yield logged._replace(now=logged.now - first)
+
+
+def losses(path: Path, left_out: LeftOut) -> list[str]:
+    """Return what of a log was not decoded, a line each."""
+    lines = []
+    if left_out.error_frames:
+        lines.append(f"{path}: {left_out.error_frames} error frames, which say nothing of a node")
+    if left_out.fd_frames:
+        lines.append(f"{path}: {left_out.fd_frames} CAN FD frames left out")
+    if left_out.ending:
+        lines.append(f"{path}: ends early: {left_out.ending}")
+    return lines
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse outputs that cannot be meant.
+
+    Raises:
+        ConfigError: it says what would be right.
+    """
+    if args.output is not None and args.output.suffix.lower() not in SIGNAL_SUFFIXES:
+        raise ConfigError(f"-o {args.output}: give a file name that ends in .mf4 or .csv")
+    if args.dbc is not None and args.dbc.suffix.lower() != ".dbc":
+        raise ConfigError(f"--dbc {args.dbc}: give a file name that ends in .dbc")
+
+
+def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
+    """Print all lines, and return how many frames there were."""
+    lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
+
+    def show(sights: list[Sight]) -> None:
+        for sight in sights:
+            if not args.quiet and (line := lines.of(sight)) is not None:
+                print(line)
+
+    for logged in frames:
+        count += 1
+        show(decoder.take(logged))
+    show(decoder.finish())
+    return count
+
+
+def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]) -> int:
+    """Write what is asked for, and return how many frames there were.
+
+    Raises:
+        ConfigError: no node is known whose PDOs have values.
+    """
+    owners: dict[int, PdoOwner] = {}
+    for logged in frames:
+        decoder.take(logged)
+        for owner in decoder.owners(logged.frame):
+            owners.setdefault(id(owner.pdo), owner)
+    written = []
+    if args.dbc is not None:
+        from hil_bench.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
+
+        written.append(f"{write_dbc(args.dbc, decoder)} messages: {args.dbc}")
+    if args.output is not None:
+        channels = PdoChannels(owners.values())
+        if not channels.channels:
+            right = "give bench.toml or --eds N=FILE"
+            raise ConfigError(f"{args.log}: no PDO of a known node with values; {right}")
+        rows = _record(args.output, channels, Decoder(_nodes(args)), frames)
+        written.append(f"{rows} rows, {len(channels.channels)} channels: {args.output}")
+    if not args.quiet:
+        print("\n".join(written))
+    return len(frames)
+
+
+def _nodes(args: argparse.Namespace) -> list[KnownNode]:
+    """Return the nodes as they are at power-on: a decoder changes those that it has."""
+    return known_nodes(args, load_bench_config(args))
+
+
+def _record(path: Path, channels: PdoChannels, decoder: Decoder, frames: list[LoggedFrame]) -> int:
+    """Write a recording, and return its rows."""
+    recorder = InlineRecorder(RecordingPlan((path,), tuple(channels.channels)))
+    recorder.start()
+    try:
+        rows = 0
+        for logged in frames:
+            recorder.append_frames(
+                [logged.frame], logged.now, is_received=logged.is_received is not False
+            )
+            if sum(map(channels.take, decoder.take(logged))):
+                recorder.append_row(channels.row(logged.now))
+                rows += 1
+    finally:
+        recorder.stop()
+    return rows

@@ -1,0 +1,76 @@
+"""Arguments of the verbs that read frames: which nodes are known, and which lines are shown."""
+
+import argparse
+import os
+from collections.abc import Sequence
+
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.configuration.load import CONFIG_VARIABLE
+from hil_bench.errors import ConfigError
+from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.nodes import merge_nodes, node_of_eds, nodes_of
+from hil_bench.eyes.sight import Service
+
+
+def add_eds_argument(parser: argparse.ArgumentParser) -> None:
+    """Add --eds."""
+    parser.add_argument(
+        "--eds",
+        action="append",
+        default=[],
+        metavar="N=FILE",
+        help="the EDS or DCF file of node N, as in 5=vendor.eds; again for another node",
+    )
+
+
+def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what says which lines are shown, and how."""
+    services = [service.value for service in Service]
+    group = parser.add_argument_group("lines")
+    group.add_argument(
+        "--node", action="append", default=[], metavar="NAME", help="of this node, by name or ID"
+    )
+    group.add_argument(
+        "--only", action="append", default=[], choices=services, help="of this service alone"
+    )
+    group.add_argument(
+        "--hide", action="append", default=[], choices=services, help="none of this service"
+    )
+    group.add_argument(
+        "--changes", action="store_true", help="leave out what says the same as the time before"
+    )
+    group.add_argument(
+        "--problems", action="store_true", help="errors alone: aborts, EMCY, wrong lengths"
+    )
+    group.add_argument("--raw", action="store_true", help="show the bytes, too")
+    group.add_argument(
+        "--colour",
+        choices=["auto", "always", "never"],
+        default="auto",
+        help="colour lines by their service (auto: on a terminal)",
+    )
+
+
+def known_nodes(args: argparse.Namespace, config: BenchConfig) -> list[KnownNode]:
+    """Return the nodes that the command line names: those of a bench, those of EDS files.
+
+    Args:
+        args: the command line.
+        config: the bench; it counts only where somebody has named it.
+    """
+    is_named = args.config is not None or CONFIG_VARIABLE in os.environ
+    return merge_nodes(nodes_of(config) if is_named else (), map(node_of_eds, args.eds))
+
+
+def check_nodes(names: Sequence[str], decoder: Decoder) -> None:
+    """Refuse a --node that is neither a node-ID nor the name of a known node.
+
+    Raises:
+        ConfigError: it says which names there are.
+    """
+    known = sorted(node.name for node in decoder.nodes.values())
+    for name in names:
+        if not name.isdecimal() and name not in known:
+            right = f"a node-ID or one of {', '.join(known)}" if known else "a node-ID"
+            raise ConfigError(f"--node {name}: no node has this name; give {right}")

@@ -1,0 +1,142 @@
+"""`hil-bench record`: the frames and decoded values of any bus in a file, without a bench."""
+
+import argparse
+import math
+import time
+from pathlib import Path
+
+from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.controller_side import seen_from_bus
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.eyes_arguments import add_eds_argument, known_nodes
+from hil_bench.cli.interruption import interruption
+from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.errors import ConfigError
+from hil_bench.eyes.channels import PdoChannels
+from hil_bench.eyes.decoder import Decoder
+from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.recorder_process import RecorderProcess
+from hil_bench.outside.transports.listener import Listener
+from hil_bench.outside.transports.opening import open_can_bus
+
+_POLL = 0.1
+
+_EXAMPLES = """\
+examples:
+  hil-bench record -i socketcan -c can0 bus.log                      frames, until Ctrl-C
+  hil-bench record -i socketcan -c can0 bus.mf4 bench.toml           and values as channels
+  hil-bench record -i socketcan -c can0 bus.mf4 --eds 5=vendor.eds --duration 60
+  hil-bench record -i socketcan -c can0 bus.mf4 bench.toml \\
+      --trigger "pressure_a.ai_input_process_value_1 > 80 bar"
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "record",
+        description="Record what passes a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
+        ".csv also the values of the PDOs of known nodes, in SI. Nothing is sent; no bench runs.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
+    add_bench_arguments(parser)
+    parser.add_argument(
+        "--on",
+        metavar="NAME",
+        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
+    )
+    add_eds_argument(parser)
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=math.inf,
+        metavar="S",
+        help="time to record; until Ctrl-C by default",
+    )
+    parser.add_argument(
+        "--trigger",
+        default="",
+        metavar="CONDITION",
+        help="begin recording when a channel is beyond a level",
+    )
+    parser.add_argument(
+        "--pre-trigger",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="time before the trigger that is recorded too (1 s)",
+    )
+    add_json_argument(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until the time is over or somebody interrupts.
+
+    Raises:
+        ConfigError: an option cannot be meant.
+    """
+    if not args.duration > 0.0:
+        raise ConfigError(f"--duration {args.duration:g}: more than 0 is right")
+    if not 0 <= args.pre_trigger <= 3600:
+        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
+    config = seen_from_bus(args, load_bench_config(args))
+    decoder = Decoder(known_nodes(args, config))
+    channels = PdoChannels(owner for owners in decoder.pdos.values() for owner in owners)
+    if args.file.suffix.lower() == ".csv" and not channels.channels:
+        right = "give bench.toml or --eds N=FILE, or record .mf4 or .log"
+        raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")
+    plan = RecordingPlan(
+        (args.file,), tuple(channels.channels), trigger=args.trigger, pre_trigger=args.pre_trigger
+    )
+    plan.check()
+    settings = config.bus
+    bus, what = open_can_bus(
+        settings.interface, settings.channel, settings.bitrate, settings.options
+    )
+    with bus:
+        listener = Listener(bus, what)
+        if not is_silent(args):
+            names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
+            print(f"{what}: recording {names} to {args.file}; Ctrl-C ends it", flush=True)
+        recorder = RecorderProcess(plan)
+        recorder.start()
+        try:
+            _listen(args.duration, listener, decoder, channels, recorder)
+        finally:
+            recorder.stop()
+        dropped = listener.dropped
+    report = recorder.report
+    facts = (
+        (listener.error_frames, "error frames"),
+        (listener.fd_frames, "CAN FD frames left out"),
+        (dropped, "frames lost by the kernel"),
+        (channels.missed, "values of objects that were mapped only later, without a channel"),
+    )
+    lines = [*report_lines(report), *(f"{count} {text}" for count, text in facts if count)]
+    content = {"report": report, **{text: count for count, text in facts}}
+    print_results(args, lines, content)
+    if not report.is_complete or dropped:
+        return ExitCode.LOST
+    return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE
+
+
+def _listen(
+    duration: float,
+    listener: Listener,
+    decoder: Decoder,
+    channels: PdoChannels,
+    recorder: RecorderProcess,
+) -> None:
+    end = time.monotonic() + duration
+    with interruption() as interrupted:
+        while not interrupted.requested and (left := end - time.monotonic()) > 0.0:
+            logged = listener.hear(min(_POLL, left))
+            if logged is None:
+                continue
+            recorder.append_frames([logged.frame], logged.now, is_received=True)
+            if sum(map(channels.take, decoder.take(logged))):
+                recorder.append_row(channels.row(logged.now))

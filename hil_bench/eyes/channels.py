@@ -1,0 +1,90 @@
+"""What the PDOs of known nodes carry, as channels of a recording in SI."""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Final
+
+from hil_bench.eyes.decoder import PdoOwner
+from hil_bench.eyes.pdos import PdoField
+from hil_bench.eyes.sight import Sight
+from hil_bench.eyes.values import Reading
+from hil_bench.outside.recording.channels import Channel
+from hil_bench.units import ONE
+
+_SI: Final[Mapping[str, str]] = MappingProxyType({"mm": "m", "mm/s": "m/s", "%": "-", "°C": "°C"})
+_PRESSURES: Final = frozenset({"bar", "mbar", "Pa", "hPa", "kPa", "MPa", "psi"})
+_NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
+
+_Key = tuple[int, int, int, int]
+"""Bus, node-ID, index and sub-index."""
+
+
+def symbol_of(name: str) -> str:
+    """Return the name of an object as one word, as in ``spool_actual_value``."""
+    return _NO_WORD.sub("_", name.strip()).strip("_").lower()
+
+
+class PdoChannels:
+    """Holds the last value of each object that a PDO carries.
+
+    Args:
+        owners: the PDOs.
+
+    Attributes:
+        channels: one an object with numbers; its name is node and object.
+        missed: values that came of objects without a channel: mapped after the recording began.
+    """
+
+    def __init__(self, owners: Iterable[PdoOwner]) -> None:
+        self.missed = 0
+        self.channels: list[Channel] = []
+        self._places: dict[_Key, tuple[int, float]] = {}
+        self._values: list[float] = []
+        names: set[str] = set()
+        for owner in owners:
+            for field in owner.pdo.fields:
+                self._add(owner, field, names)
+
+    def _add(self, owner: PdoOwner, field: PdoField, names: set[str]) -> None:
+        reader, node = field.reader, owner.node
+        key = node.bus, node.node_id, reader.index, reader.subindex
+        if key in self._places or not _is_number(field):
+            return
+        place = f"0x{reader.index:04X}_{reader.subindex:02X}"
+        name = f"{symbol_of(node.name)}.{symbol_of(reader.name) or place}"
+        if name in names:
+            name = f"{name}_{place}"
+        names.add(name)
+        unit = ONE if reader.scale is None else reader.scale.unit
+        symbol = "Pa" if unit.symbol in _PRESSURES else _SI.get(unit.symbol, unit.symbol)
+        self._places[key] = len(self.channels), unit.factor
+        self.channels.append(Channel(name, symbol))
+        self._values.append(math.nan)
+
+    def take(self, sight: Sight) -> bool:
+        """Hold the values of a PDO and return whether there were some."""
+        has_values = False
+        for reading in sight.readings:
+            place = self._places.get(_key(sight, reading))
+            if place is None:
+                self.missed += 1
+            elif not isinstance(reading.value, str):
+                number, factor = place
+                self._values[number] = reading.value * factor
+                has_values = True
+        return has_values
+
+    def row(self, now: int) -> tuple[float, ...]:
+        """Return a row of a recording: time [s] and the last values, NaN before the first."""
+        return now * 1e-9, *self._values
+
+
+def _key(sight: Sight, reading: Reading) -> _Key:
+    return sight.frame.bus, sight.node_id or 0, reading.object_index, reading.subindex
+
+
+def _is_number(field: PdoField) -> bool:
+    data_type = field.reader.data_type
+    return data_type is not None and not isinstance(data_type.zero, (str, bytes))

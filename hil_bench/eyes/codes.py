@@ -1,0 +1,133 @@
+"""The words of CiA 301 and CiA 305 for the numbers in frames."""
+
+from typing import Final
+
+from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.nmt import NmtCommand, NmtState
+
+_EMERGENCIES: Final = {
+    0x8110: "CAN overrun, objects lost",
+    0x8120: "CAN in error passive mode",
+    0x8130: "life guard or heartbeat error",
+    0x8140: "recovered from bus off",
+    0x8150: "CAN-ID collision",
+    0x8210: "PDO not processed due to length error",
+    0x8220: "PDO length exceeded",
+    0x8230: "DAM MPDO not processed, destination object not available",
+    0x8240: "unexpected SYNC data length",
+    0x8250: "RPDO time-out",
+}
+_EMERGENCY_CLASSES: Final = {
+    0x00: "error reset or no error",
+    0x10: "generic error",
+    0x20: "current",
+    0x21: "current, CANopen device input side",
+    0x22: "current inside the CANopen device",
+    0x23: "current, CANopen device output side",
+    0x30: "voltage",
+    0x31: "mains voltage",
+    0x32: "voltage inside the CANopen device",
+    0x33: "output voltage",
+    0x40: "temperature",
+    0x41: "ambient temperature",
+    0x42: "CANopen device temperature",
+    0x50: "CANopen device hardware",
+    0x60: "CANopen device software",
+    0x61: "internal software",
+    0x62: "user software",
+    0x63: "data set",
+    0x70: "additional modules",
+    0x80: "monitoring",
+    0x81: "communication",
+    0x82: "protocol error",
+    0x90: "external error",
+    0xF0: "additional functions",
+    0xFF: "CANopen device specific",
+}
+"""Emergency error codes of CiA 301: one by one, and by their high byte."""
+
+_NMT_COMMANDS: Final = {
+    NmtCommand.START: "start",
+    NmtCommand.STOP: "stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
+    NmtCommand.RESET_NODE: "reset node",
+    NmtCommand.RESET_COMMUNICATION: "reset communication",
+}
+
+_ABORTS: Final[dict[int, str]] = dict(
+    code for name, code in vars(abort_codes).items() if name.isupper() and isinstance(code, tuple)
+)
+
+_LSS: Final = {
+    0x04: "switch state global",
+    0x11: "configure node-ID",
+    0x13: "configure bit timing",
+    0x15: "activate bit timing",
+    0x17: "store configuration",
+    0x40: "switch state selective, vendor-ID",
+    0x41: "switch state selective, product code",
+    0x42: "switch state selective, revision number",
+    0x43: "switch state selective, serial number",
+    0x44: "switched by its address",
+    0x46: "identify slave, vendor-ID",
+    0x47: "identify slave, product code",
+    0x48: "identify slave, lowest revision number",
+    0x49: "identify slave, highest revision number",
+    0x4A: "identify slave, lowest serial number",
+    0x4B: "identify slave, highest serial number",
+    0x4C: "identify non-configured slave",
+    0x4F: "slave identified",
+    0x50: "non-configured slave identified",
+    0x51: "fastscan",
+    0x5A: "inquire vendor-ID",
+    0x5B: "inquire product code",
+    0x5C: "inquire revision number",
+    0x5D: "inquire serial number",
+    0x5E: "inquire node-ID",
+}
+"""LSS command specifiers (CiA 305)."""
+
+
+def is_error_reset(code: int) -> bool:
+    """Return whether an emergency error code says that an error has gone: 0x0000 to 0x00FF."""
+    return code < 0x0100
+
+
+def emergency_text(code: int) -> str:
+    """Return what an emergency error code means, in the words of CiA 301."""
+    if is_error_reset(code):
+        return "error reset"
+    high = code >> 8
+    text = _EMERGENCIES.get(code) or _EMERGENCY_CLASSES.get(high)
+    return text or _EMERGENCY_CLASSES.get(high & 0xF0) or "code without a meaning in CiA 301"
+
+
+def abort_text(code: int) -> str:
+    """Return what an SDO abort code means, in the words of CiA 301."""
+    return _ABORTS.get(code, "unknown abort code")
+
+
+def nmt_text(data: bytes) -> str:
+    """Return what an NMT message commands; empty where it is none."""
+    if len(data) != 2:
+        return ""
+    target = f"node {data[1]}" if data[1] else "all nodes"
+    return f"{_command(data[0])}, {target}"
+
+
+def _command(number: int) -> str:
+    return next(
+        (text for command, text in _NMT_COMMANDS.items() if command == number), f"command {number}"
+    )
+
+
+def state_text(number: int) -> str:
+    """Return the name of an NMT state by its number in a heartbeat."""
+    if number == NmtState.INITIALISING:
+        return "boot-up"
+    return NmtState(number).name if number in frozenset(NmtState) else f"state {number}"
+
+
+def lss_text(data: bytes) -> str:
+    """Return what an LSS message asks or answers; empty where it is none."""
+    return _LSS.get(data[0], f"command {data[0]}") if data else ""

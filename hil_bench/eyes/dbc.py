@@ -1,0 +1,93 @@
+"""The PDOs of known nodes as a DBC file, for the tools that read no EDS."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from hil_bench.canopen_device.datatypes import IntegerType, RealType
+from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.errors import ConfigError, about_file
+from hil_bench.eyes.channels import symbol_of
+from hil_bench.eyes.decoder import Decoder, PdoOwner
+from hil_bench.eyes.pdos import PdoField
+
+try:
+    from cantools.database.can import Database, Message, Node, Signal
+    from cantools.database.conversion import BaseConversion
+except ImportError:
+    raise ConfigError("--dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
+
+_LONGEST = 8
+
+
+def write_dbc(path: Path, decoder: Decoder) -> int:
+    """Write the PDOs that a decoder knows now, and return how many messages they are.
+
+    Args:
+        path: the file.
+        decoder: of one bus.
+
+    Raises:
+        ConfigError: there are no mapped PDOs, or the file cannot be written.
+    """
+    messages = [
+        _message(owners)
+        for _, owners in sorted(decoder.pdos.items())
+        if any(_fits(field) for owner in owners for field in owner.pdo.fields)
+    ]
+    if not messages:
+        raise ConfigError(f"--dbc {path}: no PDO is known; give bench.toml or --eds N=FILE")
+    names = [node.name for node in decoder.nodes.values()]
+    database = Database(messages, nodes=[Node(symbol_of(name), None) for name in names])
+    content = database.as_dbc_string().encode("cp1252", errors="replace")
+    with about_file(f"--dbc {path}", right="give a file in a directory of yours"):
+        path.write_bytes(content)
+    return len(messages)
+
+
+def _message(owners: list[PdoOwner]) -> Message:
+    """Return a PDO as a message: who sends it names it, or else its first receiver."""
+    senders = [owner for owner in owners if owner.pdo.direction is Direction.TPDO]
+    owner = (senders or owners)[0]
+    receivers = [symbol_of(each.node.name) for each in owners if each not in senders]
+    return Message(
+        owner.pdo.can_id,
+        f"{symbol_of(owner.node.name)}_{owner.pdo.name}",
+        min(owner.pdo.length or 0, _LONGEST),
+        list(_signals(owner, receivers)),
+        senders=[symbol_of(each.node.name) for each in senders],
+    )
+
+
+def _signals(owner: PdoOwner, receivers: list[str]) -> Iterator[Signal]:
+    names: set[str] = set()
+    for field in filter(_fits, owner.pdo.fields):
+        reader = field.reader
+        place = f"x{reader.index:04X}_{reader.subindex:02X}"
+        name = symbol_of(reader.name) or place
+        name = f"{name}_{place}" if name in names else name
+        names.add(name)
+        yield _signal(name, field, receivers)
+
+
+def _fits(field: PdoField) -> bool:
+    """Return whether a field lies in a CAN frame: mappings from a bus may be nonsense."""
+    return field.bits > 0 and field.shift + field.bits <= 8 * _LONGEST
+
+
+def _signal(name: str, field: PdoField, receivers: list[str]) -> Signal:
+    data_type, scale = field.reader.data_type, field.reader.scale
+    factor, offset, unit = 1.0, 0.0, None
+    if scale is not None:
+        factor, offset = scale.factor, -scale.offset * scale.factor or 0.0
+        unit = None if scale.unit.symbol == "-" else scale.unit.symbol
+    is_float = isinstance(data_type, RealType)
+    return Signal(
+        name,
+        field.shift,
+        field.bits,
+        byte_order="little_endian",
+        is_signed=isinstance(data_type, IntegerType) and data_type.signed,
+        conversion=BaseConversion.factory(factor, offset, None, is_float),
+        unit=unit,
+        receivers=receivers,
+    )

@@ -1,0 +1,121 @@
+"""What the numbers of an object stand for: the units of CiA 404, 406 and 408.
+
+An EDS has no units. The profiles do: in objects of their own, whose present values count.
+"""
+
+from typing import Final, NamedTuple
+
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.devices.valve_state_machine import STATUS_BITS
+from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, ONE, PERCENT, Unit
+
+MEASURING, ENCODER, VALVE = 404, 406, 408
+"""Profile numbers in the low word of 0x1000."""
+
+
+class Scale(NamedTuple):
+    """How a raw value becomes a quantity: (raw - offset) * factor, in the unit.
+
+    Attributes:
+        factor: of the unit for an increment.
+        unit: that people read.
+        offset: raw value of a quantity of 0.
+    """
+
+    factor: float
+    unit: Unit
+    offset: float = 0.0
+
+
+_CELSIUS: Final = Unit("°C", "_c")
+_PSI: Final = Unit("psi", "_psi", 6894.757293168361)
+_PASCAL: Final = 0x22
+_BASES: Final = {0x4E: BAR, 0xAB: _PSI, 0x2D: _CELSIUS, _PASCAL: Unit("Pa", "_pa")}
+_PREFIXES: Final = {-6: "µ", -3: "m", 0: "", 2: "h", 3: "k", 6: "M"}
+
+_REAL_PROCESS: Final = {0x6124, 0x6130, 0x6133, 0x6134, 0x6135, 0x6138, 0x6140, 0x6148, 0x6149}
+_INTEGER_FORMATS: Final = (0x1000, 0x2000, 0x3000)
+_DIGITS: Final = range(10)
+
+_POSITIONS: Final = {0x6004, 0x6020}
+_SPEED: Final = 0x6030
+_STEPS: Final = 0x6005
+
+_SPOOL: Final = {0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350}
+_PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
+
+CONTROL_WORD, STATUS_WORD = 0x6040, 0x6041
+_CONTROL_BITS: Final = "DHMR"
+
+UNIT_OBJECTS: Final = frozenset({0x1000, 0x6005, 0x6131, 0x6132, 0x6311, 0x6391})
+"""Objects whose values decide how others are read."""
+
+
+def profile_of(objects: ObjectDictionary) -> int:
+    """Return the number of the device profile, 0 for none."""
+    return _number(objects, 0x1000, 0) & 0xFFFF
+
+
+def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
+    """Return what an object's numbers stand for; None where no profile says it."""
+    profile = profile_of(objects)
+    if profile == MEASURING:
+        return _measured(objects, index, subindex)
+    if profile == ENCODER:
+        return _encoded(objects, index)
+    if profile == VALVE:
+        return _commanded(objects, index)
+    return None
+
+
+def _measured(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
+    unit = _unit(_number(objects, 0x6131, subindex))
+    if index in _REAL_PROCESS:
+        return Scale(1.0, unit) if unit else None
+    digits = _number(objects, 0x6132, subindex)
+    if any(index - shift in _REAL_PROCESS for shift in _INTEGER_FORMATS) and digits in _DIGITS:
+        return Scale(10.0**-digits, unit or ONE)
+    return None
+
+
+def _unit(code: int) -> Unit | None:
+    """Return the unit of CiA 303-2: the highest byte a power of ten, the next one the unit."""
+    power = int.from_bytes((code >> 24 & 0xFF).to_bytes(1, "big"), "big", signed=True)
+    base, prefix = _BASES.get(code >> 16 & 0xFF), _PREFIXES.get(power)
+    if base is None or prefix is None or code & 0xFFFF:
+        return None
+    return Unit(prefix + base.symbol, "", base.factor * 10.0**power)
+
+
+def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
+    """Return the scale of a linear encoder: steps of 0.001 µm and of 0.01 mm/s."""
+    if index in _POSITIONS and (step := _number(objects, _STEPS, 1)):
+        return Scale(step * 1e-6, MILLIMETRE)
+    if index == _SPEED and (step := _number(objects, _STEPS, 2)):
+        return Scale(step * 1e-2, MILLIMETRE_PER_SECOND)
+    return None
+
+
+def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
+    places = ((_SPOOL, 0x6311), (_PRESSURE_MODE, 0x6391))
+    for indices, reference_object in places:
+        if index in indices and (reference := _number(objects, reference_object, 1)):
+            return Scale(100.0 / reference, PERCENT)
+    return None
+
+
+def _number(objects: ObjectDictionary, index: int, subindex: int) -> int:
+    variable = objects.find(index, subindex)
+    return variable.value if variable is not None and isinstance(variable.value, int) else 0
+
+
+def word_text(profile: int, index: int, value: int) -> str:
+    """Return a control or status word of CiA 408 with what it says; any other as its digits."""
+    digits = f"0x{value:04X}"
+    if profile != VALVE:
+        return digits
+    if index == STATUS_WORD:
+        states = [state for state, bits in STATUS_BITS.items() if bits == value & 0xF]
+        return f"{digits} {' or '.join(states) or 'no state'}"
+    bits = "".join(letter for place, letter in enumerate(_CONTROL_BITS) if value >> place & 1)
+    return f"{digits} {bits}" if bits else digits

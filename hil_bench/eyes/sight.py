@@ -1,0 +1,60 @@
+"""What one frame, or the last frame of a transfer, says in words."""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.eyes.transfers import Transfer
+from hil_bench.eyes.values import Reading
+
+
+class Service(StrEnum):
+    """The service that a frame belongs to; filters name it so."""
+
+    NMT = "nmt"
+    SYNC = "sync"
+    TIME = "time"
+    EMCY = "emcy"
+    PDO = "pdo"
+    SDO = "sdo"
+    HEARTBEAT = "heartbeat"
+    LSS = "lss"
+    OTHER = "other"
+
+
+class Sight(NamedTuple):
+    """One line on what was on the bus.
+
+    Attributes:
+        now: when [ns].
+        frame: the frame, of a transfer its last one.
+        service: that it belongs to.
+        name: of the service, as in ``TPDO1``.
+        node: whom it comes from or goes to; empty for all.
+        node_id: of that node; None for all.
+        words: what it says, where that is no values.
+        readings: the values that it carries.
+        problem: what is wrong with it; empty for nothing.
+        transfer: the SDO transfer that it ends.
+    """
+
+    now: int
+    frame: Frame
+    service: Service
+    name: str
+    node: str = ""
+    node_id: int | None = None
+    words: str = ""
+    readings: tuple[Reading, ...] = ()
+    problem: str = ""
+    transfer: Transfer | None = None
+
+    @property
+    def text(self) -> str:
+        """What it says, in one line."""
+        parts = [self.words] if self.words else []
+        parts += map(str, self.readings)
+        text = ", ".join(parts)
+        if self.problem:
+            text = f"{text}  ! {self.problem}" if text else f"! {self.problem}"
+        return text

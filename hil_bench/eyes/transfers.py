@@ -1,0 +1,250 @@
+"""SDO transfers overheard on the bus: from their frames to one object with its bytes (CiA 301)."""
+
+import struct
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+_ABORT: Final = 0x80
+_LAST: Final = 0x80
+_SEGMENT: Final = 7
+
+PATIENCE: Final = 1_000_000_000
+"""Time without a frame after which a transfer counts as given up [ns]."""
+
+LARGEST: Final = 1 << 20
+"""Bytes of a transfer that are kept; what follows is counted."""
+
+
+class Way(Enum):
+    """Which way the value goes: an upload reads it, a download writes it."""
+
+    UPLOAD = "upload"
+    DOWNLOAD = "download"
+
+
+@dataclass(slots=True)
+class Transfer:
+    """One SDO transfer.
+
+    Attributes:
+        way: read or write.
+        index: of the object.
+        subindex: of the object.
+        begin: time of its first frame [ns].
+        end: time of its latest frame [ns].
+        frames: how many there were.
+        data: the value's bytes so far.
+        announced: length that was announced; None for none.
+        abort: abort code; None where it was not aborted.
+        is_aborted_by_client: who aborted.
+        is_done: whether it came to its good end.
+        is_answered: whether the server has said anything.
+        is_last: whether the last of its data has been seen.
+        block: the segments of the block that is under way; None outside of one.
+    """
+
+    way: Way
+    index: int
+    subindex: int
+    begin: int
+    end: int = 0
+    frames: int = 1
+    data: bytearray = field(default_factory=bytearray)
+    announced: int | None = None
+    abort: int | None = None
+    is_aborted_by_client: bool = False
+    is_done: bool = False
+    is_answered: bool = False
+    is_last: bool = False
+    block: list[bytes] | None = None
+
+    @property
+    def place(self) -> str:
+        """The object, as in ``0x6130.01``."""
+        return f"0x{self.index:04X}.{self.subindex:02X}"
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more belongs to it."""
+        return self.is_done or self.abort is not None
+
+    @property
+    def is_short(self) -> bool:
+        """Whether it ended with another length than was announced."""
+        return self.is_done and self.announced is not None and self.announced != len(self.data)
+
+
+class SdoChannel:
+    """The transfers of one client-server channel.
+
+    Attributes:
+        current: the transfer that is under way, None for none.
+    """
+
+    def __init__(self) -> None:
+        self.current: Transfer | None = None
+
+    def hear(self, data: bytes, now: int, *, is_request: bool) -> tuple[Transfer, ...]:
+        """Take a frame and return the transfers that have ended with it, the older one first.
+
+        Args:
+            data: eight bytes.
+            now: when [ns].
+            is_request: whether the client sent it.
+        """
+        transfer = self.current
+        if transfer is not None and _is_raw_segment(transfer, data, is_request=is_request):
+            _take_raw_segment(transfer, data)
+            transfer.frames, transfer.end = transfer.frames + 1, now
+            return ()
+        begun = _begin(data, now) if is_request else None
+        if begun is not None:
+            self.current = begun
+            return () if transfer is None else (transfer,)
+        if transfer is None:
+            return ()
+        transfer.frames, transfer.end = transfer.frames + 1, now
+        transfer.is_answered |= not is_request
+        if data[0] == _ABORT:
+            transfer.abort = int.from_bytes(data[4:8], "little")
+            transfer.is_aborted_by_client = is_request
+        elif is_request:
+            _hear_request(transfer, data)
+        else:
+            _hear_answer(transfer, data)
+        if not transfer.has_ended:
+            return ()
+        self.current = None
+        return (transfer,)
+
+    def expire(self, now: int) -> Transfer | None:
+        """Return the transfer that nobody has continued for `PATIENCE`, which ends it."""
+        transfer = self.current
+        if transfer is None or now - transfer.end < PATIENCE:
+            return None
+        self.current = None
+        return transfer
+
+
+def _begin(data: bytes, now: int) -> Transfer | None:
+    """Return the transfer that a request begins, None where it continues one."""
+    command, index, subindex = struct.unpack_from("<BHB", data)
+    specifier = command >> 5
+    if specifier == 2:
+        return Transfer(Way.UPLOAD, index, subindex, now, now)
+    if specifier == 5 and command & 3 == 0:
+        return Transfer(Way.UPLOAD, index, subindex, now, now)
+    if specifier == 6 and command & 1 == 0:
+        transfer = Transfer(Way.DOWNLOAD, index, subindex, now, now)
+        if command & 2:
+            transfer.announced = int.from_bytes(data[4:8], "little")
+        return transfer
+    if specifier == 1:
+        transfer = Transfer(Way.DOWNLOAD, index, subindex, now, now)
+        _take_initiate(transfer, data)
+        return transfer
+    return None
+
+
+def _take_initiate(transfer: Transfer, data: bytes) -> None:
+    """Take the data or the length of an initiate request (download) or answer (upload)."""
+    command = data[0]
+    is_expedited, says_size = command & 2, command & 1
+    if is_expedited:
+        unused = command >> 2 & 3 if says_size else 0
+        transfer.data += data[4 : 8 - unused]
+        transfer.is_last = True
+    elif says_size:
+        transfer.announced = int.from_bytes(data[4:8], "little")
+
+
+def _take_segment(transfer: Transfer, data: bytes) -> None:
+    _keep(transfer, data[1 : 8 - (data[0] >> 1 & 7)])
+    transfer.is_last = bool(data[0] & 1)
+
+
+def _keep(transfer: Transfer, part: bytes) -> None:
+    transfer.data += part[: LARGEST - len(transfer.data)]
+
+
+def _hear_request(transfer: Transfer, data: bytes) -> None:
+    specifier = data[0] >> 5
+    if transfer.way is Way.DOWNLOAD:
+        if specifier == 0:
+            _take_segment(transfer, data)
+        elif specifier == 6 and data[0] & 1:
+            _drop_unused(transfer, data[0] >> 2 & 7)
+    elif specifier == 5:
+        _hear_block_upload_request(transfer, data)
+
+
+def _hear_block_upload_request(transfer: Transfer, data: bytes) -> None:
+    match data[0] & 3:
+        case 3:
+            transfer.block = []
+        case 2:
+            _end_block(transfer, data[1])
+            if not transfer.is_last:
+                transfer.block = []
+        case 1:
+            transfer.is_done = True
+
+
+def _hear_answer(transfer: Transfer, data: bytes) -> None:
+    specifier = data[0] >> 5
+    if transfer.way is Way.DOWNLOAD:
+        if specifier in {1, 3}:  # of a segment, of an initiate request
+            transfer.is_done = transfer.is_last
+        elif specifier == 5:
+            _hear_block_download_answer(transfer, data)
+    elif specifier == 2:
+        _take_initiate(transfer, data)
+        transfer.is_done = transfer.is_last
+    elif specifier == 0:
+        _take_segment(transfer, data)
+        transfer.is_done = transfer.is_last
+    elif specifier == 6 and data[0] & 1:
+        _drop_unused(transfer, data[0] >> 2 & 7)
+    elif specifier == 6 and data[0] & 2:
+        transfer.announced = int.from_bytes(data[4:8], "little")
+
+
+def _hear_block_download_answer(transfer: Transfer, data: bytes) -> None:
+    match data[0] & 3:
+        case 0:
+            transfer.block = []
+        case 2:
+            _end_block(transfer, data[1])
+            if not transfer.is_last:
+                transfer.block = []
+        case 1:
+            transfer.is_done = True
+
+
+def _is_raw_segment(transfer: Transfer, data: bytes, *, is_request: bool) -> bool:
+    """Return whether a frame is one of a block, whose first byte is its number."""
+    is_senders = is_request is (transfer.way is Way.DOWNLOAD)
+    return transfer.block is not None and is_senders and data[0] & 0x7F != 0
+
+
+def _take_raw_segment(transfer: Transfer, data: bytes) -> None:
+    block = transfer.block
+    if block is None or data[0] & 0x7F != len(block) + 1:
+        return  # one before it was lost; the receiver will ask for it again
+    block.append(data[1:8])
+    if data[0] & _LAST:
+        transfer.is_last = True
+
+
+def _end_block(transfer: Transfer, acknowledged: int) -> None:
+    block = transfer.block or []
+    if acknowledged < len(block):
+        transfer.is_last = False
+    _keep(transfer, b"".join(block[:acknowledged]))
+    transfer.block = None
+
+
+def _drop_unused(transfer: Transfer, unused: int) -> None:
+    if unused:
+        del transfer.data[-unused:]

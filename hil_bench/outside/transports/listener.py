@@ -1,0 +1,80 @@
+"""Hears every frame of a bus with the time that its driver gives it, and sends nothing."""
+
+import socket
+import struct
+from typing import Final
+
+import can
+
+from hil_bench.errors import BusError
+from hil_bench.outside.recording.frames import logged_frame_of
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+
+_SO_MEMINFO: Final = 55
+_MEMINFO: Final = struct.Struct("=9I")  # the ninth counts what the kernel dropped
+
+
+class Listener:
+    """The frames of a bus as they come.
+
+    Args:
+        bus: open; it stays the caller's.
+        description: the bus in words, for messages.
+
+    Attributes:
+        frames: data and remote frames so far.
+        error_frames: reported by the adapter.
+        fd_frames: CAN FD frames, which are left out.
+    """
+
+    def __init__(self, bus: can.BusABC, description: str) -> None:
+        self.frames = 0
+        self.error_frames = 0
+        self.fd_frames = 0
+        self._bus = bus
+        self._description = description
+        self._origin: float | None = None
+        self._last = 0
+
+    def hear(self, timeout: float) -> LoggedFrame | None:
+        """Return the next frame, None where none comes in time.
+
+        Its time counts from the first frame, and never runs back.
+
+        Args:
+            timeout: longest wait [s].
+
+        Raises:
+            BusError: the bus is lost.
+        """
+        try:
+            message = self._bus.recv(timeout)
+        except (can.CanError, OSError, ValueError) as error:
+            raise BusError(f"{self._description}: bus lost: {error}") from error
+        if message is None:
+            return None
+        if message.is_error_frame or message.is_fd:
+            self.error_frames += message.is_error_frame
+            self.fd_frames += not message.is_error_frame
+            return None
+        self.frames += 1
+        if self._origin is None:
+            self._origin = message.timestamp
+        now = round((message.timestamp - self._origin) * 1e9)
+        self._last = max(self._last, now)
+        return logged_frame_of(message)._replace(now=self._last, is_received=True)
+
+    @property
+    def dropped(self) -> int:
+        """Frames that the kernel lost because nobody read in time, as far as it says so."""
+        own = getattr(self._bus, "socket", None)
+        return dropped_by_kernel(own) if isinstance(own, socket.socket) else 0
+
+
+def dropped_by_kernel(own: socket.socket) -> int:
+    """Return how many messages the kernel dropped before this socket; 0 where it does not say."""
+    try:
+        counts = own.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size)
+    except OSError:
+        return 0
+    return int(_MEMINFO.unpack(counts)[-1]) if len(counts) == _MEMINFO.size else 0

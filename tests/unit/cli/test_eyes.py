@@ -1,0 +1,291 @@
+"""`hil-bench monitor`, `decode` and `record`: logs in, lines and files out."""
+
+import json
+import signal
+import socket
+import struct
+
+import can
+import cantools
+import numpy as np
+import pytest
+from support.sdo_frames import MS, answer, heard, request, upload
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.cli import decode, main, monitor, record
+from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
+from hil_bench.outside.transports.listener import Listener, dropped_by_kernel
+
+BENCH = """\
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.pressure_a]
+profile = "pressure_404"
+node_id = 2
+source = "P_A"
+"""
+
+# 0x1000 of 0x4000 is 25 %; 50 bar; both by the EDS files of the profiles.
+FRAMES = heard(
+    Frame(0x701, b"\0"),
+    Frame(0x702, b"\0"),
+    Frame(0x182, struct.pack("<fB", 50.0, 0)),
+    Frame(0x201, bytes.fromhex("07000010")),
+    Frame(0x182, struct.pack("<fB", 50.0, 0)),
+    *upload(2, 0x1001, 0, b"\0"),
+    request(1, "2F 41 60 00 01"),
+    answer(1, "80 41 60 00 02 00 01 06"),
+    Frame(0x18EEFF00, b"\x01", is_extended=True),
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bench.toml").write_text(BENCH)
+    for name in ("t.log", "t.asc", "t.blf"):
+        with open_frame_file(tmp_path / name) as file:
+            file.write_frames(FRAMES)
+    return tmp_path
+
+
+class ScriptedBus:
+    """A python-can bus that hears frames, then gets Ctrl-C."""
+
+    def __init__(self, messages):
+        self._messages = iter(messages)
+
+    def recv(self, _timeout):
+        message = next(self._messages, None)
+        if message is None:
+            signal.raise_signal(signal.SIGINT)
+        return message
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+
+@pytest.fixture
+def bus(monkeypatch):
+    messages = [message_of(logged) for logged in FRAMES]
+    for message in messages:
+        message.timestamp += 1.7e9  # as a driver has it: the date
+    messages.insert(3, can.Message(timestamp=1.7e9, is_error_frame=True))
+    messages.insert(3, can.Message(timestamp=1.7e9, is_fd=True, data=bytes(12)))
+    for module in (monitor, record):
+        monkeypatch.setattr(module, "open_can_bus", lambda *_: (ScriptedBus(messages), "can0"))
+
+
+def lines(capsys):
+    return capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize("name", ["t.log", "t.asc", "t.blf"])
+@pytest.mark.usefixtures("folder")
+def test_a_log_of_any_format_is_decoded(capsys, name):
+    assert main(["decode", name, "bench.toml"]) == 0
+    shown = lines(capsys)
+    assert len(shown) == 8  # of ten frames, four are two transfers
+    assert shown[2] == (
+        "    0.002000  182  pressure_a    TPDO1      AI input process value 1 50 bar, AI status 1 0"
+    )
+    assert "Spool set-point 25 %" in shown[3]
+    assert shown[7].startswith("    0.009000  18EEFF00")
+
+
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        (["--only", "pdo"], 3),
+        (["--only", "pdo", "--changes"], 2),
+        (["--hide", "pdo", "--hide", "heartbeat"], 3),
+        (["--node", "pressure_a"], 4),
+        (["--node", "1"], 3),
+        (["--problems"], 1),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_filters_choose_lines(capsys, options, count):
+    assert main(["decode", "t.log", "bench.toml", *options]) == 0
+    assert len(lines(capsys)) == count
+
+
+@pytest.mark.usefixtures("folder")
+def test_json_has_a_line_a_sight(capsys):
+    assert main(["decode", "t.log", "bench.toml", "--json", "--node", "2"]) == 0
+    found = [json.loads(line) for line in lines(capsys)]
+    value = found[1]["values"][0]
+    assert (value["object"], value["value"], value["unit"]) == ("0x6130.01", 50.0, "bar")
+    assert found[-1]["text"].startswith("upload 0x1001.00")
+
+
+@pytest.mark.usefixtures("folder")
+def test_colours_are_for_terminals(capsys):
+    main(["decode", "t.log"])
+    assert "\x1b" not in capsys.readouterr().out
+    main(["decode", "t.log", "--colour", "always", "--problems"])
+    assert capsys.readouterr().out.startswith("\x1b[31m")
+
+
+def test_values_become_channels_in_si(folder, capsys):
+    assert main(["decode", "t.log", "bench.toml", "-o", "d.mf4"]) == 0
+    assert lines(capsys) == ["3 rows, 4 channels: d.mf4"]
+    recording = read_recording(folder / "d.mf4")
+    assert recording["pressure_a.ai_input_process_value_1"].tolist() == [50e5] * 3
+    spool = recording["valve.spool_set_point"]
+    assert np.isnan(spool[0])
+    assert spool[1:].tolist() == [0.25, 0.25]
+    assert len(list(read_frames(folder / "d.mf4"))) == len(FRAMES)
+
+
+def test_a_dbc_reads_the_frames_as_we_do(folder):
+    assert main(["decode", "t.log", "bench.toml", "--dbc", "bus.dbc"]) == 0
+    database = cantools.database.load_file(folder / "bus.dbc")
+    said = database.decode_message(0x182, FRAMES[2].frame.data)
+    assert said["ai_input_process_value_1"] == 50.0
+    assert database.decode_message(0x201, FRAMES[3].frame.data)["spool_set_point"] == 25.0
+    assert database.get_message_by_name("pressure_a_TPDO1").senders == ["pressure_a"]
+
+
+def test_a_log_that_is_cut_off_says_so(folder, capsys):
+    path = folder / "t.log"
+    path.write_bytes(path.read_bytes()[:-5])
+    assert main(["decode", "t.log"]) == 0
+    shown = capsys.readouterr()
+    assert "t.log: ends early: its last line is cut off" in shown.err
+    assert len(shown.out.splitlines()) == 7
+
+
+def test_what_is_left_out_of_a_log_is_counted(folder, capsys):
+    error, fd = "(0.010000) can0 20000008#0000000000000000\n", "(0.011) can0 181##1AABB\n"
+    with (folder / "t.log").open("a") as file:
+        file.write(error + fd)
+    assert main(["decode", "t.log"]) == 0
+    said = capsys.readouterr().err
+    assert "1 error frames" in said
+    assert "1 CAN FD frames left out" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["t.log", "--node", "nix"], "--node nix: no node has this name; give a node-ID"),
+        (["t.log", "--eds", "5"], "--eds 5: NODE-ID=FILE is right, as in 5=vendor.eds"),
+        (["t.log", "--eds", "128=x.eds"], "--eds 128=x.eds: NODE-ID=FILE is right"),
+        (["t.log", "--eds", "5=nix.eds"], "nix.eds: No such file"),
+        (["nix.log"], "nix.log: cannot be read"),
+        (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
+        (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
+        (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node with values"),
+        (["t.log", "--dbc", "d.txt"], "--dbc d.txt: give a file name that ends in .dbc"),
+        (["t.log", "--dbc", "d.dbc"], "--dbc d.dbc: no PDO is known"),
+        (["empty.log"], "empty.log: has no frames to decode"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(folder, capsys, arguments, message):
+    (folder / "empty.log").touch()
+    assert main(["decode", *arguments]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert message in said
+
+
+@pytest.mark.usefixtures("folder", "bus")
+def test_monitor_says_what_it_hears_until_ctrl_c(capsys):
+    assert main(["monitor", "-i", "socketcan", "-c", "can0", "bench.toml"]) == 0
+    shown = capsys.readouterr()
+    assert main(["decode", "t.log", "bench.toml"]) == 0
+    assert shown.out == capsys.readouterr().out
+    # 9 ms from the first frame to the last; a vcan has no bit rate.
+    assert shown.err.startswith("10 frames in 0.0 s on can0, 1 error frames, 1 CAN FD frames left")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_silent_bus_is_told_from_a_good_one(capsys, monkeypatch):
+    monkeypatch.setattr(monitor, "open_can_bus", lambda *_: (ScriptedBus([]), "can0"))
+    assert main(["monitor", "-i", "socketcan", "-c", "can0"]) == 6
+    assert capsys.readouterr().err.startswith("0 frames in 0.0 s on can0")
+
+
+@pytest.mark.usefixtures("bus")
+def test_record_writes_frames_and_values(folder, capsys):
+    assert main(["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0"]) == 0
+    shown = lines(capsys)
+    assert shown[0] == "can0: recording 6 channels to r.mf4; Ctrl-C ends it"
+    assert "3 rows, 10 frames: r.mf4" in shown[1]
+    assert shown[2:] == ["1 error frames", "1 CAN FD frames left out"]
+    assert read_recording(folder / "r.mf4")["valve.spool_set_point"][-1] == 0.25
+    times = [logged.now for logged in read_frames(folder / "r.mf4")]
+    assert times == pytest.approx([number * MS for number in range(10)], abs=1000)
+
+
+@pytest.mark.usefixtures("folder", "bus")
+def test_record_begins_at_its_trigger(capsys):
+    trigger = ["--trigger", "valve.spool_set_point > 20 %", "--pre-trigger", "0.0005"]
+    words = ["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0", *trigger]
+    assert main(words) == 0
+    assert "2 rows, 7 frames: r.mf4" in lines(capsys)[1]  # from the RPDO on, the fourth of ten
+
+
+@pytest.mark.usefixtures("folder", "bus")
+def test_record_refuses_values_that_nobody_knows(capsys):
+    assert main(["record", "r.csv", "-i", "socketcan", "-c", "can0"]) == 2
+    assert "r.csv: no values to record, as no node is known" in capsys.readouterr().err
+
+
+def test_times_never_run_back():
+    stamps = [5.0, 4.0, 6.0]
+    messages = [can.Message(timestamp=stamp, is_extended_id=False) for stamp in stamps]
+    listener = Listener(ScriptedBus(messages), "can0")
+    assert [listener.hear(0.0).now for _ in stamps] == [0, 0, 1_000_000_000]
+
+
+def test_what_the_kernel_dropped_is_counted():
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ours,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as theirs,
+    ):
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        ours.bind(("127.0.0.1", 0))
+        assert dropped_by_kernel(ours) == 0
+        for _ in range(100):
+            theirs.sendto(bytes(500), ours.getsockname())
+        ours.setblocking(False)
+        read = 0
+        try:
+            while ours.recv(500):
+                read += 1
+        except BlockingIOError:
+            pass
+        assert dropped_by_kernel(ours) == 100 - read > 0
+
+
+@pytest.mark.usefixtures("folder", "monkeypatch")
+def test_decode_knows_no_more_than_the_command_line_says(capsys):
+    assert decode.run is not None
+    assert main(["decode", "t.log", "--node", "1"]) == 0
+    assert all("  node 1" in line for line in lines(capsys))
+
+
+def test_explain_names_cause_node_clause_and_frames(folder, capsys):
+    assert main(["explain", "t.log", "bench.toml"]) == 1
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("10 frames in 0.009 s, 2 nodes, load ")
+    assert shown[2] == "1. SDO transfer aborted  (CiA 301, 7.2.4.3.17)"
+    assert shown[3] == (
+        "   valve: download 0x6041.00 Device status word aborted, 0x06010002, attempt to write a "
+        "read only object, first at 0.008 s"
+    )
+    assert shown[4].startswith("      0.008000  581  SDO  download 0x6041.00")
+    assert main(["explain", "t.log", "bench.toml", "--json"]) == 1
+    (finding,) = json.loads(capsys.readouterr().out)["findings"]
+    assert (finding["cause"], finding["node"]) == ("sdo_abort", "valve")
+    with open_frame_file(folder / "sound.log") as file:
+        file.write_frames(FRAMES[:5])
+    assert main(["explain", "sound.log", "bench.toml"]) == 0
+    assert capsys.readouterr().out.endswith("nothing wrong found\n")

@@ -1,0 +1,82 @@
+"""Response times beside the published example, and beside a simulation of the same bus."""
+
+import random
+
+import pytest
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.eyes.response_times import Message, response_times, utilisation
+from hil_bench.outside.wire.arbitration import Arbiter
+from hil_bench.outside.wire.bits import worst_bits
+
+US = 1000
+MS = 1_000_000
+
+
+def test_the_example_of_the_paper():
+    # Davis et al. 2007, table 1: 125 kbit/s, 7 data bytes, 125 bits are 1 ms; section 3.1: the
+    # older analysis has 3 ms for C, and its second instance takes 3.5 ms.
+    transmission = worst_bits(7) * 8 * US
+    assert transmission == MS
+    periods = {"A": 2_500_000, "B": 3_500_000, "C": 3_500_000}
+    messages = [
+        Message(name, place, period, transmission)
+        for place, (name, period) in enumerate(periods.items())
+    ]
+    assert response_times(messages, bit_time=8 * US) == {
+        "A": 2 * MS,
+        "B": 3 * MS,
+        "C": 3_500_000,
+    }
+
+
+def test_a_message_alone_waits_for_what_is_on_the_bus_already():
+    only = Message("only", 1, 10 * MS, 100 * US)
+    assert response_times([only], bit_time=US, blocking=135 * US) == {"only": 235 * US}
+
+
+def test_jitter_counts_for_itself_and_for_those_below():
+    first = Message("first", 1, 5 * MS, MS, jitter=2 * MS)
+    second = Message("second", 2, 20 * MS, 4 * MS)
+    times = response_times([second, first], bit_time=US)
+    # 2 ms late, behind 4 ms of the second; the second behind the first, which may come again after
+    # 3 ms, but not before the second is on the bus: 1 ms + 4 ms.
+    assert times == {"first": 7 * MS, "second": 5 * MS}
+
+
+def test_what_does_not_fit_has_no_bound():
+    first, second = Message("first", 1, 2 * MS, MS), Message("second", 2, 2 * MS, MS)
+    assert utilisation([first, second]) == 1.0
+    assert response_times([first, second], bit_time=US) == {"first": 2 * MS, "second": None}
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_simulation_is_slower_than_the_bound(seed):
+    """Data are all zero, so frames have nearly the most stuff bits; phases are at random."""
+    dice = random.Random(seed)  # noqa: S311 - no secrets
+    streams = [
+        (0x100 + number, dice.randrange(9), dice.choice([2, 3, 5, 7, 10]) * MS)
+        for number in range(12)
+    ]
+    messages = [
+        Message(str(can_id), can_id, period, worst_bits(length) * 4 * US)
+        for can_id, length, period in streams
+    ]
+    bounds = response_times(messages, bit_time=4 * US)
+    releases = sorted(
+        (phase + period * number, can_id, length)
+        for can_id, length, period in streams
+        for phase in [dice.randrange(period) if seed else 0]
+        for number in range(2_000 * MS // period)
+    )
+    arbiter, worst, sent = Arbiter(250_000), dict.fromkeys(bounds, 0), []
+    for now, can_id, length in releases:
+        sent += arbiter.run(now)
+        arbiter.release(Frame(can_id, bytes(length)), now)
+    for each in [*sent, *arbiter.run(3_000 * MS)]:
+        name = str(each.frame.can_id)
+        worst[name] = max(worst[name], each.end - each.released)
+    bounded = {name: bound for name, bound in bounds.items() if bound is not None}
+    assert bounded
+    for name, bound in bounded.items():
+        assert 0 < worst[name] <= bound

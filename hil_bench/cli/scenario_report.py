@@ -17,7 +17,8 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.machine.commissioning.decoding import function_of, meaning_of
+from hil_bench.eyes.frame_words import meaning_of
+from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES
 from hil_bench.outside.recording.frames import read_frames

@@ -61,7 +61,10 @@ def run(args: argparse.Namespace) -> int:
     if wants_bus(args):
         return check_bus(args, config)
     doubts = find_doubts(config)
-    print(_json_text(config, doubts) if args.json else "\n".join(_toml_lines(config)))
+    if args.json:
+        print(_json_text(config, doubts))
+    elif not args.quiet:
+        print("\n".join(_toml_lines(config)))
     warn_of(doubts)
     return ExitCode.DONE
 

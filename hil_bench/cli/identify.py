@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         content = {**to_json(found), "files": [str(path) for path in files]}
         print(json.dumps(content, indent=2))
-    else:
+    elif not args.quiet:
         print("\n".join([summarise(found), "", *(f"wrote {path}" for path in files)]))
     return ExitCode.DONE if is_explained(found) else ExitCode.CHECK_FAILED
 

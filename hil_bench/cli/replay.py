@@ -129,10 +129,11 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
             )
         except (can.CanError, OSError) as error:
             raise BusError(f"{what}: {error}") from error
-    print(
-        f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "
-        f"at most {report.latest * 1e3:.1f} ms late"
-    )
+    if not args.quiet:
+        print(
+            f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "
+            f"at most {report.latest * 1e3:.1f} ms late"
+        )
     return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
 
 
@@ -152,7 +153,7 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
     deviations = compare_recordings(config, recorded, driven, tolerances)
     if args.json:
         print(json.dumps([{**asdict(d), "is_within": d.is_within} for d in deviations], indent=2))
-    else:
+    elif not args.quiet:
         print("\n".join((_HEAD, *map(_line, deviations))))
     is_right = all(deviation.is_within for deviation in deviations)
     return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED

@@ -99,3 +99,11 @@ def test_in_lock_step_a_program_gets_how_far_it_went(monkeypatch, capsys):
 def test_quiet_prints_nothing(capsys):
     assert main([*RUN, "-q", *FAULT]) == 0
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_check_or_a_replay_says_nothing_under_quiet_either(tmp_path, capsys):
+    log = tmp_path / "bus.log"
+    log.write_text("(0.1) can0 181#0102\n(0.2) can0 080#\n")
+    assert main(["check", "-q"]) == 0
+    assert main(["replay", str(log), "-i", "virtual", "-c", CHANNEL, "-q"]) == 0
+    assert capsys.readouterr() == ("", "")

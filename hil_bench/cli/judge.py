@@ -11,7 +11,7 @@ from hil_bench.cli.scenario_report import (
     recording_chapter,
     write_report,
 )
-from hil_bench.cli.verdicts import exit_code_for, finding_lines
+from hil_bench.cli.verdicts import exit_code_for, finding_content, finding_lines
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.recorded import Finding, judge_with_trace
 
@@ -58,13 +58,7 @@ def run(args: argparse.Namespace) -> int:
         if args.report:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     found = {path: each.findings for path, each in judged.items()}
-    content = {
-        str(path): [
-            {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
-            for each in findings
-        ]
-        for path, findings in found.items()
-    }
+    content = {str(path): finding_content(findings) for path, findings in found.items()}
     if args.report:
         write_report(args, f"Judgement by {args.requirements}", chapters)
     print_results(args, _lines(found), content)

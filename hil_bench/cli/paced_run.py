@@ -4,8 +4,8 @@ import argparse
 import contextlib
 import logging
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
@@ -53,33 +53,50 @@ IsOver = Callable[[], bool]
 """Whether a run has come to its own end."""
 
 
+class Guest(NamedTuple):
+    """What plays on a bench that runs, and has something to say at the end.
+
+    Attributes:
+        is_over: whether it has come to its end, and the run with it.
+        lines: what it found, for people.
+        content: the same for a program.
+    """
+
+    is_over: IsOver
+    lines: Callable[[], Iterable[str]]
+    content: Callable[[], Mapping[str, object]]
+
+
 def run(args: argparse.Namespace) -> int:
     """Run the bench by the clock, print the summary and return the exit code."""
     return run_bench(args, load_bench_config(args, modbus=args.modbus))
 
 
 def run_bench(
-    args: argparse.Namespace, config: BenchConfig, begin: Callable[[Session], IsOver] | None = None
+    args: argparse.Namespace, config: BenchConfig, begin: Callable[[Session], Guest] | None = None
 ) -> int:
     """Run a bench by the clock, print the summary and return the exit code.
 
     Args:
         args: the command line.
         config: of the bench.
-        begin: called before the first tick; what it returns is asked whether the run is over.
+        begin: called before the first tick; returns what plays on the bench.
     """
     with (
         HistogramFile(args.histograms) as histograms,
         set_up(args, config, is_real_time=args.speed <= 1) as setup,
     ):
         announce = setup.announcement()
-        is_over = None if begin is None else begin(setup.session)
-        paced = PacedRun(setup, announce, clock_of(args.speed), is_over)
+        guest = None if begin is None else begin(setup.session)
+        paced = PacedRun(setup, announce, clock_of(args.speed), guest and guest.is_over)
         report = paced.run()
         histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
     lines = summary_lines(report, paced, setup) + recording_lines(setup.recording)
     content = paced_content(report, setup, paced.helpers, is_timed=paced.is_timed)
+    if guest is not None:
+        lines += guest.lines()
+        content |= guest.content()
     print_results(args, lines, content)
     if report.lost is not None:
         raise report.lost

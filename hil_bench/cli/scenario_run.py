@@ -5,6 +5,7 @@ Without a bus the scenario's own controller drives. With one, a controller there
 
 import argparse
 import contextlib
+import functools
 import logging
 import math
 from collections.abc import Callable, Iterator
@@ -16,20 +17,24 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.interruption import Interruption, interruption
-from hil_bench.cli.paced_run import IsOver, clock_of, run_bench
+from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.recording_arguments import recording_wish
+from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.cli.verdicts import (
     add_parameter_argument,
     exit_code_for,
+    finding_content,
     finding_lines,
     read_parameter,
+    result_content,
     result_lines,
 )
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.snapshot import Snapshot
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.prepared import PreparedScenario
+from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.records import FirmwareStep, Scenario
 from hil_bench.scenario.resolve import parameter_values
 from hil_bench.scenario.results import play_for_result
@@ -120,18 +125,45 @@ def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, f
     args.config = scenario.bench_path
     config = load_bench_config(args, modbus=args.modbus)
     prepared = prepare_on(config, scenario, parameter_values(scenario, given))
-    stages: list[Stage] = []
+    played: list[_Played] = []
 
-    def begin(session: Session) -> IsOver:
-        stage = Stage(prepared, session)
-        stages.append(stage)
-        return lambda: stage.director.is_over
+    def begin(session: Session) -> Guest:
+        played.append(_Played(prepared, session))
+        return played[0].guest()
 
     code = run_bench(args, config, begin)
-    findings = stages[0].judge()
-    print("\n".join((f"{scenario.path}: {scenario.title}", *finding_lines(findings))), flush=True)
-    verdict = exit_code_for(each.judgement.outcome for each in findings)
+    verdict = exit_code_for(each.judgement.outcome for each in played[0].findings)
     return verdict if code == ExitCode.DONE or verdict == ExitCode.CHECK_FAILED else code
+
+
+class _Played:
+    """A scenario on a bench that a bus drives.
+
+    Args:
+        prepared: the scenario.
+        session: the bench, before its first tick.
+    """
+
+    def __init__(self, prepared: PreparedScenario, session: Session) -> None:
+        self._scenario = prepared.scenario
+        self._stage = Stage(prepared, session)
+
+    def guest(self) -> Guest:
+        """Return what the run asks of it."""
+        return Guest(lambda: self._stage.director.is_over, self._lines, self._content)
+
+    @functools.cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """The judgement on each requirement; only when the run is over."""
+        return self._stage.judge()
+
+    def _lines(self) -> Iterator[str]:
+        yield f"{self._scenario.path}: {self._scenario.title}"
+        yield from finding_lines(self.findings)
+
+    def _content(self) -> dict[str, object]:
+        path = str(self._scenario.path)
+        return {"scenario": {"path": path, "findings": finding_content(self.findings)}}
 
 
 def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
@@ -140,8 +172,8 @@ def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
         company = _Company(args, prepared, wish)
         options = PlayOptions(record=recording_wish(args), beside=company.beside)
         result = play_for_result(prepared, options)
-    if not args.quiet:
-        print("\n".join((*result_lines([result]), *company.lines())), flush=True)
+    lines = (*result_lines([result]), *company.lines())
+    print_results(args, lines, {"scenario": result_content(result)})
     verdict = exit_code_for(result.outcomes)
     if wish.requested and verdict != ExitCode.CHECK_FAILED:
         return ExitCode.INTERRUPTED
@@ -186,7 +218,7 @@ class _Company:
         channels, fields = bench_status(bench.bench)
         snapshot = Snapshot(1 + len(channels))
         line = StatusLine(
-            snapshot, [[Field("{:6.1f} s", 1.0), *fields]], wanted=not self._args.quiet
+            snapshot, [[Field("{:6.1f} s", 1.0), *fields]], wanted=not is_silent(self._args)
         )
         helpers = Helpers([line] if line.is_shown else [], ends_on_loss=self._args.end_on_loss)
         events = BenchEvents(config, bench.bench, logger.warning)
@@ -199,7 +231,7 @@ class _Company:
                 events.look(now)
                 if feed is not None:
                     feed.look()
-                if self._wish.requested or helpers.is_over:
+                if self._wish.requested or session.controls.is_over or helpers.is_over:
                     end()
                 self._wait(start + now)
 

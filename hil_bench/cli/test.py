@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
@@ -19,6 +19,7 @@ from hil_bench.cli.verdicts import (
     add_parameter_argument,
     exit_code_for,
     read_parameter,
+    result_content,
     result_lines,
 )
 from hil_bench.errors import ConfigError
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     if args.junit:
         write_junit(results, args.junit)
     print_results(
-        args, result_lines(results), {result.path: _content(result) for result in results}
+        args, result_lines(results), {result.path: result_content(result) for result in results}
     )
     if any(result.problem.startswith(INTERRUPTED) for result in results):
         return ExitCode.INTERRUPTED
@@ -109,17 +110,6 @@ def _test_virtually(
     if args.report:
         write_report(args, "Test report", chapters)
     return results
-
-
-def _content(result: ScenarioResult) -> dict[str, object]:
-    """Return a result for a program; the keys of a requirement are those of ``judge``."""
-    names = [each.name for each in fields(result) if each.name != "evidence"]
-    whole: dict[str, object] = {name: getattr(result, name) for name in names}
-    whole["findings"] = [
-        {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
-        for each in result.findings
-    ]
-    return whole
 
 
 def _find_all(paths: Sequence[Path]) -> list[Path]:

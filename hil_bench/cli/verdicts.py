@@ -1,6 +1,7 @@
 """What the verbs that judge share: parameters, verdicts line by line, and the exit code."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from hil_bench.cli.exit_codes import ExitCode
@@ -64,3 +65,19 @@ def finding_lines(findings: Sequence[Finding]) -> Iterator[str]:
         judgement = each.judgement
         why = reason_of(judgement)
         yield f"  {each.requirement.id:{width}}  {judgement.outcome:13}  {why}".rstrip()
+
+
+def result_content(result: ScenarioResult) -> dict[str, object]:
+    """Return a result for a program; the keys of a requirement are those of ``judge``."""
+    names = [each.name for each in fields(result) if each.name != "evidence"]
+    whole: dict[str, object] = {name: getattr(result, name) for name in names}
+    whole["findings"] = finding_content(result.findings)
+    return whole
+
+
+def finding_content(findings: Iterable[Finding]) -> list[dict[str, object]]:
+    """Return judgements for a program."""
+    return [
+        {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
+        for each in findings
+    ]

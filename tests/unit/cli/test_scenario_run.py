@@ -1,6 +1,7 @@
 """`hil-bench run --scenario`: in real time or on a bus, with the verdicts of `hil-bench test`."""
 
 import contextlib
+import json
 import math
 
 import pytest
@@ -60,6 +61,17 @@ def test_verdicts_are_those_of_test(tmp_path, capsys):
     assert capsys.readouterr().out == alone
 
 
+@pytest.mark.parametrize("words", [ALONE, ON_A_BUS], ids=["alone", "on a bus"])
+def test_a_program_reads_the_verdicts_and_nothing_else(tmp_path, capsys, words):
+    path = scenario(tmp_path, FAILING)
+    assert run(path, *words, "--json") == ExitCode.CHECK_FAILED
+    found = json.loads(capsys.readouterr().out)["scenario"]
+    assert found["path"] == path
+    assert [each["judgement"]["outcome"] for each in found["findings"]] == ["failed"]
+    assert run(path, *words, "-q") == ExitCode.CHECK_FAILED
+    assert capsys.readouterr().out == ""
+
+
 class Clock:
     """A clock that jumps to each deadline."""
 
@@ -104,6 +116,22 @@ def test_a_wish_to_stop_ends_it(tmp_path, monkeypatch, capsys):
     assert "R1  inconclusive" in capsys.readouterr().out
     wish.requested = False
     assert run(scenario(tmp_path, FAILING), *words) == ExitCode.CHECK_FAILED
+
+
+def test_a_command_to_stop_ends_it(tmp_path, monkeypatch):
+    sessions = []
+
+    class Feed:
+        def look(self):
+            sessions[0].controls.is_over = True
+
+    def opened(_args, _config, session):
+        sessions.append(session)
+        return contextlib.nullcontext(Feed())
+
+    monkeypatch.setattr(scenario_run, "open_feed", opened)
+    that = "always from 0 s to 20 ms axis1.P_A < 250 bar"
+    assert run(scenario(tmp_path, that), "--speed", "max") == ExitCode.INCONCLUSIVE
 
 
 def test_those_who_watch_are_served_each_tick(tmp_path, monkeypatch):

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
         count = _write(args, decoder, list(frames))
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
-    for text in losses(args.log, left_out):
+    for text in () if args.quiet else losses(args.log, left_out):
         print(f"hil-bench: {text}", file=sys.stderr)
     return ExitCode.DONE
 

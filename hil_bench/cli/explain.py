@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
     print_results(args, _lines(found, bitrate), _content(found))
-    for text in losses(args.log, left_out):
+    for text in () if args.quiet else losses(args.log, left_out):
         print(f"hil-bench: {text}", file=sys.stderr)
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
 

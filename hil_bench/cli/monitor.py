@@ -115,9 +115,9 @@ def _listen(args: argparse.Namespace, listener: Listener, decoder: Decoder) -> t
             last = logged.now
             bits += frame_bits(len(logged.frame.data), is_extended=logged.frame.is_extended)
             for sight in decoder.take(logged):
-                if (line := lines.of(sight)) is not None:
+                if not args.quiet and (line := lines.of(sight)) is not None:
                     print(line)
     for sight in decoder.finish():
-        if (line := lines.of(sight)) is not None:
+        if not args.quiet and (line := lines.of(sight)) is not None:
             print(line)
     return bits, last

@@ -289,3 +289,14 @@ def test_explain_names_cause_node_clause_and_frames(folder, capsys):
         file.write_frames(FRAMES[:5])
     assert main(["explain", "sound.log", "bench.toml"]) == 0
     assert capsys.readouterr().out.endswith("nothing wrong found\n")
+
+
+@pytest.mark.usefixtures("bus")
+@pytest.mark.parametrize(
+    "words", [["decode", "t.log"], ["explain", "t.log"], ["monitor", "-i", "socketcan"]]
+)
+def test_quiet_says_nothing_but_errors(folder, capsys, words):
+    path = folder / "t.log"
+    path.write_bytes(path.read_bytes()[:-5])
+    assert main([*words, "-q"]) in {0, 1}
+    assert capsys.readouterr() == ("", "")

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.bus_logs import CYCLE, played
-from support.sdo_frames import MS
+from support.sdo_frames import MS, download, heard
 
 from device_profiles import ENCODER_406, PRESSURE_404
 from hil_bench.bench.configuration import load_config
@@ -104,6 +104,18 @@ def two_devices_with_one_node_id():
     for logged in started():
         frames.append(logged)
         if logged.frame.can_id in {0x182, 0x582, 0x702}:
+            frames.append(logged._replace(now=logged.now + 300_000))
+    return frames, bench_nodes()
+
+
+@broken(Cause.NODE_ID_CLASH, "pressure_a")
+def two_answers_to_one_request():
+    """Two devices have node-ID 2; both were there before the log began, and only answer."""
+    frames = []
+    for logged in started():
+        if logged.frame.can_id != 0x702:
+            frames.append(logged)
+        if logged.frame.can_id == 0x582:
             frames.append(logged._replace(now=logged.now + 300_000))
     return frames, bench_nodes()
 
@@ -544,6 +556,23 @@ def test_the_cause_of_a_broken_log_is_found_first(name):
 def test_nothing_is_found_in_a_sound_log(name):
     frames, known = SOUND[name]()
     assert explain(frames, known, BITRATE).findings == ()
+
+
+def test_a_pdo_is_judged_by_the_event_timer_that_it_has():
+    frames = [
+        Frame(0x702, b"\0"),
+        Frame(0x000, b"\x01\x02"),
+        *[Frame(0x182, bytes(5))] * 5,
+        *download(2, 0x1800, 5, struct.pack("<H", 400)),
+        Frame(0x182, bytes(5)),
+    ]
+    logged = heard(*frames, step=10 * MS)
+    logged[-1] = logged[-1]._replace(now=logged[-1].now + 300 * MS)
+    known = [KnownNode(2, "pressure", load_eds(PRESSURE_404, 2))]
+    assert explain(logged, known, BITRATE).findings == ()
+    without = [each for each in logged if each.frame.can_id not in {0x602, 0x582}]
+    (finding,) = explain(without, known, BITRATE).findings  # 10 ms by the EDS
+    assert finding.cause is Cause.PDO_MISSING
 
 
 @given(

@@ -44,6 +44,17 @@ def test_jitter_counts_for_itself_and_for_those_below():
     assert times == {"first": 7 * MS, "second": 5 * MS}
 
 
+def test_jitter_of_a_higher_message_lets_it_come_twice():
+    # 1 ms of the first and 3 ms of the second: the first, 2 ms late before, is there again at 5 ms
+    # less 2 ms. So the third waits 5 ms; without the jitter it would wait 4 ms.
+    messages = [
+        Message("first", 1, 5 * MS, MS, jitter=2 * MS),
+        Message("second", 2, 20 * MS, 3 * MS),
+        Message("third", 3, 20 * MS, MS),
+    ]
+    assert response_times(messages, bit_time=US)["third"] == 6 * MS
+
+
 def test_what_does_not_fit_has_no_bound():
     first, second = Message("first", 1, 2 * MS, MS), Message("second", 2, 2 * MS, MS)
     assert utilisation([first, second]) == 1.0

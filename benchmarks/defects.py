@@ -1,6 +1,6 @@
 """How many of twenty seeded defects the search finds, against random and Sobol points.
 
-    python benchmarks/defects.py --language python --runs 40
+    python benchmarks/defects.py --language py --runs 40
     python benchmarks/defects.py --language c --runs 40
     python benchmarks/defects.py --only wind_up no_limit --runs 200 --seed 3
 
@@ -49,7 +49,7 @@ class Defect:
 
     def source(self) -> str:
         """Return the text of the file with the defect."""
-        folder = DRIVERS if self.language == "python" else FIRMWARE
+        folder = DRIVERS if self.language == "py" else FIRMWARE
         text = (folder / self.file).read_text(encoding="utf-8")
         if text.count(self.old) != 1:
             sys.exit(f"{self.id}: its place is {text.count(self.old)} times in {self.file}")
@@ -69,7 +69,7 @@ def seeded(defect: Defect | None, language: str) -> Iterator[Scenario]:
     Yields:
         The scenario of the controller.
     """
-    if language == "python":
+    if language == "py":
         with _patched(defect):
             yield load_scenario(FOLDER / "python.scenario.toml")
         return
@@ -134,7 +134,7 @@ def count_false_alarms(language: str, runs: int, seed: int) -> None:
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--language", choices=["python", "c"], help="both without it")
+    parser.add_argument("--language", choices=["py", "c"], help="both without it")
     parser.add_argument("--only", nargs="+", metavar="ID", help="of defects.toml")
     parser.add_argument("--method", choices=list(ALL_METHODS), type=Method, help="all without it")
     parser.add_argument("--runs", type=int, default=40, help="of each method (%(default)s)")
@@ -142,7 +142,7 @@ def main() -> None:
     parser.add_argument("--sound", type=int, metavar="N", help="count false alarms in N runs")
     options = parser.parse_args()
     if options.sound:
-        for language in [options.language] if options.language else ["python", "c"]:
+        for language in [options.language] if options.language else ["py", "c"]:
             count_false_alarms(language, options.sound, options.seed)
         return
     methods = [options.method] if options.method else ALL_METHODS

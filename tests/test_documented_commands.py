@@ -2,7 +2,6 @@
 
 import argparse
 import functools
-import itertools
 import re
 import shlex
 import subprocess
@@ -114,7 +113,8 @@ def test_a_command_that_needs_no_bus_runs(command, files_of_a_user, monkeypatch,
 
 @pytest.mark.parametrize("command", PYTHON_PROGRAMS, ids=str)
 def test_a_python_program_is_there_and_has_the_options(command):
-    program, *words = itertools.dropwhile(lambda word: word[-3:] != ".py", command.words)
+    *_, last = (number for number, word in enumerate(command.words) if word.endswith(".py"))
+    program, *words = command.words[last:]
     folder = ROOT / Path(command.place).parent
     (path,) = (path for path in {ROOT / program, folder / program} if path.exists())
     text = path.read_text(encoding="utf-8")

@@ -10,10 +10,12 @@ from support.campaigns import REST, margin_of, rest_pressures, write_rest
 import hil_bench
 from hil_bench import cli
 from hil_bench.campaign import identity
+from hil_bench.campaign.comparison import compare
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import Pool, perform_here
 from hil_bench.campaign.reading import read_campaign
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.store import Store
 from hil_bench.errors import ConfigError
 
@@ -212,6 +214,7 @@ def test_tolerances_change_the_bench(tmp_path):
         '[tolerances]\n"plant.axis1.supply_pressure_bar" = { values = [80.0, 100.0] }\n'
     )
     plan = Plan(read_campaign(campaign))
+    assert len({spec.key for spec in plan}) == 2
     margins = [each.verdicts[0].margin for each in perform_here(plan)]
     # The pressures at rest are shares of the supply pressure; the tank is at 0 bar.
     at_rest = rest_pressures()[0] / 100.0
@@ -253,3 +256,27 @@ def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys):
     assert cli.main([*again, "--compare", str(tmp_path / "rest.results")]) == 1
     out = capsys.readouterr().out
     assert "R-2: of 4 common runs 4 newly failed, 0 no longer" in out
+
+
+def test_a_comparison_counts_what_turned_and_not_what_stayed():
+    def results(*outcomes):
+        return [
+            RunResult(
+                str(number),
+                "s",
+                "",
+                "",
+                None,
+                {"x": float(number)},
+                RunOutcome(outcome),
+                verdicts=(Verdict("R-1", outcome, margin, ""),),
+            )
+            for number, (outcome, margin) in enumerate(outcomes)
+        ]
+
+    before = results(("failed", -1.0), ("passed", 1.0), ("failed", -3.0), ("passed", 5.0))
+    now = results(("failed", -2.0), ("failed", -2.0), ("passed", 2.0), ("passed", 4.0))
+    (change,) = compare(before, now)
+    assert [each.values["x"] for each in change.broken] == [1.0]
+    assert [each.values["x"] for each in change.mended] == [2.0]
+    assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4

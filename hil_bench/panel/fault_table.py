@@ -5,11 +5,19 @@ from typing import Any
 
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS
 from hil_bench.config.settings import Key
-from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.devices.faults.kinds import (
+    DEFECT_KINDS,
+    VALVE_KINDS,
+    Direction,
+    FaultKind,
+    LeakPath,
+    Reading,
+)
 from hil_bench.session.live_faults import fault_keys
 
 _CHOICES: Mapping[str, list[str]] = {
     "direction": [*Direction],
+    "path": [*LeakPath],
     "reads": [*Reading],
 }
 
@@ -25,8 +33,9 @@ _GROUPS: Mapping[FaultKind, tuple[str, ...]] = {
         ("sensors",),
     ),
     FaultKind.SLOW: ("sensors", "valves"),
-    **dict.fromkeys((FaultKind.STICK, FaultKind.INVERT, FaultKind.DISABLE), ("valves",)),
+    **dict.fromkeys(VALVE_KINDS, ("valves",)),
     FaultKind.DROP_SUPPLY: ("supplies",),
+    **dict.fromkeys(DEFECT_KINDS, ("plants",)),
 }
 
 

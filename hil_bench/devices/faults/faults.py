@@ -108,12 +108,13 @@ class Faults(PhysicalFaults):
 
     @property
     def targets(self) -> dict[str, list[str]]:
-        """Names of what may have faults: sensors, valves, supplies and nodes."""
+        """Names of what may have faults: sensors, valves, supplies, plants that wear, and nodes."""
         points = self._points
         return {
             "sensors": [*points.sensors],
             "valves": [*points.valves],
             "supplies": [*points.supplies],
+            "plants": [name for name, point in points.plants.items() if point.known],
             "nodes": [*points.nodes],
         }
 

@@ -7,6 +7,7 @@ import pytest
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError
+from hil_bench.panel.fault_table import fault_choices
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import bulk_modulus
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
 from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir
@@ -238,3 +239,14 @@ def test_what_a_file_says_of_an_axis_is_checked(keys, fault, said):
             tables={"plant": {"axis1": keys}, "faults": [{"target": "axis1", **fault}]},
         )
     assert str(error.value).startswith(f"built-in bench:faults[1].{said}")
+
+
+def test_a_page_offers_each_of_them_for_what_may_have_it():
+    with bench_of() as bench:
+        choices = fault_choices({"fault_targets": bench.faults.targets, "channels": []})
+    assert list(choices["leak"]) == list(choices["drop_load"]) == ["axis1"]
+    assert list(choices["bind"]) == list(choices["weaken"]) == ["valve"]
+    (path,) = [key for key in choices["leak"]["axis1"] if key["name"] == "path"]
+    assert path["choices"] == ["internal", "a", "b"]
+    with bench_of(model="reduced") as bench:
+        assert bench.faults.targets["plants"] == []

@@ -54,4 +54,5 @@ def _device_counts(devices: Sequence[Mapping[str, Any]]) -> str:
         for outcome, count in device.get("counts", {}).items():
             totals[outcome] = totals.get(outcome, 0) + count
     counts = ", ".join(f"{count} {outcome}" for outcome, count in totals.items())
-    return f"{len(devices)} devices" + (f": {counts}" if counts else "")
+    what = "device" if len(devices) == 1 else "devices"
+    return f"{len(devices)} {what}" + (f": {counts}" if counts else "")

@@ -215,7 +215,7 @@ def _scenarios(tests: Iterator[str]) -> list[dict[str, str]]:
         if not name.endswith(".scenario.toml"):
             continue
         path = Path(name)
-        digest = "not found on this machine"
+        digest = "not found from the current folder"
         try:
             if path.is_file():
                 with path.open("rb") as file:

@@ -11,6 +11,7 @@ from hil_bench.analysis.validation import subject
 from hil_bench.analysis.validation.suite import validate
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
+from hil_bench.conformance.check import Impact
 from hil_bench.conformance.evidence import determinism, devices
 from hil_bench.conformance.evidence.page import page_html
 from hil_bench.conformance.evidence.texts import classification
@@ -189,6 +190,33 @@ def test_a_device_that_breaks_a_clause_is_shown_as_failed(monkeypatch):
     assert [device["verdict"] for device in found] == ["failed"] * 4
     page = page_html({**EMPTY, "conformance": found})
     assert "no boot-up message" in page
+
+
+def test_faults_of_the_bench_do_not_count_against_its_devices(monkeypatch):
+    config = load_config(ROOT / "examples" / "faults.toml")
+    assert config.faults
+    benches = []
+
+    def keep(sound):
+        benches.append(sound)
+        return VirtualBench(sound)
+
+    monkeypatch.setattr(devices, "VirtualBench", keep)
+    monkeypatch.setattr(devices, "run_suite", lambda _dut, _allowed: [])
+    devices.examine_devices(config)
+    assert [sound.faults for sound in benches] == [()] * 4
+
+
+@pytest.mark.parametrize(("storage", "allowed"), [("", Impact.STORE), ('"kept"', Impact.WRITE)])
+def test_stored_parameters_are_not_overwritten(monkeypatch, tmp_path, storage, allowed):
+    (tmp_path / "kept").mkdir()
+    line = f"storage = {storage}\n" if storage else ""
+    text = f'[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n{line}'
+    (tmp_path / "bench.toml").write_text(text, encoding="utf-8")
+    asked = []
+    monkeypatch.setattr(devices, "run_suite", lambda _dut, most: asked.append(most) or [])
+    devices.examine_devices(load_config(tmp_path / "bench.toml"))
+    assert asked == [allowed]
 
 
 @pytest.mark.usefixtures("quick")

@@ -48,6 +48,7 @@ VERBS = {
     "identify": "find the plant's parameters, and what is known of them, from a recording",
     "scan": "find the nodes of a bus, and what each says of itself",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
+    "evidence": "validate this installation, and write what was found as a pack",
     "doctor": "show what this machine can do in real time, and what to change",
     "shadow": "run the plant beside a machine on its commands, and show what differs",
     "bus-load": "compute load and response times of a bench on its buses",

@@ -1,0 +1,1 @@
+"""The evidence pack: what this machine shows of the tool, to be checked offline by anybody."""

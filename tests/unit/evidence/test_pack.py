@@ -1,0 +1,118 @@
+"""A pack is written whole or not at all, and a changed one is found."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.conformance.evidence.pack import MANIFEST, verify_pack, write_pack
+from hil_bench.errors import ConfigError
+
+FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}
+
+
+@pytest.fixture
+def pack(tmp_path):
+    write_pack(tmp_path / "pack", FILES)
+    return tmp_path / "pack"
+
+
+def test_a_pack_as_it_was_written_is_whole(pack, tmp_path):
+    assert verify_pack(pack) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["pack"]  # nothing beside it
+    files = json.loads((pack / MANIFEST).read_text())["files"]
+    # printf '{}' | sha256sum
+    assert files["evidence.json"] == (
+        "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
+    )
+
+
+def test_each_file_that_was_touched_is_named(pack):
+    (pack / "index.html").write_bytes(b"<P>")
+    (pack / "inputs" / "bench.toml").unlink()
+    (pack / "inputs" / "more.toml").touch()
+    assert verify_pack(pack) == [
+        "index.html: was changed",
+        "inputs/bench.toml: is missing",
+        "inputs/more.toml: was added",
+    ]
+
+
+def test_a_link_in_place_of_a_file_is_a_change(pack, tmp_path):
+    copy = (pack / "index.html").rename(tmp_path / "copy.html")
+    (pack / "index.html").symlink_to(copy)
+    assert verify_pack(pack) == ["index.html: was changed"]
+
+
+def test_a_manifest_that_was_made_anew_is_found_by_its_digest(tmp_path):
+    digest = write_pack(tmp_path / "pack", FILES)
+    manifest = tmp_path / "pack" / MANIFEST
+    assert digest == hashlib.sha256(manifest.read_bytes()).hexdigest()
+    assert verify_pack(tmp_path / "pack", digest.upper()) == []
+    page = tmp_path / "pack" / "index.html"
+    page.write_bytes(b"<P>")
+    changed = json.loads(manifest.read_text())
+    changed["files"]["index.html"] = hashlib.sha256(b"<P>").hexdigest()
+    manifest.write_text(json.dumps(changed))
+    assert verify_pack(tmp_path / "pack") == []
+    (line,) = verify_pack(tmp_path / "pack", digest)
+    assert line.startswith("manifest.json: was changed")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"format": 1}', '{"format": 2, "files": {}}', "[" * 100_000, "\xff"]
+)
+def test_a_manifest_that_is_none_is_one_line(pack, text):
+    (pack / MANIFEST).write_text(text, encoding="latin-1")
+    (line,) = verify_pack(pack)
+    assert line.startswith("manifest.json: was changed")
+
+
+def test_a_missing_manifest_is_one_line(pack):
+    (pack / MANIFEST).unlink()
+    assert verify_pack(pack) == ["manifest.json: is missing"]
+
+
+def test_a_manifest_opens_nothing_outside_the_pack(pack, tmp_path):
+    (tmp_path / "secret").write_bytes(b"x")
+    content = json.loads((pack / MANIFEST).read_text())
+    content["files"]["../secret"] = hashlib.sha256(b"x").hexdigest()
+    (pack / MANIFEST).write_text(json.dumps(content))
+    assert verify_pack(pack) == ["../secret: is missing"]
+
+
+def test_an_empty_folder_becomes_the_pack(tmp_path):
+    write_pack(tmp_path, FILES)
+    assert verify_pack(tmp_path) == []
+
+
+def test_a_folder_that_is_not_empty_is_refused(pack):
+    with pytest.raises(ConfigError, match="is not empty"):
+        write_pack(pack, FILES)
+    assert verify_pack(pack) == []
+
+
+@pytest.mark.parametrize("place", ["file", "file/pack", "nowhere/pack", "link"])
+def test_a_place_that_cannot_be_one_is_refused(tmp_path, place):
+    (tmp_path / "file").touch()
+    (tmp_path / "link").symlink_to(tmp_path)
+    with pytest.raises(ConfigError):
+        write_pack(tmp_path / place, FILES)
+
+
+@pytest.mark.parametrize("call", range(4))
+def test_a_disk_that_fails_leaves_nothing(tmp_path, monkeypatch, call):
+    calls = []
+    write_bytes = Path.write_bytes
+
+    def fail(path, content):
+        calls.append(path)
+        if len(calls) == call + 1:
+            raise OSError(28, "No space left on device", str(path))
+        return write_bytes(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", fail)
+    with pytest.raises(ConfigError, match="No space left"):
+        write_pack(tmp_path / "pack", FILES)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,132 @@
+"""From requirement to test to result, and files that are no results."""
+
+import json
+
+import pytest
+
+from hil_bench.conformance.evidence.traceability import read_results, trace
+from hil_bench.errors import ConfigError
+
+JUNIT = """<?xml version="1.0"?>
+<testsuites><testsuite name="s">
+<testcase classname="a" name="one"><properties>
+<property name="requirement_id" value="SRS-1"/></properties></testcase>
+<testcase classname="a" name="two"><properties>
+<property name="requirement_id" value="SRS-1"/></properties><failure message="too slow"/></testcase>
+<testcase classname="a" name="three"><properties>
+<property name="requirement_id" value="SRS-2"/>
+<property name="outcome" value="passed"/></properties><skipped message="no bus"/></testcase>
+<testcase classname="a" name="four"><properties>
+<property name="requirement_id" value="SRS-3"/></properties>
+<failure type="inconclusive" message="the signal is unknown"/></testcase>
+<testcase classname="a" name="free"/>
+</testsuite></testsuites>
+"""
+
+
+def judged(requirement, outcome):
+    judgement = {"outcome": outcome, "deciding": None, "reason": "why"}
+    return {"id": requirement, "that": "always x > 0", "judgement": judgement}
+
+
+def scenario(*findings, problem="", declared=()):
+    return {"requirement_ids": list(declared), "problem": problem, "findings": list(findings)}
+
+
+@pytest.fixture
+def traced(tmp_path):
+    def read(**contents):
+        paths = []
+        for name, content in contents.items():
+            path = tmp_path / name
+            text = content if isinstance(content, str) else json.dumps(content)
+            path.write_text(text, encoding="utf-8")
+            paths.append(path)
+        return trace(read_results(paths))
+
+    return read
+
+
+def outcomes(found):
+    return {row["requirement"]: row["outcome"] for row in found["requirements"]}
+
+
+def test_the_worst_result_of_a_requirement_counts(traced):
+    found = traced(
+        first={"a": scenario(judged("R-1", "passed"), judged("R-2", "inconclusive"))},
+        second={"b": scenario(judged("R-1", "failed"), judged("R-2", "passed"))},
+    )
+    assert outcomes(found) == {"R-1": "failed", "R-2": "inconclusive"}
+    assert [test["test"] for test in found["requirements"][0]["tests"]] == ["a", "b"]
+    assert found["verdict"] == "failed"
+
+
+def test_a_requirement_that_a_scenario_names_and_does_not_judge_is_seen(traced):
+    found = traced(
+        results={
+            "a": scenario(judged("R-1", "passed"), declared=["R-1", "R-2"]),
+            "b": scenario(problem="the firmware did not start", declared=["R-3"]),
+            "c": scenario(problem="no bus"),
+        }
+    )
+    assert outcomes(found) == {"R-1": "passed", "R-2": "not exercised", "R-3": "failed"}
+    assert [test["reason"] for test in found["without_requirement"]] == ["no bus"]
+
+
+def test_junit_by_property(traced):
+    found = traced(junit=JUNIT)
+    assert outcomes(found) == {
+        "SRS-1": "failed",
+        "SRS-2": "not exercised",
+        "SRS-3": "inconclusive",
+    }
+    assert [row["test"] for row in found["without_requirement"]] == ["a::free"]
+
+
+def test_an_outcome_that_nobody_knows_is_a_failure(traced):
+    assert outcomes(traced(a={"a": scenario(judged("R-1", "splendid"))})) == {"R-1": "failed"}
+
+
+def test_without_results_there_is_no_verdict():
+    assert trace([])["verdict"] == "not applicable"
+
+
+def test_a_scenario_has_its_digest(traced, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x.scenario.toml").write_bytes(b"{}")
+    found = traced(a={"x.scenario.toml": scenario(judged("R", "passed")), "/dev/zero": scenario()})
+    # printf '{}' | sha256sum
+    digest = "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a"
+    assert found["scenarios"] == [{"file": "x.scenario.toml", "sha256": digest}]
+
+
+ENTITIES = '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><testsuites>&b;</testsuites>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "nothing",
+        "[]",
+        "3",
+        '{"a": 1}',
+        '{"a": {"findings": 1, "problem": "", "requirement_ids": []}}',
+        '{"a": {"findings": [1], "problem": "", "requirement_ids": []}}',
+        "[" * 100_000,
+        "<html/>",
+        "<testsuites>",
+        ENTITIES,
+    ],
+)
+def test_a_file_that_holds_no_results_is_refused_in_one_line(traced, text):
+    with pytest.raises(ConfigError) as refused:
+        traced(wrong=text)
+    assert "--results" in str(refused.value)
+    assert "hil-bench test --json" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="No such file"):
+        read_results([tmp_path / "none.json"])

@@ -146,9 +146,11 @@ def look_by_browser(stand: Stand, seconds: float) -> None:
         for box in page.locator(".channel input").all():
             box.check()
         page.wait_for_timeout(3000)
-        before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(page)
+        watch = page.context.new_cdp_session(page)
+        watch.send("Performance.enable", {"timeDomain": "threadTicks"})
+        before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(watch)
         frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
-        used = _page_seconds(page) - used
+        used = _page_seconds(watch) - used
         after = _state(page), _resident(stand.panel.pid)
         clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
         browser.close()
@@ -234,10 +236,8 @@ def _state(page: Any) -> float:  # noqa: ANN401 - a page of playwright
     return session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
 
 
-def _page_seconds(page: Any) -> float:  # noqa: ANN401 - likewise
+def _page_seconds(session: Any) -> float:  # noqa: ANN401 - a session of playwright
     """Return the processor time of the page's main thread [s]."""
-    session = page.context.new_cdp_session(page)
-    session.send("Performance.enable", {"timeDomain": "threadTicks"})
     metrics = session.send("Performance.getMetrics")["metrics"]
     return next(each["value"] for each in metrics if each["name"] == "TaskDuration")
 

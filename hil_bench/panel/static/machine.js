@@ -19,7 +19,7 @@ export class MachineView {
     this.model = model;
     this.axis = "";
     this.flow = 0;
-    this.axes = select([], { "aria-label": "axis", onchange: () => this.choose(this.axes.value) });
+    this.axes = select([], { "aria-label": "axis", hidden: true, onchange: () => this.choose(this.axes.value) });
     this.drawing = el("div", { class: "drawing" });
     this.sensors = el("div", { class: "stack" });
     this.active = el("ul", { class: "active-faults" });

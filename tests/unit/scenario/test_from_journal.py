@@ -74,6 +74,11 @@ def test_what_is_there_at_the_beginning_comes_with_it():
     ]
 
 
+def test_what_has_ended_before_the_beginning_is_not_begun_again_by_a_clear():
+    found, _ = steps(fault(5.0, 1, duration=1.0), clear(12.0))
+    assert found == []
+
+
 def test_what_comes_after_the_end_is_left_out():
     found, _ = steps(load(20.0, 1.0), fault(21.0, 1))
     assert found == []

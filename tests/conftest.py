@@ -7,6 +7,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support.patience import LIMIT
 
+LEVEL = logging.root.level  # of pytest
+
 settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("brief", settings.get_profile("unhurried"), max_examples=10)
 settings.load_profile("unhurried")  # --hypothesis-profile=brief overrides it
@@ -30,9 +32,11 @@ def _own_log_handlers():
     """Take back the handlers that a test of the command line has put on the root logger.
 
     They would write to the captured stream of that test, which is closed by then; and --quiet lets
-    the root logger drop warnings.
+    the root logger drop warnings. The level is set before each test, too: a fixture of a module,
+    which runs a verb before this one begins, leaves its own.
     """
-    before, level = logging.root.handlers[:], logging.root.level
+    before = logging.root.handlers[:]
+    logging.root.setLevel(LEVEL)
     yield
-    logging.root.setLevel(level)
+    logging.root.setLevel(LEVEL)
     logging.root.handlers[:] = [handler for handler in logging.root.handlers if handler in before]

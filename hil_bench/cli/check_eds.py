@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.conformance.eds_check import Finding, Severity, check_eds
+from hil_bench.machine.conformance.eds_check import Finding, Severity, check_eds
 
 _EXAMPLES = """\
 examples:

@@ -20,13 +20,13 @@ from hil_bench.cli.controller_side import (
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.conformance import report
-from hil_bench.conformance.check import Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.suite import Result, run_suite
-from hil_bench.conformance.verdicts import Deviation
-from hil_bench.conformance.wire import Wire
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.machine.conformance import report
+from hil_bench.machine.conformance.check import Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.suite import Result, run_suite
+from hil_bench.machine.conformance.verdicts import Deviation
+from hil_bench.machine.conformance.wire import Wire
 
 _EXAMPLES = """\
 examples:

@@ -13,15 +13,15 @@ from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.doctor import json_text, measure
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.conformance.evidence.content import summarise
-from hil_bench.conformance.evidence.determinism import examine_determinism
-from hil_bench.conformance.evidence.devices import Examination, examine_devices
-from hil_bench.conformance.evidence.pack import check_folder, verify_pack, write_pack
-from hil_bench.conformance.evidence.page import page_html
-from hil_bench.conformance.evidence.texts import classification, known_defects
-from hil_bench.conformance.evidence.traceability import ResultsFile, read_results, trace
-from hil_bench.conformance.evidence.versions import examine_software
 from hil_bench.errors import ConfigError
+from hil_bench.machine.conformance.evidence.content import summarise
+from hil_bench.machine.conformance.evidence.determinism import examine_determinism
+from hil_bench.machine.conformance.evidence.devices import Examination, examine_devices
+from hil_bench.machine.conformance.evidence.pack import check_folder, verify_pack, write_pack
+from hil_bench.machine.conformance.evidence.page import page_html
+from hil_bench.machine.conformance.evidence.texts import classification, known_defects
+from hil_bench.machine.conformance.evidence.traceability import ResultsFile, read_results, trace
+from hil_bench.machine.conformance.evidence.versions import examine_software
 from hil_bench.session.doctor.finding import read_file
 from hil_bench.session.doctor.machine import examine_machine
 from hil_bench.session.doctor.permissions import examine_permissions

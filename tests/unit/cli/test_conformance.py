@@ -7,7 +7,7 @@ import pytest
 from device_profiles import VALVE_408
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli import main
-from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.device import DeviceUnderTest
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "conformance.md"
 

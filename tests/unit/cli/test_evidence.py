@@ -11,12 +11,12 @@ from hil_bench.analysis.validation import subject
 from hil_bench.analysis.validation.suite import validate
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.conformance.check import Impact
-from hil_bench.conformance.evidence import determinism, devices
-from hil_bench.conformance.evidence.page import page_html
-from hil_bench.conformance.evidence.texts import classification
-from hil_bench.conformance.evidence.versions import examine_software
-from hil_bench.conformance.suite import CHAPTERS, Outcome, Result
+from hil_bench.machine.conformance.check import Impact
+from hil_bench.machine.conformance.evidence import determinism, devices
+from hil_bench.machine.conformance.evidence.page import page_html
+from hil_bench.machine.conformance.evidence.texts import classification
+from hil_bench.machine.conformance.evidence.versions import examine_software
+from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, Result
 from hil_bench.plants.hydraulic_cylinder.model import FullOrderPlant
 from hil_bench.session.virtual_bench import VirtualBench
 

@@ -9,10 +9,10 @@ import pytest
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.suite import CHAPTERS, Outcome, run_suite
-from hil_bench.conformance.wire import Wire
+from hil_bench.machine.conformance.check import Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, run_suite
+from hil_bench.machine.conformance.wire import Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
 CHECKED = {"NMT", "Object dictionary", "SDO upload", "SDO download", "SDO block transfer"}

@@ -1,7 +1,7 @@
 """Devices that lack a service or a check: the suite names it, under one clause."""
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.suite import CHAPTERS, Outcome
+from hil_bench.machine.conformance.suite import CHAPTERS, Outcome
 
 
 def failed(laboratory, *titles):

@@ -1,8 +1,8 @@
 """Reports: what fails first, and every result in a table."""
 
-from hil_bench.conformance import report
-from hil_bench.conformance.check import Check, Impact
-from hil_bench.conformance.suite import Outcome, Result
+from hil_bench.machine.conformance import report
+from hil_bench.machine.conformance.check import Check, Impact
+from hil_bench.machine.conformance.suite import Outcome, Result
 
 
 def result(outcome, detail="", chapter="SDO upload", clause="7.2.4.3.6"):

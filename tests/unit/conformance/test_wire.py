@@ -4,8 +4,8 @@ import can
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.wire import BACKLOG, Wire
 from hil_bench.errors import BusError
+from hil_bench.machine.conformance.wire import BACKLOG, Wire
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
 

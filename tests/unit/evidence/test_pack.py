@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.conformance.evidence.pack import MANIFEST, verify_pack, write_pack
 from hil_bench.errors import ConfigError
+from hil_bench.machine.conformance.evidence.pack import MANIFEST, verify_pack, write_pack
 
 FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}
 

@@ -4,11 +4,11 @@ import contextlib
 from collections.abc import Iterator
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.pdo import EVENT_TIMER, INVALID, RPDOS, TYPE, Pdo, first_pdo
-from hil_bench.conformance.tpdo_checks import SYNC
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.pdo import EVENT_TIMER, INVALID, RPDOS, TYPE, Pdo, first_pdo
+from hil_bench.machine.conformance.tpdo_checks import SYNC
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("RPDO")
 

@@ -1,9 +1,9 @@
 """SDO download, expedited and segmented (CiA 301, 7.2.4.3.2 to 7.2.4.3.4)."""
 
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.scratch import (
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest, place
+from hil_bench.machine.conformance.scratch import (
     expect_number,
     expect_text,
     long_scratch,
@@ -11,14 +11,14 @@ from hil_bench.conformance.scratch import (
     unchanged,
     write_what_fits,
 )
-from hil_bench.conformance.sdo_client import (
+from hil_bench.machine.conformance.sdo_client import (
     code_text,
     download_request,
     segmented_request,
     segments,
     shown,
 )
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("SDO download")
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.error_control_checks import (
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.error_control_checks import (
     CONSUMER,
     HEARTBEAT_LOST,
     LOST_AFTER,
@@ -19,8 +19,8 @@ from hil_bench.conformance.error_control_checks import (
     beat,
     watched_producer,
 )
-from hil_bench.conformance.sdo_client import code_text, download_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.sdo_client import code_text, download_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("EMCY")
 

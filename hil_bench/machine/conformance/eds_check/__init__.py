@@ -5,6 +5,6 @@
 """
 
 from hil_bench.canopen_device.eds_document import Finding, Severity
-from hil_bench.conformance.eds_check.check import check_eds
+from hil_bench.machine.conformance.eds_check.check import check_eds
 
 __all__ = ["Finding", "Severity", "check_eds"]

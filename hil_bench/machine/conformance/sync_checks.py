@@ -4,12 +4,12 @@ from itertools import pairwise
 from statistics import median
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, is_data
-from hil_bench.conformance.pdo import TPDOS, TYPE, first_pdo
-from hil_bench.conformance.sdo_client import code_text, download_request
-from hil_bench.conformance.tpdo_checks import sync_counts
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest, is_data
+from hil_bench.machine.conformance.pdo import TPDOS, TYPE, first_pdo
+from hil_bench.machine.conformance.sdo_client import code_text, download_request
+from hil_bench.machine.conformance.tpdo_checks import sync_counts
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("SYNC and TIME")
 

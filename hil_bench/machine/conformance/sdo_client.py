@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from itertools import count
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.verdicts import Deviation, Refused
-from hil_bench.conformance.wire import Wire
+from hil_bench.machine.conformance.verdicts import Deviation, Refused
+from hil_bench.machine.conformance.wire import Wire
 
 REQUEST, ANSWER = 0x600, 0x580
 

@@ -2,18 +2,18 @@
 
 from binascii import crc_hqx
 
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.scratch import (
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.scratch import (
     expect_text,
     long_scratch,
     scratch,
     unchanged,
     write_what_fits,
 )
-from hil_bench.conformance.sdo_block_client import UNSUPPORTED, BlockDownload, BlockUpload
-from hil_bench.conformance.sdo_client import code_text, shown
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.sdo_block_client import UNSUPPORTED, BlockDownload, BlockUpload
+from hil_bench.machine.conformance.sdo_client import code_text, shown
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("SDO block transfer")
 

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.pdo import COB_ID, INVALID, RPDOS, TO_MAPPING, TPDOS, Pdo
-from hil_bench.conformance.pdo_parameter_checks import codes_text, expect_abort_and_keep
-from hil_bench.conformance.sdo_client import download_request
-from hil_bench.conformance.tpdo_checks import SYNC
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest, place
+from hil_bench.machine.conformance.pdo import COB_ID, INVALID, RPDOS, TO_MAPPING, TPDOS, Pdo
+from hil_bench.machine.conformance.pdo_parameter_checks import codes_text, expect_abort_and_keep
+from hil_bench.machine.conformance.sdo_client import download_request
+from hil_bench.machine.conformance.tpdo_checks import SYNC
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("PDO mapping")
 

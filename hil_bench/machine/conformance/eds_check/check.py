@@ -5,9 +5,9 @@ from typing import Final
 
 from hil_bench.canopen_device.eds import build_objects, find_refusal, read_eds
 from hil_bench.canopen_device.eds_document import Finding, Severity, parse_document
-from hil_bench.conformance.eds_check.header import check_header
-from hil_bench.conformance.eds_check.object_lists import check_lists
-from hil_bench.conformance.eds_check.objects import check_objects
+from hil_bench.machine.conformance.eds_check.header import check_header
+from hil_bench.machine.conformance.eds_check.object_lists import check_lists
+from hil_bench.machine.conformance.eds_check.objects import check_objects
 
 _CHECKS = (check_header, check_lists, check_objects)
 _ANY_NODE_ID: Final = 1

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from itertools import groupby
 
-from hil_bench.conformance.check import Impact
-from hil_bench.conformance.suite import Outcome, Result
+from hil_bench.machine.conformance.check import Impact
+from hil_bench.machine.conformance.suite import Outcome, Result
 
 _MARKUP = re.compile(r"[\\`\[\]]")
 _MARKS = {Outcome.PASSED: "ok", Outcome.FAILED: "**FAILED**", Outcome.NOT_APPLICABLE: "–"}

@@ -5,9 +5,9 @@ from statistics import median
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.pdo import (
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.pdo import (
     EVENT_TIMER,
     INHIBIT_TIME,
     INVALID,
@@ -18,7 +18,7 @@ from hil_bench.conformance.pdo import (
     expect_length,
     first_pdo,
 )
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("TPDO")
 

@@ -17,7 +17,7 @@ def page_html(content: Mapping[str, object]) -> str:
         right = "install it with: pip install 'hil-bench[report]'"
         raise ConfigError(f"an evidence pack needs Jinja2; {right}") from None
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("hil_bench.conformance.evidence", "."),
+        loader=jinja2.PackageLoader("hil_bench.machine.conformance.evidence", "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

@@ -8,9 +8,9 @@ from functools import cached_property
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
-from hil_bench.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
-from hil_bench.conformance.wire import Wire
+from hil_bench.machine.conformance.sdo_client import ANSWER, REQUEST, SdoClient, upload_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.wire import Wire
 
 BOOT_PATIENCE = 5.0
 """Longest wait for the boot-up message [s]; a device may take its time to start."""

@@ -2,11 +2,11 @@
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import BOOT_PATIENCE, DeviceUnderTest
-from hil_bench.conformance.scratch import scratch
-from hil_bench.conformance.sdo_client import upload_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import BOOT_PATIENCE, DeviceUnderTest
+from hil_bench.machine.conformance.scratch import scratch
+from hil_bench.machine.conformance.sdo_client import upload_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("NMT")
 

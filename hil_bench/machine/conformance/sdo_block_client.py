@@ -2,10 +2,10 @@
 
 from binascii import crc_hqx
 
-from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.sdo_client import Bounds, code_text, shown
-from hil_bench.conformance.sdo_upload_checks import long_object
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.device import DeviceUnderTest, place
+from hil_bench.machine.conformance.sdo_client import Bounds, code_text, shown
+from hil_bench.machine.conformance.sdo_upload_checks import long_object
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 UNSUPPORTED = (0x05040001, 0x06010000)
 """Aborts by which a device says that it has no block transfer."""

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.device import DeviceUnderTest, is_data
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.device import DeviceUnderTest, is_data
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 RPDOS, TPDOS = range(0x1400, 0x1600), range(0x1800, 0x1A00)
 TO_MAPPING = 0x200

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from hil_bench.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.device import DeviceUnderTest
 
 
 class Impact(IntEnum):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from hil_bench.canopen_device.nmt import NmtCommand
-from hil_bench.conformance import (
+from hil_bench.machine.conformance import (
     emcy_checks,
     error_control_checks,
     lss_checks,
@@ -21,9 +21,9 @@ from hil_bench.conformance import (
     sync_checks,
     tpdo_checks,
 )
-from hil_bench.conformance.check import Chapter, Check, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.check import Chapter, Check, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTERS = tuple(
     module.CHAPTER

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.conformance import report
-from hil_bench.conformance.check import Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.suite import Outcome, Result, run_suite
-from hil_bench.conformance.wire import Wire
 from hil_bench.kinds.kind import NodeConfig
+from hil_bench.machine.conformance import report
+from hil_bench.machine.conformance.check import Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.suite import Outcome, Result, run_suite
+from hil_bench.machine.conformance.wire import Wire
 from hil_bench.session.virtual_bench import VirtualBench
 
 _PATIENCE = 0.5  # [s] of bench time, as `hil-bench conformance` has it

@@ -1,8 +1,8 @@
 """PDO communication parameters (CiA 301, 7.5.2.35 and 7.5.2.37)."""
 
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.pdo import (
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.pdo import (
     COB_ID,
     INHIBIT_TIME,
     INVALID,
@@ -12,8 +12,8 @@ from hil_bench.conformance.pdo import (
     Pdo,
     first_pdo,
 )
-from hil_bench.conformance.sdo_client import code_text, download_request
-from hil_bench.conformance.verdicts import NotApplicable
+from hil_bench.machine.conformance.sdo_client import code_text, download_request
+from hil_bench.machine.conformance.verdicts import NotApplicable
 
 CHAPTER = Chapter("PDO parameters")
 

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 
 from hil_bench.canopen_device.datatypes import VISIBLE_STRING
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.sdo_client import code_text
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.device import DeviceUnderTest, place
+from hil_bench.machine.conformance.sdo_client import code_text
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 _HARMLESS = ((0x1017, 0), (0x1015, 0), (0x100C, 0), (0x1016, 1))
 """Times that may be changed for a moment without anything moving."""

@@ -1,10 +1,10 @@
 """Store and restore parameters (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
-from hil_bench.conformance.sdo_client import download_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
+from hil_bench.machine.conformance.sdo_client import download_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("Store and restore")
 

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator
 
 from hil_bench.canopen_device.datatypes import IntegerType
 from hil_bench.canopen_device.object_dictionary import Variable
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, place
-from hil_bench.conformance.sdo_client import code_text, download_request, upload_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
 from hil_bench.errors import SdoAbort
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest, place
+from hil_bench.machine.conformance.sdo_client import code_text, download_request, upload_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("Object dictionary")
 

@@ -5,10 +5,10 @@ import struct
 from collections.abc import Iterator
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest, is_data
-from hil_bench.conformance.sdo_client import shown
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest, is_data
+from hil_bench.machine.conformance.sdo_client import shown
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("LSS")
 

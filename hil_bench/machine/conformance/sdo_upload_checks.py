@@ -1,10 +1,10 @@
 """SDO upload, expedited and segmented (CiA 301, 7.2.4.3.5 to 7.2.4.3.7)."""
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import DeviceUnderTest
-from hil_bench.conformance.sdo_client import shown, upload_request
-from hil_bench.conformance.verdicts import Deviation, NotApplicable, Refused
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.sdo_client import shown, upload_request
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable, Refused
 
 CHAPTER = Chapter("SDO upload")
 

@@ -5,9 +5,9 @@ from statistics import median
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtCommand, NmtState
-from hil_bench.conformance.check import Chapter, Impact
-from hil_bench.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
-from hil_bench.conformance.verdicts import Deviation, NotApplicable
+from hil_bench.machine.conformance.check import Chapter, Impact
+from hil_bench.machine.conformance.device import HEARTBEAT_TIME, DeviceUnderTest
+from hil_bench.machine.conformance.verdicts import Deviation, NotApplicable
 
 CHAPTER = Chapter("Error control")
 

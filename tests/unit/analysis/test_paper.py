@@ -32,6 +32,9 @@ from hil_bench.plants.hydraulic_cylinder.model import (
 DOCUMENTS = Path(__file__).parents[3] / "docs"
 
 
+pytestmark = pytest.mark.slow  # all runs of the paper
+
+
 @pytest.fixture(scope="module")
 def runs() -> PaperRuns:
     # Six seconds hold one window of the spectra; the published report takes sixty.

@@ -28,6 +28,7 @@ class Page(HTMLParser):
         self.words += f" {data} "
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

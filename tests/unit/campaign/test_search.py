@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from support.campaigns import REST, rest_pressures, write_rest
 
 from hil_bench import cli
@@ -37,6 +38,7 @@ def made_up(*margins):
     return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=verdicts)
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
     path = write_rest(tmp_path, NARROW)
     found = search(path, tmp_path / "out", methods=(Method.CMA_ES,))
@@ -57,6 +59,7 @@ def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
     assert judgements[0].margin == failure.shrunk.result.verdicts[0].margin
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 def test_the_written_test_fails_under_pytest(tmp_path):
     found = search(write_rest(tmp_path, NARROW), tmp_path / "out", methods=(Method.CMA_ES,))
     lines = found.failures[0].files.test.read_text().splitlines()
@@ -71,6 +74,7 @@ def test_the_written_test_fails_under_pytest(tmp_path):
     assert "margin=-" in ended.stdout
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
     path = write_rest(tmp_path, REST.replace("range = [1.0", "range = [60.0"))
     found = search(path, tmp_path / "out", runs=20)
@@ -82,6 +86,7 @@ def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
     assert "correct" not in text
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 def test_the_same_seed_finds_the_same(tmp_path):
     path = write_rest(tmp_path, NARROW)
     first, second = (search(path, tmp_path / name, runs=20).search for name in "ab")
@@ -149,6 +154,7 @@ def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypat
     assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
 
 
+@pytest.mark.slow  # tens of runs of a scenario
 def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, NARROW)

@@ -21,7 +21,9 @@ def test_a_signal_ends_the_run_within_a_few_ticks(start_bench, cansend, watch, n
     watch.wait_for(POSITION)
     watch.take_all()
     ended = bench.stop(number)
-    assert (ended.exit_code, ended.stderr) == (ExitCode.INTERRUPTED, "")
+    assert ended.exit_code == ExitCode.INTERRUPTED
+    # The line of the nodes' new state comes within 0.1 s, before the signal or not at all.
+    assert [line for line in ended.stderr.splitlines() if "OPERATIONAL" not in line] == []
     assert "summary\nticks" in ended.stdout
     # One each 10 ms, so this says 20 ms; one more may have been under way.
     assert sum(frame.arbitration_id == POSITION for frame in watch.take_all()) <= 3

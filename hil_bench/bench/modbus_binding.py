@@ -1,7 +1,8 @@
 """Joins a bench with its Modbus units: what stands behind each register.
 
 The loop's part of Modbus is `ModbusBinding.exchange`, at the end of each tick: one row of values is
-published, then at most one write request is obeyed.
+published, then at most one write request is obeyed. A scenario reads and writes `units` instead,
+with the checks that a request meets.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -44,6 +45,45 @@ class ModbusPlan(NamedTuple):
     mailbox: Mailbox
 
 
+class BoundUnit:
+    """One unit, for who reads and writes its registers in the thread of the bench.
+
+    Args:
+        name: in the configuration.
+        image: how its clients see it.
+        entries: its registers.
+        exchange: of all units.
+
+    Attributes:
+        name: as passed in.
+        entries: as passed in.
+    """
+
+    def __init__(
+        self, name: str, image: UnitImage, entries: Sequence[BoundRegister], exchange: Exchange
+    ) -> None:
+        self.name, self.entries = name, entries
+        self._image, self._exchange = image, exchange
+
+    def may_write(self, register: Register) -> bool:
+        """Return whether clients may write a register."""
+        return self._image.may_write(register)
+
+    def write(self, register: Register, value: float, now: int) -> None:
+        """Write a register at once, as a request of a client does.
+
+        Args:
+            register: one of the unit's.
+            value: in SI; what the register cannot hold stands at its nearest end.
+            now: time of the tick [ns].
+
+        `ModbusException` where the unit refuses it, `SdoAbort` where its device does.
+        """
+        words = register.encode(value)
+        assignments = self._image.parse_write(register.table, register.address, words)
+        self._exchange.write(assignments, now)
+
+
 class ModbusBinding:
     """The loop's end of Modbus.
 
@@ -53,6 +93,7 @@ class ModbusBinding:
 
     Attributes:
         plan: what the server needs.
+        units: in the order of the configuration.
 
     Raises:
         ConfigError: the configuration has no Modbus server, or a register map asks for what its
@@ -68,6 +109,7 @@ class ModbusBinding:
         fittings = dict(zip(names, bench.fittings, strict=True))
         entries: list[BoundRegister] = []
         units: dict[int, UnitImage] = {}
+        parts: list[slice] = []
         for unit in config.modbus.units:
             registers, first = unit.register_map, len(entries)
             node = nodes[unit.node]
@@ -75,13 +117,18 @@ class ModbusBinding:
             watchdog = known.get(_WATCHDOG)
             if watchdog is not None and watchdog.write is not None:
                 watchdog.write(unit.watchdog, 0)
-            known[_SAMPLE] = RegisterValue("-", lambda: float(self._sample % _SAMPLES))
+            known[_SAMPLE] = RegisterValue("-", self._number)
             entries += _entries(unit, bind_registers(unit, known, node))
+            parts.append(slice(first, len(entries)))
             units[unit.unit_id] = UnitImage(
                 registers, first, commands=unit.commands, holes=unit.holes
             )
         self.plan = ModbusPlan(config.modbus.server, units, Snapshot(len(entries)), Mailbox())
         self._exchange = Exchange(entries, self.plan.rows, self.plan.mailbox)
+        self.units = tuple(
+            BoundUnit(unit.name, units[unit.unit_id], entries[part], self._exchange)
+            for unit, part in zip(config.modbus.units, parts, strict=True)
+        )
 
     def exchange(self, now: int) -> None:
         """Publish the values of this tick, and obey a write that waits.
@@ -89,8 +136,12 @@ class ModbusBinding:
         Args:
             now: time of the tick [ns].
         """
-        self._sample += 1
         self._exchange.exchange(now)
+        self._sample += 1
+
+    def _number(self) -> float:
+        """Return the number of the row that this tick publishes, from 1."""
+        return float((self._sample + 1) % _SAMPLES)
 
 
 def bind_registers(

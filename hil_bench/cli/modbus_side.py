@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, ModbusConfig
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.helpers import Helper
 from hil_bench.errors import ConfigError
 from hil_bench.session.session import Session
@@ -67,13 +66,13 @@ def open_modbus(config: BenchConfig, session: Session) -> Iterator[OpenModbus]:
     Yields:
         The server; one without anything where the configuration has none.
     """
-    if config.modbus is None:
+    binding = session.modbus
+    if config.modbus is None or binding is None:
         yield OpenModbus()
         return
     require_pymodbus()
     from hil_bench.outside.transports.modbus.process import ModbusProcess  # noqa: PLC0415 - an extra
 
-    binding = ModbusBinding(config, session.bench)
     session.watch(ticks=binding.exchange)
     with ModbusProcess(binding.plan) as server:
         lines = endpoint_lines(config.modbus, server.endpoints)

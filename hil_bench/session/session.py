@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
@@ -39,10 +40,12 @@ class Session:
         bench: not yet powered on.
         nodes: the objects of its nodes, by the names of the nodes.
         stimuli: what else to record, each a function of bench time [s].
+        modbus: its Modbus units; None without any.
 
     Attributes:
         bench: as passed in.
         nodes: as passed in.
+        modbus: as passed in; a server needs its `exchange` in each tick.
         channels: of a row, without the time.
         controls: what commands act on.
         door: takes commands from anywhere; they act at the start of the next tick.
@@ -57,9 +60,11 @@ class Session:
         *,
         nodes: Mapping[str, NodeObjects] | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
+        modbus: ModbusBinding | None = None,
     ) -> None:
         self.bench = bench
         self.nodes = nodes or {}
+        self.modbus = modbus
         stimuli = stimuli or {}
         self.channels = (*stimuli, *bench_channels(bench))
         self.controls = Controls(bench, self.nodes)
@@ -174,4 +179,6 @@ def open_session(
         stimuli: what else to record, each a function of bench time [s].
     """
     bench = build_bench(config)
-    return Session(bench, nodes=NodeTable(bench.nodes, config.nodes), stimuli=stimuli)
+    modbus = ModbusBinding(config, bench) if config.modbus is not None else None
+    nodes = NodeTable(bench.nodes, config.nodes)
+    return Session(bench, nodes=nodes, stimuli=stimuli, modbus=modbus)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
@@ -95,10 +94,8 @@ class VirtualBench:
         self._recording = self._open.enter_context(
             recorded(self.session, record, self.config, is_real_time=pacer is not None)
         )
-        self._modbus: ModbusBinding | None = None
-        if self.config.modbus is not None:
-            self._modbus = ModbusBinding(self.config, self.bench)
-            self.session.watch(ticks=self._modbus.exchange)
+        if self.session.modbus is not None:
+            self.session.watch(ticks=self.session.modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
         self.session.start()
         self.bus = EmbeddedBus(self.session.tick, self.config.tick_ns, pacer=pacer)
@@ -241,9 +238,9 @@ class VirtualBench:
         from hil_bench.outside.transports.modbus.embedded import EmbeddedLink  # noqa: PLC0415 - an extra
         from hil_bench.outside.transports.modbus.register_server import RegisterServer  # noqa: PLC0415
 
-        if self._modbus is None:
+        if self.session.modbus is None:
             raise ConfigError("modbus: there is no such table; give [modbus]")
-        plan, period = self._modbus.plan, self.config.tick_ns * 1e-9
+        plan, period = self.session.modbus.plan, self.config.tick_ns * 1e-9
         server = RegisterServer(
             plan.units,
             plan.rows,

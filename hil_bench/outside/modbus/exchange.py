@@ -74,14 +74,23 @@ class Exchange:
         order = mailbox.take()
         self._obeyed = order and (order.number, self._obey(order, now))
 
+    def write(self, assignments: Sequence[Assignment], now: int) -> None:
+        """Write the values of one request, up to the first that is refused.
+
+        Args:
+            assignments: in the order of their addresses.
+            now: time of the tick [ns].
+
+        `ModbusException` where the server refuses one, `SdoAbort` where its device does.
+        """
+        in_block, entries = len(assignments) > 1, self._entries
+        for assignment in sorted(assignments, key=lambda a: not entries[a.position].is_first):
+            self._assign(assignment, now, in_block=in_block)
+
     def _obey(self, order: Order, now: int) -> int:
-        """Return 0, or the exception code of the first value that its device refuses."""
-        in_block = len(order.assignments) > 1
-        entries = self._entries
-        assignments = sorted(order.assignments, key=lambda a: not entries[a.position].is_first)
+        """Return 0, or the exception code of the first value that is refused."""
         try:
-            for assignment in assignments:
-                self._assign(assignment, now, in_block=in_block)
+            self.write(order.assignments, now)
         except ModbusException as refusal:
             return refusal.code
         except SdoAbort as abort:

@@ -102,6 +102,13 @@ class Register:
         """Its number in the older notation, which tells the table by its first digit."""
         return _REFERENCES[self.table] + self.address
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest value that may be written, in `unit`."""
+        low, high = self.data_type.low * self.scale, self.data_type.high * self.scale
+        low = low if self.low is None else max(low, self.low)
+        return low, high if self.high is None else min(high, self.high)
+
     def encode(self, value: float) -> Sequence[int]:
         """Return the registers, or the bit, of a value in SI."""
         if self.table.holds_bits:
@@ -122,6 +129,15 @@ class Register:
         if not (math.isfinite(value) and low <= value <= high):
             raise ModbusException(ExceptionCode.ILLEGAL_DATA_VALUE)
         return self.unit.to_si(value)
+
+    def as_read(self, value: float) -> float:
+        """Return the SI value that a client reads for one in SI; NaN where there is none."""
+        if math.isnan(value):
+            return value
+        words = self.encode(value)
+        if self.table.holds_bits:
+            return float(words[0])
+        return self.unit.to_si(self.data_type.decode(words, self.word_order) * self.scale)
 
 
 @dataclass(frozen=True, slots=True)

@@ -139,6 +139,10 @@ class UnitImage:
             address, words = address + register.count, words[register.count :]
         return assignments
 
+    def may_write(self, register: Register) -> bool:
+        """Return whether clients may write a register of this unit."""
+        return register.access in self._writable
+
     def parse_mask(self, address: int, and_mask: int, or_mask: int) -> list[Assignment]:
         """Return what a mask write to a holding register assigns.
 
@@ -156,6 +160,6 @@ class UnitImage:
             ModbusException: 2, nothing can, or it takes more than `room` registers.
         """
         position, register = self._tables[table].entries.get(address, (0, None))
-        if register is None or register.access not in self._writable or room < register.count:
+        if register is None or not self.may_write(register) or room < register.count:
             raise ModbusException(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         return position, register

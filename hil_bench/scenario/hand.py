@@ -3,8 +3,10 @@
 What an RPDO carries goes as that RPDO, by the COB-ID and the mapping that the node has at the time:
 as a controller sends it. Other objects are written as an SDO server writes them, with the device's
 limits and checks, but without frames, which the controller's own SDO client would take for answers.
+A Modbus register is written as a request of a client writes it, without a client.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 
 from hil_bench.bench.assembly import number_buses
@@ -16,6 +18,7 @@ from hil_bench.canopen_device.nmt import NmtCommand as Command
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.scenario.records import NmtCommand, NmtStep
+from hil_bench.scenario.registers import RegisterTarget, WriteRegister
 from hil_bench.scenario.targets import ALL, ObjectTarget, PlantTarget, Target
 from hil_bench.session.commands import SetObject, SetPlant
 from hil_bench.session.session import Session
@@ -43,10 +46,12 @@ class Hand:
         self._nodes = dict(zip(names, session.bench.nodes, strict=True))
         self._buses = number_buses(config)
 
-    def set(self, target: Target, value: float) -> Frame | SetObject | SetPlant:
+    def set(self, target: Target, value: float) -> Frame | SetObject | SetPlant | WriteRegister:
         """Return what gives a target a value: a frame to the bench, or a command to its door."""
         if isinstance(target, PlantTarget):
             return SetPlant(target.axis, target.influence.name, value)
+        if isinstance(target, RegisterTarget):
+            return WriteRegister(target, value)
         raw = target.raw(value)
         node = self._nodes[target.node]
         if node.state is NmtState.OPERATIONAL:
@@ -59,6 +64,9 @@ class Hand:
         """Return the value that a target has; of a plant, 0, for it does not tell."""
         if isinstance(target, PlantTarget):
             return 0.0
+        if isinstance(target, RegisterTarget):
+            held = target.read()
+            return 0.0 if math.isnan(held) else held
         return float(target.variable.value or 0) / target.scale
 
     def command(self, step: NmtStep) -> list[Frame]:

@@ -151,6 +151,9 @@ class _Builder:
             unit = unit_of_name(name)
             number = Number(known.parameters[name], position=position)
             return Quantity(number, unit.dimension, unit.unit.symbol.replace("-", ""))
+        if name in known.shared:
+            wrong = f"{quote(name)} is in several tables"
+            raise ExpectationError(position, f"{wrong}; give {known.shared[name]}")
         right = f"the nearest is {find_nearest(name, known.names)}" if known.names else "none is"
         raise ExpectationError(position, f"{quote(name)} is no signal here; {right}")
 

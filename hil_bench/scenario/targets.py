@@ -1,4 +1,4 @@
-"""What a step may set: influences on a plant, objects of a node, the set-point of a valve."""
+"""What a step may set: influences on a plant, objects, set-points of valves, Modbus registers."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from hil_bench.devices.valve_408 import REFERENCE
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import VALVE
 from hil_bench.plants.quantity import Influence
+from hil_bench.scenario.registers import MODBUS, RegisterTarget, name_registers, name_shared
 from hil_bench.session.session import Session
 
 ALL = "all"
@@ -66,7 +67,7 @@ class ObjectTarget(NamedTuple):
                 return scaled
 
 
-Target = PlantTarget | ObjectTarget
+Target = PlantTarget | ObjectTarget | RegisterTarget
 
 
 class Targets:
@@ -81,13 +82,17 @@ class Targets:
         self._axes = {axis.name: axis for axis in session.bench.axes}
         self._configs = {node.name: node for node in config.nodes}
         self._nodes = dict(zip(self._configs, session.bench.nodes, strict=True))
+        self._registers = name_registers(session.modbus)
 
     def find(self, name: str) -> Target:
         """Return the target of a name.
 
         Raises:
-            ConfigError: there is none; it names the nearest.
+            ConfigError: there is none, and it names the nearest; or nobody may set it.
         """
+        if name in self._registers:
+            self._registers[name].check_writable()
+            return self._registers[name]
         owner, _, rest = name.partition(".")
         if owner in self._nodes and rest[:2].lower() == "0x":
             return self._find_object(owner, rest)
@@ -99,6 +104,10 @@ class Targets:
         for influence in self._axes[owner].influences if owner in self._axes else ():
             if influence.name == rest:
                 return PlantTarget(owner, influence)
+        if owner == MODBUS and not self._registers:
+            raise ConfigError(f"{quote(name)}: the bench has no Modbus; give [modbus] in its file")
+        if name in (shared := name_shared(self._registers)):
+            raise ConfigError(f"{quote(name)} is in several tables; give {shared[name]}")
         known = sorted(self._names())
         right = f"the nearest is {find_nearest(name, known)}, and objects are NODE.0x6300.01"
         raise ConfigError(f"{quote(name)} is nothing to set here; {right}")
@@ -109,6 +118,9 @@ class Targets:
         Raises:
             ConfigError: it is out of range.
         """
+        if isinstance(target, RegisterTarget):
+            target.check_value(value)
+            return
         if isinstance(target, PlantTarget):
             _, unit, low, high = target.influence
         else:
@@ -153,6 +165,9 @@ class Targets:
         for name, axis in self._axes.items():
             for influence in axis.influences:
                 yield f"{name}.{influence.name}"
+        for name, target in self._registers.items():
+            if target.is_writable:
+                yield name
 
 
 def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:

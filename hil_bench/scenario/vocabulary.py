@@ -19,6 +19,7 @@ class Vocabulary:
         nodes: names of the nodes, for ``emcy(NODE)``.
         has_frames: whether ``frame(COB-ID)`` and ``emcy(NODE)`` are known.
         parameters: the SI value of each parameter; its name ends in its unit.
+        shared: of each name that stands for several signals, what tells them apart.
     """
 
     signals: Mapping[str, str]
@@ -26,6 +27,7 @@ class Vocabulary:
     nodes: tuple[str, ...] = ()
     has_frames: bool = False
     parameters: Mapping[str, float] = field(default_factory=dict)
+    shared: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a run has to tell the expectations: signals, states, objects and events, tick by tick."""
+"""What a run tells the expectations: signals, states, objects, registers, events, tick by tick."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,6 +19,7 @@ from hil_bench.config.objects import name_object
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.scenario import nodes
 from hil_bench.scenario.nodes import Condition
+from hil_bench.scenario.registers import RegisterTarget, name_registers, name_shared
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.targets import is_number
 from hil_bench.scenario.vocabulary import EMCY, FRAME, Vocabulary
@@ -44,12 +45,15 @@ def bench_vocabulary(
     bench = session.bench
     names = tuple(node.name for node in config.nodes)
     signals = {channel.name: channel.unit for channel in session.channels}
+    registers = name_registers(session.modbus)
+    signals |= {name: each.entry.register.unit.symbol for name, each in registers.items()}
     states: dict[str, Mapping[str, int]] = {f"{name}.nmt": _NMT_STATES for name in names}
     for name, node, fitting in zip(names, bench.nodes, bench.fittings, strict=True):
         signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
         if fitting.state is not None:
             states[f"{name}.state"] = _VALVE_STATES
-    return Vocabulary(signals, states, names, has_frames=True, parameters=parameters)
+    shared = name_shared(registers)
+    return Vocabulary(signals, states, names, True, parameters, shared)
 
 
 def names_in(conditions: Iterable[Condition]) -> set[str]:
@@ -87,6 +91,7 @@ class Witness:
         self._rows: list[list[float]] = []
         self._heard: set[str] = set()
         self._nodes = dict(zip((n.name for n in config.nodes), session.bench.nodes, strict=True))
+        self._registers = name_registers(session.modbus)
         self._buses = number_buses(config)
         self._names = sorted(names)
         places = {channel.name: number for number, channel in enumerate(session.channels, 1)}
@@ -142,6 +147,8 @@ class Witness:
         if name in places:
             place = places[name]
             return lambda row: row[place]
+        if name in self._registers:
+            return partial(_shown, self._registers[name])
         owner, _, rest = name.partition(".")
         if rest == "nmt" and owner in self._nodes:
             return partial(_nmt, self._nodes[owner])
@@ -164,6 +171,10 @@ def _is_named(variable: Variable, name: str) -> bool:
 
 def _held(variable: Variable, _row: Sequence[float]) -> float:
     return math.nan if variable.value is None else float(variable.value)
+
+
+def _shown(target: RegisterTarget, _row: Sequence[float]) -> float:
+    return target.read()
 
 
 def _nmt(node: Node, _row: Sequence[float]) -> float:

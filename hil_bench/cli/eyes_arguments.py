@@ -6,11 +6,23 @@ from collections.abc import Sequence
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
+from hil_bench.cli.arguments import add_bench_arguments
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.nodes import merge_nodes, node_of_eds, nodes_of
 from hil_bench.eyes.sight import Service
+
+
+def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what says on which bus to listen, and which nodes are on it."""
+    add_bench_arguments(parser)
+    parser.add_argument(
+        "--on",
+        metavar="NAME",
+        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
+    )
+    add_eds_argument(parser)
 
 
 def add_eds_argument(parser: argparse.ArgumentParser) -> None:

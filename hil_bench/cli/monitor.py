@@ -5,12 +5,12 @@ import math
 import sys
 import time
 
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import (
-    add_eds_argument,
     add_filter_arguments,
+    add_listening_arguments,
     check_nodes,
     known_nodes,
 )
@@ -46,13 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_bench_arguments(parser)
-    parser.add_argument(
-        "--on",
-        metavar="NAME",
-        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
-    )
-    add_eds_argument(parser)
+    add_listening_arguments(parser)
     parser.add_argument(
         "--duration",
         type=float,
@@ -83,18 +77,9 @@ def run(args: argparse.Namespace) -> int:
     with bus:
         listener = Listener(bus, what)
         bits, last = _listen(args, listener, decoder)
-        dropped = listener.dropped
+        losses = listener.losses
     bitrate = settings.bitrate or USUAL_BITRATE
     load = 100.0 * bits / (bitrate * last * 1e-9) if last else 0.0
-    losses = [
-        f"{count} {name}"
-        for count, name in (
-            (listener.error_frames, "error frames"),
-            (listener.fd_frames, "CAN FD frames left out"),
-            (dropped, "frames lost by the kernel"),
-        )
-        if count
-    ]
     if not args.quiet:
         facts = [f"{listener.frames} frames in {last * 1e-9:.1f} s on {what}", *losses]
         facts.append(f"load {load:.1f} % of {bitrate_text(bitrate)}")

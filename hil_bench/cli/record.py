@@ -5,10 +5,10 @@ import math
 import time
 from pathlib import Path
 
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import add_eds_argument, known_nodes
+from hil_bench.cli.eyes_arguments import add_listening_arguments, known_nodes
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -42,13 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
-    add_bench_arguments(parser)
-    parser.add_argument(
-        "--on",
-        metavar="NAME",
-        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
-    )
-    add_eds_argument(parser)
+    add_listening_arguments(parser)
     parser.add_argument(
         "--duration",
         type=float,

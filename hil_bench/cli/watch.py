@@ -1,4 +1,4 @@
-"""`hil-bench watch`: a running bench in the terminal."""
+"""`hil-bench watch`: a running bench, or any bus, in the terminal."""
 
 import argparse
 import contextlib
@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from hil_bench.cli.ctl import add_bench_argument, bench_errors
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.watch_view import WatchView
+from hil_bench.cli.eyes_arguments import add_listening_arguments
+from hil_bench.cli.watch_bus import ONCE, is_for_bus, watch_bus
+from hil_bench.cli.watch_view import REFRESH, WatchView
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.client import FeedClient, connect
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-REFRESH = 0.1
-"""Time between two pictures [s]."""
 
 _RETRY = 0.5
 _EXAMPLES = """\
@@ -23,6 +22,9 @@ examples:
   hil-bench watch
   hil-bench watch --bench bench-2
   hil-bench watch --once                        one picture, for a file or a small terminal
+  hil-bench watch -i socketcan -c can0          any bus; nothing is sent
+  hil-bench watch -i socketcan -c can0 bench.toml
+  hil-bench watch -i socketcan -c can0 --eds 5=vendor.eds --once
 """
 
 
@@ -31,17 +33,27 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "watch",
         description="Show the values, nodes, faults and timing of a bench that hil-bench run runs\n"
-        "on this machine, until Ctrl-C. A bench that ends is waited for.",
+        "on this machine, until Ctrl-C. A bench that ends is waited for. With -i, -c, --eds or a\n"
+        "bench.toml, show a bus instead: nodes, values of PDOs, EMCY, load, who sends how often.",
         epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_argument(parser)
-    parser.add_argument("--once", action="store_true", help="show one picture, and end")
+    parser.add_argument(
+        "--once",
+        action="store_true",
+        help=f"show one picture, and end; a bus is listened to for {ONCE:g} s",
+    )
+    add_listening_arguments(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show the bench; `ConfigError` where rich is missing."""
+    """Show the bench or the bus; `ConfigError` where rich is missing."""
+    is_bus = is_for_bus(args)
     console = make_console()
+    if is_bus:
+        return watch_bus(args, console)
     with bench_errors(), connect(args.bench) as client:
         if args.once:
             console.print(picture(client))

@@ -12,10 +12,14 @@ if TYPE_CHECKING:
     from rich.console import Group, RenderableType
     from rich.table import Table
 
+REFRESH = 0.1
+"""Time between two pictures [s]."""
+
 _BAR = 20
 _BLOCKS = " ▏▎▍▌▋▊▉█"
 _EVENTS = 5
-_GOOD = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": "red"}
+STATE_STYLES = {"OPERATIONAL": "green", "PRE-OPERATIONAL": "yellow", "STOPPED": "red"}
+"""Colours of NMT states."""
 
 
 class WatchView:
@@ -95,9 +99,7 @@ class WatchView:
         return text
 
     def _value_table(self) -> "Table":
-        table = _table("value", "", "", "lowest", "", "highest")
-        for column in (1, 3, 5):
-            table.columns[column].justify = "right"
+        table = make_table("value", "", "", "lowest", "", "highest", right=(1, 3, 5))
         for name, symbol in self._hello["channels"]:
             unit = shown_in(symbol)
             value = self._values.get(name)
@@ -115,9 +117,9 @@ class WatchView:
     def _node_table(self) -> "Table":
         from rich.text import Text  # noqa: PLC0415 - it is an extra
 
-        table = _table("node", "state")
+        table = make_table("node", "state")
         for name, node in self._state["nodes"].items():
-            style = "red" if node["errors"] else _GOOD.get(node["state"], "")
+            style = "red" if node["errors"] else STATE_STYLES.get(node["state"], "")
             table.add_row(printable(name), Text(node_text(node), style=style))
         return table
 
@@ -139,10 +141,16 @@ def bar(value: float | None, low: float, high: float, width: int = _BAR) -> str:
     return ("█" * full + (_BLOCKS[rest] if rest else "")).ljust(width)
 
 
-def _table(*heads: str) -> "Table":
+def make_table(*heads: str, right: tuple[int, ...] = ()) -> "Table":
+    """Return an empty table.
+
+    Args:
+        heads: of its columns.
+        right: the columns that are aligned right.
+    """
     from rich.table import Table  # noqa: PLC0415 - it is an extra
 
     table = Table(box=None, header_style="dim", pad_edge=False)
-    for head in heads:
-        table.add_column(head, no_wrap=True)
+    for number, head in enumerate(heads):
+        table.add_column(head, no_wrap=True, justify="right" if number in right else "left")
     return table

@@ -65,6 +65,16 @@ class Listener:
         return logged_frame_of(message)._replace(now=self._last, is_received=True)
 
     @property
+    def losses(self) -> list[str]:
+        """What was on the bus and could not be read, in words; the bus is still open."""
+        counts = (
+            (self.error_frames, "error frames"),
+            (self.fd_frames, "CAN FD frames left out"),
+            (self.dropped, "frames lost by the kernel"),
+        )
+        return [f"{count} {name}" for count, name in counts if count]
+
+    @property
     def dropped(self) -> int:
         """Frames that the kernel lost because nobody read in time, as far as it says so."""
         own = getattr(self._bus, "socket", None)

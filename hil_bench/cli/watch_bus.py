@@ -1,0 +1,97 @@
+"""`hil-bench watch` on a bus: what passes there as a picture; nothing is sent."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from hil_bench.cli.arguments import load_bench_config
+from hil_bench.cli.bus_view import BusView
+from hil_bench.cli.controller_side import seen_from_bus
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.eyes_arguments import known_nodes
+from hil_bench.cli.interruption import interruption
+from hil_bench.cli.watch_view import REFRESH
+from hil_bench.errors import ConfigError
+from hil_bench.eyes.bus_state import BusState
+from hil_bench.eyes.decoder import Decoder
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.transports.listener import Listener
+from hil_bench.outside.transports.opening import open_can_bus
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+ONCE = 2.0
+"""Time to listen for one picture [s]; most heartbeats come once a second."""
+
+_BUS_WORDS = ("interface", "channel", "bitrate", "bus_kwargs", "fd", "data_bitrate", "timing")
+
+
+def is_for_bus(args: argparse.Namespace) -> bool:
+    """Return whether a command line names a bus rather than a bench that runs.
+
+    Raises:
+        ConfigError: it names both.
+    """
+    is_bus = any(name in args for name in _BUS_WORDS) or any((args.config, args.on, args.eds))
+    if is_bus and args.bench:
+        raise ConfigError(
+            f"--bench {args.bench}: is a bench that runs here; a bench.toml, -i, -c, --on and "
+            "--eds are for a bus; give either"
+        )
+    return is_bus
+
+
+def watch_bus(args: argparse.Namespace, console: "Console") -> int:
+    """Show a bus until Ctrl-C, or once."""
+    from rich.live import Live  # noqa: PLC0415 - it is an extra
+
+    config = seen_from_bus(args, load_bench_config(args))
+    settings = config.bus
+    bitrate = settings.bitrate or USUAL_BITRATE
+    state = BusState(Decoder(known_nodes(args, config)), bitrate)
+    bus, what = open_can_bus(
+        settings.interface, settings.channel, settings.bitrate, settings.options
+    )
+    with bus, interruption() as interrupted:
+        listener = Listener(bus, what)
+        view = BusView(what, bitrate, listener, state)
+        moments = hear(listener, state, monotonic)
+        if args.once:
+            for passed in moments:
+                if passed >= ONCE or interrupted.requested:
+                    break
+            console.print(view.render())
+        else:
+            with Live(console=console, screen=True, auto_refresh=False) as live:
+                for _ in moments:
+                    if interrupted.requested:
+                        break
+                    live.update(view.render(), refresh=True)
+    return ExitCode.DONE if state.frames else ExitCode.INCONCLUSIVE
+
+
+def hear(listener: Listener, state: BusState, clock: Callable[[], float]) -> Iterator[float]:
+    """Hear a bus until it is lost, which is a `BusError`.
+
+    Args:
+        listener: hears the bus.
+        state: takes the frames.
+        clock: the time [s].
+
+    Yields:
+        Time since the start [s], whenever a picture is due.
+    """
+    begin = heard = clock()
+    due = begin + REFRESH
+    while True:
+        logged = listener.hear(max(due - clock(), 0.0))
+        now = clock()
+        if logged is not None:
+            state.take(logged)
+            heard = now
+        if now >= due:
+            state.wait(round((now - heard) * 1e9))
+            yield now - begin
+            due = clock() + REFRESH

@@ -1,5 +1,6 @@
 """Hears every frame of a bus with the time that its driver gives it, and sends nothing."""
 
+import select
 import socket
 import struct
 from typing import Final
@@ -12,6 +13,7 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")  # the ninth counts what the kernel dropped
+_CONNECTION: Final = "_SocketCanDaemonBus__socket"  # python-can gives no other way to it
 
 
 class Listener:
@@ -49,10 +51,11 @@ class Listener:
         """
         try:
             message = self._bus.recv(timeout)
+            if message is None:
+                self._check_connection()
+                return None
         except (can.CanError, OSError, ValueError) as error:
             raise BusError(f"{self._description}: bus lost: {error}") from error
-        if message is None:
-            return None
         if message.is_error_frame or message.is_fd:
             self.error_frames += message.is_error_frame
             self.fd_frames += not message.is_error_frame
@@ -63,6 +66,16 @@ class Listener:
         now = round((message.timestamp - self._origin) * 1e9)
         self._last = max(self._last, now)
         return logged_frame_of(message)._replace(now=self._last, is_received=True)
+
+    def _check_connection(self) -> None:
+        """Check that socketcand is still there: python-can takes its end for silence.
+
+        Raises:
+            ConnectionResetError: it has closed the connection.
+        """
+        own = getattr(self._bus, _CONNECTION, None)
+        if isinstance(own, socket.socket) and is_closed_by_peer(own):
+            raise ConnectionResetError("socketcand has closed the connection")
 
     @property
     def losses(self) -> list[str]:
@@ -79,6 +92,11 @@ class Listener:
         """Frames that the kernel lost because nobody read in time, as far as it says so."""
         own = getattr(self._bus, "socket", None)
         return dropped_by_kernel(own) if isinstance(own, socket.socket) else 0
+
+
+def is_closed_by_peer(own: socket.socket) -> bool:
+    """Return whether the other side of a connection has closed it, and all it sent was read."""
+    return bool(select.select([own], [], [], 0.0)[0]) and not own.recv(1, socket.MSG_PEEK)
 
 
 def dropped_by_kernel(own: socket.socket) -> int:

@@ -55,7 +55,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FOLDER",
         help='folder in which "Record as a test" writes scenarios (default: this one)',
     )
-    parser.add_argument("--once", action="store_true", help="end with the bench")
+    parser.add_argument(
+        "--once",
+        action="store_true",
+        help="end with the bench, and where the bench of --bench does not run",
+    )
     parser.set_defaults(run=run)
 
 

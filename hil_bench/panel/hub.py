@@ -105,10 +105,15 @@ class Hub:
 
         Args:
             is_once: whether to end with the first bench.
+
+        Raises:
+            BusError: it is to end with a bench that does not run, so that there is no end to see.
         """
         beat = asyncio.create_task(self._beat())
         try:
             while not (is_once and self.visited):
+                if is_once and self._wanted is not None and self._wanted not in find_names():
+                    raise BusError(f"bench {self._wanted} does not run; the panel ends with it")
                 await self._visit()
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(RETRY):

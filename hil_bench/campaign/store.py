@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil_bench.campaign.identity import program_identity
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -32,10 +32,8 @@ class Store:
     def __init__(self, folder: Path, firmware: Mapping[str, str]) -> None:
         self.folder = folder
         self._firmware = dict(firmware)
-        try:
+        with about_file(folder, what="cannot be made"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"{folder}: cannot be made: {error.strerror}") from None
         self._remove_halves()
 
     def write(self, results: Sequence[RunResult]) -> None:

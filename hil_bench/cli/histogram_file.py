@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, Self
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import about_file
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.bus_load import load_of
@@ -26,13 +26,8 @@ class HistogramFile:
         self._file: IO[str] | None = None
         if path is None:
             return
-        try:
+        with about_file(f"--histograms {path}", right="give a file in a directory of yours"):
             self._file = path.open("w", encoding="ascii")
-        except OSError as error:
-            right = "give a file in a directory of yours"
-            raise ConfigError(
-                f"--histograms {path}: cannot be written: {error.strerror}; {right}"
-            ) from None
 
     def __enter__(self) -> Self:
         return self

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hil_bench.errors import ConfigError, HilBenchError
+from hil_bench.errors import HilBenchError, about_file
 from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.judgement import Judgement, RequirementOutcome
 from hil_bench.scenario.prepared import PreparedScenario
@@ -97,17 +97,14 @@ def reason_of(judgement: Judgement) -> str:
 def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
     """Write a JUnit file: a suite a scenario, a case a requirement.
 
-    Raises:
-        ConfigError: it cannot be written.
+    One that cannot be written is a `ConfigError`.
     """
     root = ET.Element("testsuites")
     for result in results:
         _add_suite(root, result)
     ET.indent(root)
-    try:
+    with about_file(path):
         ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.errors import ConfigError, printable
+from hil_bench.errors import ConfigError, about_file, printable
 
 _FIRST_WORD = re.compile(r'\s*"?[A-Za-z_]+"?\s*([;,])')
 
@@ -50,10 +50,10 @@ def read_cells(path: Path) -> Sheet:
     Raises:
         ConfigError: it cannot be read.
     """
+    with about_file(path, what="cannot be read", right="give a CSV file"):
+        content = path.read_bytes()
     try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}; give a CSV file") from None
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as CSV UTF-8") from None
     lines = text.splitlines()

@@ -135,3 +135,11 @@ def test_what_check_prints_of_data_sheets_is_the_same_bench(tmp_path, capsys):
     text = printed.read_text()
     assert "# What axis1 can do:" in text
     assert "# piston_area_cm2 = 31.1725  " in text
+
+
+def test_a_place_that_cannot_be_written_is_one_line(tmp_path, capsys):
+    assert main(["new", str(tmp_path / "no/bench.toml"), *PRESS]) == 2
+    assert capsys.readouterr().err == (
+        f"hil-bench: error: {tmp_path}/no/bench.toml: cannot be written: "
+        "No such file or directory; give a file in a directory of yours\n"
+    )

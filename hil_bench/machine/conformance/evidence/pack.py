@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 MANIFEST = "manifest.json"
 """Name of the file that has the digests of all others."""
@@ -34,28 +34,24 @@ def check_folder(folder: Path) -> None:
 def write_pack(folder: Path, files: Mapping[str, bytes]) -> str:
     """Write all files and the manifest, or nothing; return the SHA-256 of the manifest.
 
+    A folder that cannot be written is a `ConfigError`.
+
     Args:
         folder: that `check_folder` takes.
         files: the contents by their names, with ``/`` between folders.
-
-    Raises:
-        ConfigError: it cannot be written.
     """
     check_folder(folder)
     whole = folder.absolute()
     partial = whole.with_name(f".{whole.name}.{os.getpid()}.partial")
     manifest = _manifest(files)
-    try:
-        with _removed_unless_renamed(partial):
-            for name, content in {**files, MANIFEST: manifest}.items():
-                path = partial / name
-                path.parent.mkdir(exist_ok=True)
-                path.write_bytes(content)
-            if whole.is_dir():
-                whole.rmdir()  # empty, or this fails
-            partial.rename(whole)
-    except OSError as error:
-        raise ConfigError(f"{folder}: cannot be written: {error.strerror}") from None
+    with about_file(folder), _removed_unless_renamed(partial):
+        for name, content in {**files, MANIFEST: manifest}.items():
+            path = partial / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content)
+        if whole.is_dir():
+            whole.rmdir()  # empty, or this fails
+        partial.rename(whole)
     return hashlib.sha256(manifest).hexdigest()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 MOST_BYTES = 64_000_000
 """Size of the largest file of results that is read."""
@@ -56,12 +56,10 @@ def read_results(paths: Sequence[Path]) -> list[ResultsFile]:
     """
     files = []
     for path in paths:
-        try:
+        with about_file(f"--results {path}", what="cannot be read"):
             if path.is_file() and path.stat().st_size > MOST_BYTES:
                 raise ConfigError(f"--results {path}: larger than {MOST_BYTES // 10**6} MB")
             files.append(ResultsFile(path, path.read_bytes()))
-        except OSError as error:
-            raise ConfigError(f"--results {path}: cannot be read: {error.strerror}") from None
     return files
 
 

@@ -24,6 +24,7 @@ from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.conformance import report
 from hil_bench.machine.conformance.check import Impact
 from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.eds_check import check_eds
 from hil_bench.machine.conformance.suite import Result, run_suite
 from hil_bench.machine.conformance.verdicts import Deviation
 from hil_bench.machine.conformance.wire import Wire
@@ -71,7 +72,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="S",
         help="longest wait for an answer, and how long silence is waited for (default: 0.5)",
     )
-    parser.add_argument("--report", type=Path, metavar="FILE.md", help="write a report")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.md", help="write a report, in the order of CiA's test"
+    )
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -82,7 +85,8 @@ def run(args: argparse.Namespace) -> int:
     seen = seen_from_bus(args, config)
     allowed = _allowed(args)
     node_id = _node_id(args)
-    objects = load_eds(_eds(args, seen), node_id)
+    eds = _eds(args, seen)
+    objects = load_eds(eds, node_id)
     if args.eds is not None:  # what bench.toml names is warned of already
         warn_of_findings(args.eds, objects.findings)
     with open_network(args, config) as opened:
@@ -97,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
                 if not args.json and not args.quiet:
                     print(report.line(result), flush=True)
             device = _description(dut)
-    _tell(results, args, device, allowed)
+    _tell(results, args, device, allowed, eds)
     return ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE
 
 
@@ -187,7 +191,9 @@ def _description(dut: DeviceUnderTest) -> str:
     return ", ".join(words)
 
 
-def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed: Impact) -> None:
+def _tell(
+    results: list[Result], args: argparse.Namespace, device: str, allowed: Impact, eds: Path
+) -> None:
     """Print the summary and write the report."""
     if args.json:
         print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
@@ -198,7 +204,9 @@ def _tell(results: list[Result], args: argparse.Namespace, device: str, allowed:
         print(report.summary(results), file=sys.stderr)
     if args.report is None:
         return
-    text = report.markdown(results, device=device, allowed=allowed, command=_command(args))
+    text = report.markdown(
+        results, device=device, allowed=allowed, eds=check_eds(eds), command=_command(args)
+    )
     with about_file(f"--report {args.report}"):
         args.report.write_text(text, encoding="utf-8", errors="backslashreplace")
 

@@ -2,7 +2,8 @@
 
 from hil_bench.machine.conformance import report
 from hil_bench.machine.conformance.check import Check, Impact
-from hil_bench.machine.conformance.suite import Outcome, Result
+from hil_bench.machine.conformance.eds_check import Finding, Severity
+from hil_bench.machine.conformance.suite import CHAPTERS, Outcome, Result
 
 
 def result(outcome, detail="", chapter="SDO upload", clause="7.2.4.3.6"):
@@ -21,11 +22,36 @@ def test_markdown_names_what_fails_before_all_else():
     text = report.markdown(RESULTS, device="Node 5, device.eds", allowed=Impact.WRITE)
     lines = text.splitlines()
     assert "Node 5, device.eds; reading and writing." in lines[2]
-    assert lines[4] == "**1 passed, 1 failed, 1 not applicable**"
-    assert lines.index("## What fails") < lines.index("## SDO upload") < lines.index("## RPDO")
+    assert "This is no certificate" in lines[3]
+    assert lines[5] == "**1 passed, 1 failed, 1 not applicable; EDS: no findings**"
+    assert lines.index("## What fails") < lines.index("### SDO upload") < lines.index("### RPDO")
     assert "- 7.2.4.3.7: this is right. a \\| b; c is right" in lines
     assert "| 7.2.4.3.6 | this is right | ok | 4 bytes |" in lines
     assert "| 7.2.4.3.7 | this is right | **FAILED** | a \\| b; c is right |" in lines
+
+
+def test_the_order_is_that_of_the_test_that_certifies():
+    """EDS, SDO and PDO, object dictionary, SYNC and errors, NMT, storing; however they were run."""
+    every = [result(Outcome.PASSED, chapter=chapter.title) for chapter in CHAPTERS]
+    text = report.markdown(every, device="d", allowed=Impact.STORE)
+    assert [line for line in text.splitlines() if line.startswith("## ")] == [
+        "## 1. Electronic data sheet",
+        "## 2. SDO and PDO",
+        "## 3. Object dictionary",
+        "## 4. SYNC, emergency and error control",
+        "## 5. NMT state machine",
+        "## 6. Store and restore",
+        "## 7. Node-ID and bit rate",
+    ]
+    assert text.count("| 7.2.4.3.6 |") == len(CHAPTERS)
+
+
+def test_findings_of_the_eds_stand_first():
+    findings = [Finding(12, "1018sub2", "no default | none"), Finding(30, "", "x", Severity.ERROR)]
+    text = report.markdown(RESULTS[:1], device="d", allowed=Impact.READ, eds=findings)
+    assert "EDS: 1 error, 1 warning**" in text
+    assert "| 12 | warning | 1018sub2 | no default \\| none |" in text
+    assert text.index("| 12 |") < text.index("| 7.2.4.3.6 |")
 
 
 def test_what_a_device_says_is_no_markup():

@@ -10,6 +10,7 @@ from hil_bench.kinds.kind import NodeConfig
 from hil_bench.machine.conformance import report
 from hil_bench.machine.conformance.check import Impact
 from hil_bench.machine.conformance.device import DeviceUnderTest
+from hil_bench.machine.conformance.eds_check import check_eds
 from hil_bench.machine.conformance.suite import Outcome, Result, run_suite
 from hil_bench.machine.conformance.wire import Wire
 from hil_bench.session.virtual_bench import VirtualBench
@@ -64,4 +65,4 @@ def _examine(config: BenchConfig, node: NodeConfig) -> Examination:
 
 def _document(node: NodeConfig, results: list[Result], allowed: Impact) -> str:
     device = f"{node.name}, virtual, node {node.node_id}, {node.eds.name}"
-    return report.markdown(results, device=device, allowed=allowed)
+    return report.markdown(results, device=device, allowed=allowed, eds=check_eds(node.eds))

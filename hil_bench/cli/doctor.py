@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     tests = measure(args.seconds, permissions)
     topics = (permissions, machine, buses, examine_software(), examine_extensions())
     if args.json:
-        print(json_text(topics, tests))
+        print(json.dumps(found_content(topics, tests), indent=2))
     else:
         is_coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
         print("\n".join(report_lines(topics, tests, is_coloured=is_coloured)))
@@ -86,9 +86,9 @@ def measure(seconds: float, permissions: Topic) -> list[LatenessTest]:
     return measure_lateness(config, seconds, [RealtimePolicy.OFF, *policies], MonotonicClock())
 
 
-def json_text(topics: Sequence[Topic], tests: Sequence[LatenessTest]) -> str:
+def found_content(topics: Sequence[Topic], tests: Sequence[LatenessTest]) -> dict[str, object]:
     """Return all of it for a program."""
-    answer = {
+    return {
         "version": __version__,
         "system": platform.platform(),
         "findings": [
@@ -98,7 +98,6 @@ def json_text(topics: Sequence[Topic], tests: Sequence[LatenessTest]) -> str:
         ],
         "lateness": [{"name": test.name, **asdict(test.summary)} for test in tests],
     }
-    return json.dumps(answer, indent=2)
 
 
 def report_lines(

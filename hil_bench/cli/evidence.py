@@ -10,7 +10,7 @@ from typing import Any
 
 from hil_bench.analysis.validation.suite import validate
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.doctor import json_text, measure
+from hil_bench.cli.doctor import found_content, measure
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
@@ -135,7 +135,7 @@ def _content(
         "plant": [{**asdict(check), "verdict": check.verdict.value} for check in checks],
         "conformance": [device.content for device in devices],
         "determinism": examine_determinism(config),
-        "timing": json.loads(json_text((permissions, machine), measure(seconds, permissions))),
+        "timing": found_content((permissions, machine), measure(seconds, permissions)),
         "traceability": traceability,
         "known_defects": known_defects(),
         "classification": classification(),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-_WORST_FIRST = ("failed", "inconclusive", "not exercised", "passed")
+WORST_FIRST = ("failed", "inconclusive", "not exercised", "passed")
 
 
 def summarise(pack: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -40,7 +40,7 @@ def _line(section: str, verdict: str, text: str) -> dict[str, str]:
 def _worst(items: Sequence[Mapping[str, Any]]) -> str:
     """Return the verdict on all; without any that applies, there is none."""
     verdicts = {item["verdict"] for item in items}
-    return next((verdict for verdict in _WORST_FIRST if verdict in verdicts), "not applicable")
+    return next((verdict for verdict in WORST_FIRST if verdict in verdicts), "not applicable")
 
 
 def _counts(items: Sequence[Mapping[str, Any]], key: str) -> str:

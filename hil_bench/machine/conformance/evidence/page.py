@@ -2,29 +2,12 @@
 
 from collections.abc import Mapping
 
-from hil_bench.errors import ConfigError
+from hil_bench.outside.page import render_page
 
 
 def page_html(content: Mapping[str, object]) -> str:
-    """Return a pack's content as HTML; whatever names and texts hold, they stay text.
-
-    Raises:
-        ConfigError: Jinja2 is not installed.
-    """
-    try:
-        import jinja2  # noqa: PLC0415 - an extra
-    except ImportError:
-        right = "install it with: pip install 'hil-bench[report]'"
-        raise ConfigError(f"an evidence pack needs Jinja2; {right}") from None
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("hil_bench.machine.conformance.evidence", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_shown,
-    )
-    return environment.get_template("page.html.j2").render(pack=content)
+    """Return a pack's content as HTML."""
+    return render_page(__package__, "page.html.j2", {"pack": content}, _shown)
 
 
 def _shown(value: object) -> object:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.machine.conformance.evidence.content import WORST_FIRST
+from hil_bench.machine.conformance.evidence.versions import file_digest
 
 MOST_BYTES = 64_000_000
 """Size of the largest file of results that is read."""
 
-_WORST_FIRST = ("failed", "inconclusive", "not exercised", "passed")
 _RIGHT = "give the output of 'hil-bench test --json', or a JUnit XML file"
 
 
@@ -91,7 +92,7 @@ def trace(files: Sequence[ResultsFile]) -> dict[str, object]:
 
 
 def _worst(outcomes: Sequence[str]) -> str:
-    return next(outcome for outcome in _WORST_FIRST if outcome in outcomes)
+    return next(outcome for outcome in WORST_FIRST if outcome in outcomes)
 
 
 def _verdict(rows: Sequence[Row]) -> str:
@@ -154,7 +155,7 @@ def _reason(judgement: dict[str, Any]) -> str:
 
 def _known(outcome: str) -> str:
     """Return an outcome; one that nobody knows is a failure."""
-    return outcome if outcome in _WORST_FIRST else "failed"
+    return outcome if outcome in WORST_FIRST else "failed"
 
 
 class _NoDoctype(ET.TreeBuilder):
@@ -201,7 +202,7 @@ def _junit_outcome(case: ET.Element) -> tuple[str, str]:
         for found in case.iter(tag):
             kind = found.get("type", "")
             reason = found.get("message", "") or (found.text or "")
-            return (kind if kind in _WORST_FIRST else outcome), reason
+            return (kind if kind in WORST_FIRST else outcome), reason
     return "passed", ""
 
 
@@ -216,8 +217,7 @@ def _scenarios(tests: Iterator[str]) -> list[dict[str, str]]:
         digest = "not found from the current folder"
         try:
             if path.is_file():
-                with path.open("rb") as file:
-                    digest = hashlib.file_digest(file, "sha256").hexdigest()
+                digest = file_digest(path)
         except OSError as error:
             digest = f"cannot be read: {error.strerror}"
         scenarios.append({"file": name, "sha256": digest})

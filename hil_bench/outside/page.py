@@ -1,0 +1,45 @@
+"""HTML pages that open offline, made from templates; whatever a value holds, it stays text."""
+
+import base64
+from collections.abc import Callable, Mapping
+
+from hil_bench.errors import ConfigError
+
+
+def render_page(
+    package: str,
+    template: str,
+    values: Mapping[str, object],
+    shown: Callable[[object], object] | None = None,
+) -> str:
+    """Return a page.
+
+    Args:
+        package: that the template lies in, beside those that it extends.
+        template: its name.
+        values: what the template names.
+        shown: what stands in the page for a value; None for the value itself.
+
+    Raises:
+        ConfigError: Jinja2 is not installed.
+    """
+    try:
+        import jinja2  # noqa: PLC0415 - an extra
+    except ImportError:
+        right = "install it with: pip install 'hil-bench[report]'"
+        raise ConfigError(f"a page needs Jinja2; {right}") from None
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader(package, "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        finalize=shown,
+    )
+    environment.filters["data_uri"] = _data_uri
+    return environment.get_template(template).render(values)
+
+
+def _data_uri(picture: bytes) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(picture).decode("ascii")

@@ -8,9 +8,6 @@ import numpy as np
 from hil_bench.campaign.records import RunResult, Verdict
 from hil_bench.campaign.summary import show_point
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.judgement import RequirementOutcome
-
-_FAILED = RequirementOutcome.FAILED.value
 
 
 class Change(NamedTuple):
@@ -73,8 +70,8 @@ def _change(
         and (old := _verdict(before, requirement)) is not None
         and (new := _verdict(result, requirement)) is not None
     ]
-    broken = [each for old, new, each in found if new.outcome == _FAILED != old.outcome]
-    mended = [each for old, new, each in found if old.outcome == _FAILED != new.outcome]
+    broken = [each for old, new, each in found if new.is_failed and not old.is_failed]
+    mended = [each for old, new, each in found if old.is_failed and not new.is_failed]
     sized = [
         (old.margin, new.margin)
         for old, new, _ in found

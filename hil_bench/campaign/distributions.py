@@ -31,10 +31,10 @@ class Distribution(Protocol):
         """Lowest and highest value; infinite for none."""
 
 
-@dataclass(frozen=True, slots=True)
-class Uniform:
-    """All values between two are equally likely."""
+class _Between:
+    """Lies between `low` and `high`."""
 
+    __slots__ = ()
     low: float
     high: float
 
@@ -42,6 +42,14 @@ class Uniform:
     def bounds(self) -> Span:
         """Lowest and highest value."""
         return self.low, self.high
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform(_Between):
+    """All values between two are equally likely."""
+
+    low: float
+    high: float
 
     def quantiles(self, shares: Floats) -> Floats:
         """Return the values below which these shares of all values lie."""
@@ -53,16 +61,11 @@ class Uniform:
 
 
 @dataclass(frozen=True, slots=True)
-class LogUniform:
+class LogUniform(_Between):
     """All orders of magnitude between two positive values are equally likely."""
 
     low: float
     high: float
-
-    @property
-    def bounds(self) -> Span:
-        """Lowest and highest value."""
-        return self.low, self.high
 
     def quantiles(self, shares: Floats) -> Floats:
         """Return the values below which these shares of all values lie."""
@@ -74,7 +77,7 @@ class LogUniform:
 
 
 @dataclass(frozen=True, slots=True)
-class Normal:
+class Normal(_Between):
     """A normal distribution, cut off at the bounds.
 
     Attributes:
@@ -89,11 +92,6 @@ class Normal:
     low: float = -math.inf
     high: float = math.inf
 
-    @property
-    def bounds(self) -> Span:
-        """Lowest and highest value."""
-        return self.low, self.high
-
     def quantiles(self, shares: Floats) -> Floats:
         """Return the values below which these shares of all values lie."""
         from scipy.stats import truncnorm  # noqa: PLC0415 - an extra, and slow to import
@@ -105,21 +103,16 @@ class Normal:
 
     def levels(self, count: int) -> Floats:
         """Return values with the same share of all between each and the next."""
-        return self.quantiles((np.arange(count) + 0.5) / count)
+        return _evenly(self, count)
 
 
 @dataclass(frozen=True, slots=True)
-class Triangular:
+class Triangular(_Between):
     """The density rises from `low` to `mode`, and falls to `high`."""
 
     low: float
     mode: float
     high: float
-
-    @property
-    def bounds(self) -> Span:
-        """Lowest and highest value."""
-        return self.low, self.high
 
     def quantiles(self, shares: Floats) -> Floats:
         """Return the values below which these shares of all values lie."""
@@ -130,7 +123,7 @@ class Triangular:
 
     def levels(self, count: int) -> Floats:
         """Return values with the same share of all between each and the next."""
-        return self.quantiles((np.arange(count) + 0.5) / count)
+        return _evenly(self, count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +146,10 @@ class Choices:
         """Return all values, however many."""
         del count
         return np.array(self.values, dtype=np.float64)
+
+
+def _evenly(distribution: Distribution, count: int) -> Floats:
+    return distribution.quantiles((np.arange(count) + 0.5) / count)
 
 
 def read_distribution(value: object) -> Distribution:

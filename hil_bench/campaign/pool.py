@@ -10,7 +10,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from multiprocessing.connection import Connection, wait
 from time import monotonic
 from types import TracebackType
@@ -37,6 +37,15 @@ def perform_here(specs: Iterable[RunSpec]) -> Iterator[RunResult]:
     """
     for spec in specs:
         yield perform(spec)
+
+
+def local_backend(jobs: int) -> AbstractContextManager[Backend]:
+    """Return what does runs on this machine.
+
+    Args:
+        jobs: processes; 0 for this one.
+    """
+    return Pool(jobs) if jobs else nullcontext(perform_here)
 
 
 class _Task(NamedTuple):

@@ -1,13 +1,14 @@
 """A campaign as its file has it, a run to be done, and what came of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 from hil_bench.campaign.distributions import Distribution
 from hil_bench.campaign.sampling import Point, Sampler
+from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.records import Scenario
 
 EACH = "each"
@@ -50,6 +51,18 @@ class Campaign:
     parameters: Mapping[str, Distribution] = field(default_factory=dict)
     tolerances: Mapping[str, Distribution] = field(default_factory=dict)
     timeout: float = 60.0
+
+    def changed(self, *, runs: int | None, sampler: str | None, seed: int | None) -> Self:
+        """Return the campaign with other values in the place of the file's; None changes nothing.
+
+        Args:
+            runs: points of each scenario.
+            sampler: the name of one.
+            seed: of the sampler.
+        """
+        given: dict[str, Any] = {"runs": runs, "seed": seed}
+        given["sampler"] = None if sampler is None else Sampler(sampler)
+        return replace(self, **{name: value for name, value in given.items() if value is not None})
 
 
 class Case(NamedTuple):
@@ -108,7 +121,12 @@ class RunOutcome(StrEnum):
     @property
     def is_failure(self) -> bool:
         """Whether it shows that something is wrong."""
-        return self in {RunOutcome.FAILED, RunOutcome.TIMED_OUT, RunOutcome.CRASHED}
+        return self is RunOutcome.FAILED or self.is_cut_off
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether the run did not come to its end."""
+        return self in {RunOutcome.TIMED_OUT, RunOutcome.CRASHED}
 
 
 class Verdict(NamedTuple):
@@ -125,6 +143,21 @@ class Verdict(NamedTuple):
     outcome: str
     margin: float | None
     reason: str
+
+    @property
+    def is_failed(self) -> bool:
+        """Whether the run failed the requirement."""
+        return self.outcome == RequirementOutcome.FAILED
+
+    @property
+    def is_exercised(self) -> bool:
+        """Whether the run came to the requirement's trigger and its end."""
+        return is_exercised(self.outcome)
+
+
+def is_exercised(outcome: str) -> bool:
+    """Return whether a requirement's outcome says that its trigger and its end came."""
+    return outcome not in {RequirementOutcome.NOT_EXERCISED, RequirementOutcome.INCONCLUSIVE}
 
 
 class RunResult(NamedTuple):

@@ -6,19 +6,13 @@ from hil_bench.campaign.identity import case_digest, firmware_digest
 from hil_bench.campaign.plan import nested
 from hil_bench.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.scenario.judgement import WORST_FIRST
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.results import reason_of
 from hil_bench.scenario.run import play as play_prepared
 from hil_bench.scenario.run import prepare
 
 _LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
-_ORDER = (
-    RequirementOutcome.FAILED,
-    RequirementOutcome.INCONCLUSIVE,
-    RequirementOutcome.NOT_EXERCISED,
-    RequirementOutcome.PASSED,
-)
 
 
 def perform(spec: RunSpec) -> RunResult:
@@ -37,8 +31,8 @@ def perform(spec: RunSpec) -> RunResult:
     except Exception as error:
         return failed_run(spec, RunOutcome.CRASHED, f"{type(error).__name__}: {error}")
     outcomes = {finding.judgement.outcome for finding in run.findings}
-    worst = next(each for each in _ORDER if each in outcomes)
-    return failed_run(spec, RunOutcome(worst.value), run.ending)._replace(
+    worst = next(each for each in WORST_FIRST if each in outcomes)
+    return failed_run(spec, RunOutcome(worst), run.ending)._replace(
         duration=run.duration, verdicts=tuple(_verdict(each) for each in run.findings)
     )
 

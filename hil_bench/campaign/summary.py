@@ -10,7 +10,7 @@ import numpy as np
 
 from hil_bench.campaign.confidence import say_bound
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict, is_exercised
 from hil_bench.campaign.sampling import Point, Sampler
 from hil_bench.scenario.judgement import RequirementOutcome
 
@@ -38,13 +38,12 @@ class RequirementSummary(NamedTuple):
     @property
     def failures(self) -> int:
         """How many runs failed it."""
-        return self.outcomes.get(RequirementOutcome.FAILED.value, 0)
+        return self.outcomes.get(RequirementOutcome.FAILED, 0)
 
     @property
     def is_exercised(self) -> bool:
         """Whether any run came to its trigger and its end."""
-        idle = {RequirementOutcome.NOT_EXERCISED.value, RequirementOutcome.INCONCLUSIVE.value}
-        return any(count for outcome, count in self.outcomes.items() if outcome not in idle)
+        return any(map(is_exercised, self.outcomes))
 
     def line(self) -> str:
         """Return it in a line."""
@@ -108,7 +107,7 @@ def worst_runs(results: Sequence[RunResult], count: int = _WORST) -> list[RunRes
 
 def severity(result: RunResult) -> float:
     """Return the smallest margin of a run; less than any for one that did not come to its end."""
-    if result.outcome in {RunOutcome.CRASHED, RunOutcome.TIMED_OUT}:
+    if result.outcome.is_cut_off:
         return -math.inf
     return min((size_of(each) for each in result.verdicts), default=math.inf)
 
@@ -117,7 +116,7 @@ def size_of(verdict: Verdict) -> float:
     """Return the margin of a verdict; of one without a size, -1 for failed and 1 for all else."""
     if verdict.margin is not None:
         return verdict.margin
-    return -1.0 if verdict.outcome == RequirementOutcome.FAILED.value else 1.0
+    return -1.0 if verdict.is_failed else 1.0
 
 
 def bounds_of(plan: Plan, results: Sequence[RunResult]) -> Iterator[str]:

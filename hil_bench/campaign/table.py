@@ -3,18 +3,16 @@
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from hil_bench.campaign.executing import collect, execute
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import Pool, perform_here
+from hil_bench.campaign.pool import local_backend
 from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunResult
-from hil_bench.campaign.sampling import Sampler
 from hil_bench.campaign.store import Store
 
 if TYPE_CHECKING:
@@ -46,14 +44,11 @@ def run_campaign(
         output: the folder for results; without it they are not kept.
         progress: whether to show a bar on standard error.
     """
-    campaign = read_campaign(Path(path))
-    given = {"runs": runs, "seed": seed, "sampler": Sampler(sampler) if sampler else None}
-    campaign = replace(campaign, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
-    plan = Plan(campaign)
+    plan = Plan(read_campaign(Path(path)).changed(runs=runs, sampler=sampler, seed=seed))
     with ExitStack() as stack:
         folder = output or stack.enter_context(TemporaryDirectory(prefix="hil-bench-"))
         store = Store(Path(folder), plan.firmware)
-        backend = stack.enter_context(Pool(jobs)) if jobs else perform_here
+        backend = stack.enter_context(local_backend(jobs))
         with progress_bar(len(plan), is_shown=progress) as note:
             execute(plan, store, backend, note=note)
         return to_table(collect(plan, store).results)

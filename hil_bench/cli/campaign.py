@@ -4,17 +4,16 @@ import argparse
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.campaign.comparison import Change, compare
 from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import Backend, Pool, perform_here
+from hil_bench.campaign.pool import local_backend
 from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.records import Campaign, RunOutcome, RunResult
+from hil_bench.campaign.records import RunOutcome, RunResult
 from hil_bench.campaign.reports.campaign_report import write_campaign_report
 from hil_bench.campaign.running import perform
 from hil_bench.campaign.sampling import Sampler
@@ -85,7 +84,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Do the campaign, and print what came of it."""
-    plan = Plan(_campaign(args))
+    campaign = read_campaign(args.campaign)
+    plan = Plan(campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed))
     if args.key:
         return _repeat(args, plan)
     if not args.output:
@@ -108,18 +108,11 @@ def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
     return ExitCode.DONE if outcomes == {RunOutcome.PASSED} else ExitCode.INCONCLUSIVE
 
 
-def _campaign(args: argparse.Namespace) -> Campaign:
-    """Return the campaign of the file, with what the command line says."""
-    campaign = read_campaign(args.campaign)
-    given = {"runs": args.runs, "seed": args.seed}
-    given |= {"sampler": Sampler(args.sampler)} if args.sampler else {}
-    return replace(campaign, **{k: v for k, v in given.items() if v is not None})
-
-
 def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
-        backend = _backend(args, stack)
+        opened = DaskBackend(args.dask) if args.dask else local_backend(args.jobs)
+        backend = stack.enter_context(opened)
         shown = False if is_silent(args) else None
         total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
         note = stack.enter_context(progress_bar(total, is_shown=shown))
@@ -129,12 +122,6 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
             kept = "what is done is kept; the same command goes on from there"
             logger.warning("%s: interrupted; %s", store.folder, kept)
             raise
-
-
-def _backend(args: argparse.Namespace, stack: ExitStack) -> Backend:
-    if args.dask:
-        return stack.enter_context(DaskBackend(args.dask))
-    return stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
 
 
 def _before(folder: Path) -> Iterator[RunResult]:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from hil_bench.campaign.pool import Backend, Pool, perform_here
+from hil_bench.campaign.pool import local_backend
 from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reports.search_report import write_search_report
 from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     )
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
-        backend: Backend = stack.enter_context(Pool(args.jobs)) if args.jobs else perform_here
+        backend = stack.enter_context(local_backend(args.jobs))
         shown = False if is_silent(args) else None
         total = args.runs * len(plan.methods)
         note = stack.enter_context(progress_bar(total, is_shown=shown))

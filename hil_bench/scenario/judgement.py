@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 import numpy as np
 
@@ -22,6 +23,14 @@ class RequirementOutcome(StrEnum):
     FAILED = "failed"
     INCONCLUSIVE = "inconclusive"
     NOT_EXERCISED = "not exercised"
+
+
+WORST_FIRST: Final = (
+    RequirementOutcome.FAILED,
+    RequirementOutcome.INCONCLUSIVE,
+    RequirementOutcome.NOT_EXERCISED,
+    RequirementOutcome.PASSED,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from hil_bench.scenario.resolve import (
     resolve_steps,
 )
 from hil_bench.scenario.targets import SET_POINT
-from hil_bench.scenario.usage import unused_parameters
+from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.vocabulary import channel_vocabulary
 
 _MANUAL = "manual"
@@ -104,7 +104,7 @@ def prepare_for_machine(
     actions = resolve_steps(scenario, tick_ns, values)
     problems = [
         *_controller_problems(scenario),
-        *unused_parameters(scenario),
+        *usage_problems(scenario),
         *(line for each in actions for line in _step_problems(each, f"{valve}.{SET_POINT}")),
     ]
     requirements: tuple[Requirement, ...] = ()

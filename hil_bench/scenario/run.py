@@ -32,7 +32,7 @@ from hil_bench.scenario.resolve import (
 )
 from hil_bench.scenario.stage import Stage
 from hil_bench.scenario.targets import Targets
-from hil_bench.scenario.usage import unused_parameters
+from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.witness import bench_vocabulary
 from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
@@ -123,7 +123,7 @@ def prepare_on(
     requirements: tuple[Requirement, ...] = ()
     problems = [
         *_controller_problems(scenario),
-        *unused_parameters(scenario),
+        *usage_problems(scenario),
         *_step_problems(actions, config, session),
     ]
     try:

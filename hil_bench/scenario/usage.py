@@ -12,22 +12,31 @@ _WORD = re.compile(r"\w+")
 
 
 def unused_parameters(scenario: Scenario) -> Iterator[str]:
-    """Yield a line for each parameter that no step, no expectation and no controller takes."""
-    used = {*_names_in_steps(scenario)}
+    """Yield the names of the parameters that no step, no expectation and no controller takes."""
+    used = {*_names_in_steps(scenario), *_settings(scenario)}
     for each in scenario.expectations:
         used.update(_WORD.findall(each.that))
-    own: list[str] = []
     if scenario.controller is not None:
         for word in scenario.controller.firmware:
             used.update(_WORD.findall(word))
-        if scenario.controller.example:
-            own = [field.name for field in fields(ControllerSettings)]
-    for parameter in scenario.parameters:
-        if parameter.name not in {*used, *own}:
-            right = "name it in a step, an expectation or the firmware's words"
-            if own:
-                right = f"the nearest of the controller's is {find_nearest(parameter.name, own)}"
-            yield f"{scenario.path}: parameters.{parameter.name}: does nothing; {right}"
+    yield from (each.name for each in scenario.parameters if each.name not in used)
+
+
+def usage_problems(scenario: Scenario) -> Iterator[str]:
+    """Yield a line for each parameter that nothing takes."""
+    own = _settings(scenario)
+    for name in unused_parameters(scenario):
+        right = "name it in a step, an expectation or the firmware's words"
+        if own:
+            right = f"the nearest of the controller's is {find_nearest(name, own)}"
+        yield f"{scenario.path}: parameters.{name}: does nothing; {right}"
+
+
+def _settings(scenario: Scenario) -> list[str]:
+    """Return what the example controller takes; nothing where another one controls."""
+    if scenario.controller is None or not scenario.controller.example:
+        return []
+    return [field.name for field in fields(ControllerSettings)]
 
 
 def _names_in_steps(scenario: Scenario) -> Iterator[str]:

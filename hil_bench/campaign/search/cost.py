@@ -2,17 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.campaign.records import RunResult, Verdict
 from hil_bench.campaign.summary import size_of
-from hil_bench.scenario.judgement import RequirementOutcome
 
 CRASH = -2.0
 """Cost of a run that did not come to its end: it shows that something is wrong."""
 
 UNKNOWN = 2.0
 """Cost of a requirement that was not decided, or whose trigger never came: look elsewhere."""
-
-_IDLE = {RequirementOutcome.NOT_EXERCISED.value, RequirementOutcome.INCONCLUSIVE.value}
 
 
 def cost_of(result: RunResult, wanted: Iterable[str]) -> float:
@@ -24,7 +21,7 @@ def cost_of(result: RunResult, wanted: Iterable[str]) -> float:
         result: of a run.
         wanted: the requirements.
     """
-    if result.outcome in {RunOutcome.CRASHED, RunOutcome.TIMED_OUT}:
+    if result.outcome.is_cut_off:
         return CRASH
     ids = set(wanted)
     return min((_cost(each) for each in result.verdicts if each.id in ids), default=UNKNOWN)
@@ -48,6 +45,5 @@ def turns(requirements: Sequence[str], failed: Iterable[str]) -> Sequence[Sequen
 
 
 def _cost(verdict: Verdict) -> float:
-    if verdict.outcome in _IDLE:
-        return max(UNKNOWN, size_of(verdict))
-    return size_of(verdict)
+    size = size_of(verdict)
+    return size if verdict.is_exercised else max(UNKNOWN, size)

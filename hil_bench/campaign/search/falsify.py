@@ -148,7 +148,8 @@ def _failure(
 ) -> Failure:
     def run(candidate: Scenario) -> RunResult:
         spec = make_spec(own_case(candidate), {}, {}, None, plan.timeout)
-        return next(iter(list(backend([spec]))))
+        (result,) = backend([spec])
+        return result
 
     shrunk = shrink(scenario, trial.point, target, run)
     if shrunk is None or folder is None:

@@ -11,7 +11,6 @@ from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.sampling import Sampler, unit_points
 from hil_bench.campaign.search.cost import cost_of, turns
 from hil_bench.campaign.search.records import Method
-from hil_bench.scenario.judgement import RequirementOutcome
 
 _SIGMA = 0.3  # of the first step in the unit cube: half of it is within reach
 _FIRST = 16  # points before the first start of CMA-ES
@@ -150,7 +149,7 @@ def failures(results: Sequence[RunResult]) -> Iterator[str]:
     """Yield the requirements that fail in some runs."""
     for result in results:
         for verdict in result.verdicts:
-            if verdict.outcome == RequirementOutcome.FAILED.value:
+            if verdict.is_failed:
                 yield verdict.id
 
 

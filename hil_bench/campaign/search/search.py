@@ -11,10 +11,6 @@ from hil_bench.campaign.records import Case, RunResult
 from hil_bench.campaign.sampling import Point, points_at
 from hil_bench.campaign.search.methods import build_search
 from hil_bench.campaign.search.records import Budget, Find, Method, SearchResult, Trial
-from hil_bench.scenario.judgement import RequirementOutcome
-
-_FAILED = RequirementOutcome.FAILED.value
-_IDLE = {RequirementOutcome.NOT_EXERCISED.value, RequirementOutcome.INCONCLUSIVE.value}
 
 
 class Searcher:
@@ -109,8 +105,8 @@ def _find(requirement: str, trials: Sequence[Trial]) -> Find:
     for trial in trials:
         for verdict in trial.result.verdicts:
             if verdict.id == requirement:
-                is_exercised |= verdict.outcome not in _IDLE
-                if verdict.outcome == _FAILED:
+                is_exercised |= verdict.is_exercised
+                if verdict.is_failed:
                     first.setdefault(trial.method, trial.number)
     known = [each for each in trials if each.margin(requirement) is not None]
     worst = min(known, key=_by_margin(requirement), default=None)
@@ -122,7 +118,7 @@ def _by_margin(requirement: str) -> Callable[[Trial], tuple[bool, float]]:
     """Return the order of trials: failed ones first, then by margin."""
 
     def order(trial: Trial) -> tuple[bool, float]:
-        outcome = next(v.outcome for v in trial.result.verdicts if v.id == requirement)
-        return outcome != _FAILED, trial.margin(requirement) or 0.0
+        is_failed = any(v.is_failed for v in trial.result.verdicts if v.id == requirement)
+        return not is_failed, trial.margin(requirement) or 0.0
 
     return order

@@ -2,18 +2,17 @@
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from hil_bench.campaign.records import RunOutcome, RunResult
+from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.sampling import Point
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.places import LocatedProblems
 from hil_bench.scenario.reading import read_scenario
-from hil_bench.scenario.records import Parameter, Scenario, SetStep
+from hil_bench.scenario.records import Scenario, SetStep
 from hil_bench.scenario.usage import unused_parameters
 from hil_bench.scenario.writing import to_toml
 
@@ -36,10 +35,8 @@ class Target(NamedTuple):
     def is_hit(self, result: RunResult) -> bool:
         """Return whether a run still fails."""
         if not self.requirement:
-            return result.outcome in {RunOutcome.CRASHED, RunOutcome.TIMED_OUT}
-        failed = RequirementOutcome.FAILED.value
-        found = (each for each in result.verdicts if each.id == self.requirement)
-        return any(each.outcome == failed for each in found)
+            return result.outcome.is_cut_off
+        return any(each.is_failed for each in result.verdicts if each.id == self.requirement)
 
 
 class Shrunk(NamedTuple):
@@ -220,9 +217,6 @@ def _as_read(scenario: Scenario) -> Scenario:
 
 def _tidied(scenario: Scenario) -> Scenario:
     """Return a scenario without the parameters that do nothing."""
-    kept: Sequence[Parameter] = [
-        each
-        for each in scenario.parameters
-        if not any(f"parameters.{each.name}:" in line for line in unused_parameters(scenario))
-    ]
-    return replace(scenario, parameters=tuple(kept))
+    unused = {*unused_parameters(scenario)}
+    kept = tuple(each for each in scenario.parameters if each.name not in unused)
+    return replace(scenario, parameters=kept)

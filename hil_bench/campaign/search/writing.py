@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from hil_bench.campaign.search.records import Method
 from hil_bench.campaign.search.shrink import Shrunk, Target
-from hil_bench.errors import ConfigError
+from hil_bench.errors import about_file
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario, SetStep
 from hil_bench.scenario.writing import to_toml
@@ -44,16 +44,13 @@ class Files(NamedTuple):
 def write_failure(
     shrunk: Shrunk, target: Target, folder: Path, found_by: tuple[Method, int]
 ) -> Files:
-    """Write a failure to files.
+    """Write a failure to files; what cannot be written is a `ConfigError`.
 
     Args:
         shrunk: the failure.
         target: what fails.
         folder: where to.
         found_by: the method that found it, and the number of its run.
-
-    Raises:
-        ConfigError: they cannot be written.
     """
     source = shrunk.scenario
     stem = source.path.name.split(".")[0]
@@ -62,14 +59,12 @@ def write_failure(
     what = f"{target.requirement} fails" if target.requirement else "The run does not end well"
     method, number = found_by
     text = f"{what}: found by hil-bench falsify in {source.path.name}, run {number} of {method}."
-    try:
+    with about_file(folder):
         folder.mkdir(parents=True, exist_ok=True)
         content = to_toml(_moved(source, folder))
         files.scenario.write_text(f"# {text}\n{content}", encoding="utf-8")
         test = _TEST.format(text=text, name=name, file=files.scenario.name)
         files.test.write_text(test, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{error.filename}: cannot be written: {error.strerror}") from None
     return files
 
 

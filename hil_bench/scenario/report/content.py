@@ -4,18 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from hil_bench.scenario.judgement import Judgement, RequirementOutcome
+from hil_bench.scenario.judgement import WORST_FIRST, Judgement, RequirementOutcome
 
 NOT_JUDGED = "not judged"
 """Of a requirement that a scenario is about without expecting anything under its id."""
 
-_WORST_FIRST = (
-    RequirementOutcome.FAILED.value,
-    RequirementOutcome.INCONCLUSIVE.value,
-    RequirementOutcome.NOT_EXERCISED.value,
-    NOT_JUDGED,
-    RequirementOutcome.PASSED.value,
-)
+_WORST_FIRST = (*WORST_FIRST[:-1], NOT_JUDGED, WORST_FIRST[-1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +156,7 @@ class Report:
     def outcome(self) -> str:
         """The worst outcome; failed where a run had a problem."""
         if any(chapter.problems for chapter in self.chapters):
-            return RequirementOutcome.FAILED.value
+            return RequirementOutcome.FAILED
         return _worst([row.outcome for row in self.rows])
 
 
@@ -175,13 +169,12 @@ def _row(name: str, chapters: Sequence[Chapter]) -> Row:
     cells = tuple(_cell(name, chapter) for chapter in chapters)
     proofs = [proof for chapter in chapters for proof in chapter.proofs if proof.id == name]
     margins = [p.judgement.margin for p in proofs if p.judgement.margin is not None]
-    passed = RequirementOutcome.PASSED.value
     return Row(
         name,
         tuple(dict.fromkeys(proof.that for proof in proofs)),
         _worst([cell for cell in cells if cell]),
         min(margins, default=None),
-        tuple(number for number, cell in enumerate(cells, 1) if cell == passed),
+        tuple(number for number, cell in enumerate(cells, 1) if cell == RequirementOutcome.PASSED),
         cells,
     )
 

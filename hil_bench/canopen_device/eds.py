@@ -22,6 +22,7 @@ LARGEST_FILE: Final = 8 * 1024 * 1024
 
 _HIGHEST_NODE_ID: Final = 127
 _FILES_KEPT: Final = 8
+_DEVICES_KEPT: Final = 128
 _HEADERS: Final = ("FileInfo", "DeviceInfo", "MandatoryObjects")
 _RIGHT: Final = "give the EDS file (CiA 306) of the device"
 
@@ -44,7 +45,9 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
         raise EdsError(
             f"{path}: node-ID {node_id} is not possible; write 1 to 127, or 255 for none"
         )
-    return build_objects(parse_eds(read_eds(path), str(path)), node_id, str(path))
+    text, source = read_eds(path), str(path)
+    parse_eds(text, source)
+    return _template(text, node_id).copy(source)
 
 
 def read_eds(path: Path) -> str:
@@ -117,5 +120,11 @@ def _decode(raw: bytes) -> str:
 
 @lru_cache(maxsize=_FILES_KEPT)
 def _parse(text: str) -> Document:
-    """The sections of an EDS, kept for other devices of the same kind; nobody changes them."""
+    """Return the sections of an EDS, kept for devices of the same kind; nobody changes them."""
     return parse_document(text)
+
+
+@lru_cache(maxsize=_DEVICES_KEPT)
+def _template(text: str, node_id: int) -> ObjectDictionary:
+    """Return the objects of a device, kept for the next bench that has it; nobody changes them."""
+    return build_objects(_parse(text), node_id, "")

@@ -117,6 +117,24 @@ class Variable:
     def __repr__(self) -> str:
         return f"<0x{self.index:04X}.{self.subindex:02X} {self.name} = {self.value!r}>"
 
+    def copy(self) -> "Variable":
+        """Return an entry of the same contents, without checks and hooks."""
+        twin = Variable(
+            self.index,
+            self.subindex,
+            self.name,
+            self.data_type,
+            access=self.access,
+            default=self.default,
+            low=self.low,
+            high=self.high,
+            mappable=self.mappable,
+            base=self.base,
+        )
+        twin.default, twin.value = self.default, self.value
+        twin.is_carried = self.is_carried
+        return twin
+
     def add_check(self, check: Check) -> None:
         """Ask `check` before each write from the bus."""
         self._checks += (check,)
@@ -178,6 +196,17 @@ class ObjectDictionary:
         for index in sorted(self._objects):
             for subindex in sorted(self._objects[index]):
                 yield self._objects[index][subindex]
+
+    def copy(self, source: str) -> "ObjectDictionary":
+        """Return the same for another device: entries of its own, without checks and hooks."""
+        twin = ObjectDictionary((), source)
+        twin._objects = {
+            index: {subindex: each.copy() for subindex, each in entries.items()}
+            for index, entries in self._objects.items()
+        }
+        twin.findings = self.findings
+        twin.claims_lss = self.claims_lss
+        return twin
 
     def add(self, variable: Variable) -> None:
         """Add an entry."""

@@ -11,7 +11,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
 from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.values import find_nearest, quote
@@ -225,7 +224,6 @@ def _step_problems(
     actions: tuple[TimedAction, ...], config: BenchConfig, session: Session
 ) -> Iterator[str]:
     targets = Targets(config, session)
-    spare = build_bench(config)
     for _, action, place in actions:
         try:
             match action:
@@ -234,7 +232,7 @@ def _step_problems(
                     for value in (action.value, *(value for _, value in action.course)):
                         targets.check(target, value)
                 case FaultConfig():
-                    schedule_faults(spare.faults, (action,))
+                    schedule_faults(session.bench.faults, (action,))
                 case NmtStep():
                     targets.check_node(action.target)
         except ConfigError as error:

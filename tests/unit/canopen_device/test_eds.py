@@ -10,7 +10,7 @@ from hil_bench.canopen_device.eds_checks import find_faults
 from hil_bench.canopen_device.eds_document import Severity
 from hil_bench.canopen_device.errors import EdsError
 from hil_bench.canopen_device.node import Node
-from hil_bench.canopen_device.object_dictionary import Access
+from hil_bench.canopen_device.object_dictionary import Access, Variable
 
 EDS = Path(__file__).with_name("device.eds")
 
@@ -341,6 +341,26 @@ def test_defaults_follow_a_new_node_id(eds_path):
     for variable in dictionary:
         assert variable.value == expected.variable(variable.index, variable.subindex).value
     assert dictionary.variable(0x1400, 1).value == 0x209
+
+
+def test_two_devices_of_a_file_share_nothing_that_changes(eds_path, tmp_path):
+    first = load_eds(eds_path, 5)
+    size = len(list(first))
+    entry = first.variable(0x1017)
+    entry.default, entry.value, entry.is_carried = 77, 99, True
+    first.add_hook(0x1017, 0, lambda _value: pytest.fail("the hook of another device"))
+    first.add(Variable(0x5FFF, 0, "One more", entry.data_type))
+    other = tmp_path / "other.eds"
+    other.write_bytes(eds_path.read_bytes())
+
+    second = load_eds(other, 5)
+
+    assert (first.source, second.source) == (str(eds_path), str(other))
+    assert len(list(second)) == size
+    twin = second.variable(0x1017)
+    assert (twin.default, twin.value, twin.is_carried, twin.is_plain) == (0, 0, False, True)
+    second.download(0x1017, 0, b"\x0a\x00")
+    assert entry.value == 99
 
 
 @pytest.mark.parametrize("node_id", [0, 128, -1])

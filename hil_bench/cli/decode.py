@@ -17,8 +17,8 @@ from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.channels import PdoChannels
-from hil_bench.eyes.decoder import Decoder, PdoOwner
-from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.eyes.sight import Sight
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames

@@ -77,9 +77,8 @@ class SightLines:
 
 def is_problem(sight: Sight) -> bool:
     """Return whether a sight tells of something wrong."""
-    if sight.service is Service.EMCY and len(sight.frame.data) == 8:
-        return not is_error_reset(int.from_bytes(sight.frame.data[:2], "little"))
-    return bool(sight.problem)
+    code = sight.emcy_code
+    return bool(sight.problem) if code is None else not is_error_reset(code)
 
 
 def _as_json(sight: Sight) -> str:

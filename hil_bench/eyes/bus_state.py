@@ -214,7 +214,7 @@ class BusState:
             self._keep(sight)
         if sight.node_id is not None:
             if sight.name == "EMCY":
-                self._hear_emcy(sight.node_id, sight.frame)
+                self._hear_emcy(sight.node_id, sight)
             elif sight.name == "boot-up":
                 self.errors.pop(sight.node_id, None)
 
@@ -239,18 +239,18 @@ class BusState:
         if len(self._events) > _MOST_EVENTS:
             del self._events[next(iter(self._events))]
 
-    def _hear_emcy(self, node_id: int, frame: Frame) -> None:
+    def _hear_emcy(self, node_id: int, sight: Sight) -> None:
         """Follow the errors of a node: an error reset with an empty error register ends all."""
-        if len(frame.data) != 8 or frame.is_remote:
+        code = sight.emcy_code
+        if code is None:
             return
-        code, register = int.from_bytes(frame.data[:2], "little"), frame.data[2]
         errors = self.errors.setdefault(node_id, {})
         if not is_error_reset(code):
             errors.pop(code, None)
             errors[code] = emergency_text(code)
             if len(errors) > _MOST_ERRORS:
                 del errors[next(iter(errors))]
-        elif register == 0:
+        elif sight.frame.data[2] == 0:  # the error register
             errors.clear()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
-from hil_bench.eyes.decoder import PdoOwner
+from hil_bench.eyes.known_node import PdoOwner
 from hil_bench.eyes.pdos import PdoField
 from hil_bench.eyes.sight import Sight
 from hil_bench.eyes.values import Reading

@@ -1,5 +1,6 @@
 """The words of CiA 301 and CiA 305 for the numbers in frames."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
@@ -18,7 +19,6 @@ _EMERGENCIES: Final = {
     0x8250: "RPDO time-out",
 }
 _EMERGENCY_CLASSES: Final = {
-    0x00: "error reset or no error",
     0x10: "generic error",
     0x20: "current",
     0x21: "current, CANopen device input side",
@@ -46,7 +46,7 @@ _EMERGENCY_CLASSES: Final = {
 }
 """Emergency error codes of CiA 301: one by one, and by their high byte."""
 
-_NMT_COMMANDS: Final = {
+_NMT_COMMANDS: Final[Mapping[int, str]] = {
     NmtCommand.START: "start",
     NmtCommand.STOP: "stop",
     NmtCommand.ENTER_PRE_OPERATIONAL: "enter pre-operational",
@@ -112,13 +112,7 @@ def nmt_text(data: bytes) -> str:
     if len(data) != 2:
         return ""
     target = f"node {data[1]}" if data[1] else "all nodes"
-    return f"{_command(data[0])}, {target}"
-
-
-def _command(number: int) -> str:
-    return next(
-        (text for command, text in _NMT_COMMANDS.items() if command == number), f"command {number}"
-    )
+    return f"{_NMT_COMMANDS.get(data[0], f'command {data[0]}')}, {target}"
 
 
 def state_text(number: int) -> str:

@@ -7,7 +7,8 @@ from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.eyes.channels import symbol_of
-from hil_bench.eyes.decoder import Decoder, PdoOwner
+from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.known_node import PdoOwner
 from hil_bench.eyes.pdos import PdoField
 
 try:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import (
@@ -14,10 +14,12 @@ from hil_bench.canopen_device.datatypes import (
 )
 from hil_bench.canopen_device.errors import SdoAbort
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.errors import printable
 from hil_bench.eyes.pdos import Pdo, find_pdos
-from hil_bench.eyes.scaling import UNIT_OBJECTS, Scale, profile_of
+from hil_bench.eyes.scaling import UNIT_OBJECTS, Scale, number_in, profile_of
 from hil_bench.eyes.values import Reader
+from hil_bench.frame import address_of
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.nmt import NmtState
@@ -50,7 +52,7 @@ _RECORDS: Final = (
     (range(0x1600, 0x1800), "RPDO mapping", (UNSIGNED8, UNSIGNED32)),
     (range(0x1A00, 0x1C00), "TPDO mapping", (UNSIGNED8, UNSIGNED32)),
 )
-_PARAMETERS: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_PARAMETERS: Final = tuple(COMMUNICATION_INDICES.values())
 _PARAMETER_TYPES: Final = {
     0: UNSIGNED8,
     1: UNSIGNED32,
@@ -110,9 +112,7 @@ class KnownNode:
 
     def number(self, index: int, subindex: int = 0, absent: int = 0) -> int:
         """Return what an integer object holds, or `absent`."""
-        variable = self.objects.find(index, subindex)
-        value = None if variable is None else variable.value
-        return value if isinstance(value, int) else absent
+        return number_in(self.objects, index, subindex, absent)
 
     def pdos(self) -> list[Pdo]:
         """Return the PDOs that exist now."""
@@ -170,6 +170,18 @@ class KnownNode:
         for variable in self.objects:
             if variable.access.writable:
                 variable.default = variable.value
+
+
+class PdoOwner(NamedTuple):
+    """A PDO and the node that sends or receives it."""
+
+    node: KnownNode
+    pdo: Pdo
+
+    @property
+    def address(self) -> int:
+        """Its identifier and the number of its bus as one number."""
+        return address_of(self.pdo.can_id, self.node.bus)
 
 
 def _standard(index: int, subindex: int) -> tuple[str, DataType] | None:

@@ -9,7 +9,7 @@ from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import BITS_OF_A_BYTE, Direction, MappingEntry
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
-from hil_bench.eyes.scaling import Scale
+from hil_bench.eyes.scaling import Scale, number_in
 from hil_bench.eyes.values import Reader, Reading
 
 _TO_MAPPING = 0x200
@@ -101,7 +101,7 @@ def find_pdos(objects: ObjectDictionary, scales: Mapping[tuple[int, int], Scale]
     """Yield the PDOs that exist now."""
     for direction, indices in COMMUNICATION_INDICES.items():
         for index in objects.indices(indices):
-            identifier = can_id(_number(objects, index, 1, DISABLED))
+            identifier = can_id(number_in(objects, index, 1, DISABLED))
             if identifier is not None:
                 yield _read_pdo(objects, scales, index, direction, identifier)
 
@@ -118,9 +118,9 @@ def _read_pdo(
         direction,
         index - COMMUNICATION_INDICES[direction].start + 1,
         identifier,
-        _number(objects, index, 2, 255),
-        _number(objects, index, 5, 0),
-        _number(objects, index, 3, 0),
+        number_in(objects, index, 2, 255),
+        number_in(objects, index, 5, 0),
+        number_in(objects, index, 3, 0),
         fields,
         bits,
         _compile(fields, bits),
@@ -134,8 +134,8 @@ def _read_mapping(
     if objects.find(index, 0) is None:
         return (), None
     fields, shift = [], 0
-    for subindex in range(1, min(_number(objects, index, 0, 0), _MOST_ENTRIES) + 1):
-        entry = MappingEntry.parse(_number(objects, index, subindex, 0))
+    for subindex in range(1, min(number_in(objects, index, 0, 0), _MOST_ENTRIES) + 1):
+        entry = MappingEntry.parse(number_in(objects, index, subindex, 0))
         if entry.index > _LARGEST_DUMMY:
             reader = Reader(objects, entry.index, entry.subindex, scales)
             problem = _why_not(reader.data_type, entry)
@@ -170,8 +170,3 @@ def _compile(fields: tuple[PdoField, ...], bits: int | None) -> struct.Struct | 
             return None
         letters.append(data_type.format)
     return struct.Struct("<" + "".join(letters)) if sum(f.bits for f in fields) == bits else None
-
-
-def _number(objects: ObjectDictionary, index: int, subindex: int, absent: int) -> int:
-    variable = objects.find(index, subindex)
-    return variable.value if variable is not None and isinstance(variable.value, int) else absent

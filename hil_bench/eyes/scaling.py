@@ -51,9 +51,15 @@ UNIT_OBJECTS: Final = frozenset({0x1000, 0x6005, 0x6131, 0x6132, 0x6311, 0x6391}
 """Objects whose values decide how others are read."""
 
 
+def number_in(objects: ObjectDictionary, index: int, subindex: int = 0, absent: int = 0) -> int:
+    """Return what an integer object holds; `absent` where that is not known, or is no integer."""
+    variable = objects.find(index, subindex)
+    return variable.value if variable is not None and isinstance(variable.value, int) else absent
+
+
 def profile_of(objects: ObjectDictionary) -> int:
     """Return the number of the device profile, 0 for none."""
-    return _number(objects, 0x1000, 0) & 0xFFFF
+    return number_in(objects, 0x1000) & 0xFFFF
 
 
 def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
@@ -69,10 +75,10 @@ def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | No
 
 
 def _measured(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
-    unit = _unit(_number(objects, 0x6131, subindex))
+    unit = _unit(number_in(objects, 0x6131, subindex))
     if index in _REAL_PROCESS:
         return Scale(1.0, unit) if unit else None
-    digits = _number(objects, 0x6132, subindex)
+    digits = number_in(objects, 0x6132, subindex)
     if any(index - shift in _REAL_PROCESS for shift in _INTEGER_FORMATS) and digits in _DIGITS:
         return Scale(10.0**-digits, unit or ONE)
     return None
@@ -89,9 +95,9 @@ def _unit(code: int) -> Unit | None:
 
 def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
     """Return the scale of a linear encoder: steps of 0.001 µm and of 0.01 mm/s."""
-    if index in _POSITIONS and (step := _number(objects, _STEPS, 1)):
+    if index in _POSITIONS and (step := number_in(objects, _STEPS, 1)):
         return Scale(step * 1e-6, MILLIMETRE)
-    if index == _SPEED and (step := _number(objects, _STEPS, 2)):
+    if index == _SPEED and (step := number_in(objects, _STEPS, 2)):
         return Scale(step * 1e-2, MILLIMETRE_PER_SECOND)
     return None
 
@@ -99,14 +105,9 @@ def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
 def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
     places = ((_SPOOL, 0x6311), (_PRESSURE_MODE, 0x6391))
     for indices, reference_object in places:
-        if index in indices and (reference := _number(objects, reference_object, 1)):
+        if index in indices and (reference := number_in(objects, reference_object, 1)):
             return Scale(100.0 / reference, PERCENT)
     return None
-
-
-def _number(objects: ObjectDictionary, index: int, subindex: int) -> int:
-    variable = objects.find(index, subindex)
-    return variable.value if variable is not None and isinstance(variable.value, int) else 0
 
 
 def word_text(profile: int, index: int, value: int) -> str:

@@ -1,11 +1,13 @@
 """What one frame, or the last frame of a transfer, says in words."""
 
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.transfers import Transfer
 from hil_bench.eyes.values import Reading
+
+LENGTH_OF_EMCY: Final = 8
 
 
 class Service(StrEnum):
@@ -48,6 +50,14 @@ class Sight(NamedTuple):
     readings: tuple[Reading, ...] = ()
     problem: str = ""
     transfer: Transfer | None = None
+
+    @property
+    def emcy_code(self) -> int | None:
+        """The emergency error code; None where this is no whole EMCY message."""
+        data = self.frame.data
+        if self.service is not Service.EMCY or len(data) != LENGTH_OF_EMCY or self.frame.is_remote:
+            return None
+        return data[0] | data[1] << 8
 
     @property
     def text(self) -> str:

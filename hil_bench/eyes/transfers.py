@@ -176,19 +176,24 @@ def _hear_request(transfer: Transfer, data: bytes) -> None:
         elif specifier == 6 and data[0] & 1:
             _drop_unused(transfer, data[0] >> 2 & 7)
     elif specifier == 5:
-        _hear_block_upload_request(transfer, data)
+        _hear_block(transfer, data, opens=3)
 
 
-def _hear_block_upload_request(transfer: Transfer, data: bytes) -> None:
-    match data[0] & 3:
-        case 3:
-            transfer.block = []
-        case 2:
-            _end_block(transfer, data[1])
-            if not transfer.is_last:
-                transfer.block = []
-        case 1:
-            transfer.is_done = True
+def _hear_block(transfer: Transfer, data: bytes, *, opens: int) -> None:
+    """Take what the receiver of a block transfer says.
+
+    Args:
+        transfer: which.
+        data: an answer of a download, or a request of an upload.
+        opens: the subcommand that opens the first block.
+    """
+    subcommand = data[0] & 3
+    if subcommand == opens:
+        transfer.block = []
+    elif subcommand == 2:
+        _end_block(transfer, data[1])
+    elif subcommand == 1:
+        transfer.is_done = True
 
 
 def _hear_answer(transfer: Transfer, data: bytes) -> None:
@@ -197,7 +202,7 @@ def _hear_answer(transfer: Transfer, data: bytes) -> None:
         if specifier in {1, 3}:  # of a segment, of an initiate request
             transfer.is_done = transfer.is_last
         elif specifier == 5:
-            _hear_block_download_answer(transfer, data)
+            _hear_block(transfer, data, opens=0)
     elif specifier == 2:
         _take_initiate(transfer, data)
         transfer.is_done = transfer.is_last
@@ -208,18 +213,6 @@ def _hear_answer(transfer: Transfer, data: bytes) -> None:
         _drop_unused(transfer, data[0] >> 2 & 7)
     elif specifier == 6 and data[0] & 2:
         transfer.announced = int.from_bytes(data[4:8], "little")
-
-
-def _hear_block_download_answer(transfer: Transfer, data: bytes) -> None:
-    match data[0] & 3:
-        case 0:
-            transfer.block = []
-        case 2:
-            _end_block(transfer, data[1])
-            if not transfer.is_last:
-                transfer.block = []
-        case 1:
-            transfer.is_done = True
 
 
 def _is_raw_segment(transfer: Transfer, data: bytes, *, is_request: bool) -> bool:
@@ -238,11 +231,12 @@ def _take_raw_segment(transfer: Transfer, data: bytes) -> None:
 
 
 def _end_block(transfer: Transfer, acknowledged: int) -> None:
+    """Take the segments that have arrived, and open the next block where more are to come."""
     block = transfer.block or []
     if acknowledged < len(block):
         transfer.is_last = False
     _keep(transfer, b"".join(block[:acknowledged]))
-    transfer.block = None
+    transfer.block = None if transfer.is_last else []
 
 
 def _drop_unused(transfer: Transfer, unused: int) -> None:

@@ -108,9 +108,9 @@ class Emergencies:
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
-        if sight.service is not Service.EMCY or len(sight.frame.data) != 8:
+        code = sight.emcy_code
+        if code is None:
             return
-        code = int.from_bytes(sight.frame.data[:2], "little")
         if is_error_reset(code):
             self._resets[sight.node] = sight
         else:

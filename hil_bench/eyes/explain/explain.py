@@ -96,5 +96,5 @@ def _without_echoes(findings: list[Finding]) -> list[Finding]:
 
 
 def _reason(finding: Finding) -> Cause | None:
-    code = int.from_bytes(finding.sights[0].frame.data[:2], "little")
-    return EXPLAINED.get(code)
+    code = finding.sights[0].emcy_code
+    return None if code is None else EXPLAINED.get(code)

@@ -42,7 +42,7 @@ class Heartbeats:
         """Take a sight."""
         if sight.service is Service.NMT:
             self._hear_command(sight)
-        elif sight.service is Service.EMCY and _code(sight) == _HEARTBEAT_EMCY:
+        elif sight.emcy_code == _HEARTBEAT_EMCY:
             self._emergencies.append(sight)
         elif sight.service is Service.SDO and sight.transfer is not None:
             if sight.transfer.index == 0x1017 and sight.node_id is not None:
@@ -122,8 +122,3 @@ class Heartbeats:
             text += f"; {noticed[0].node} reports it at {seconds(noticed[0].now)}"
         sights = [last, *noticed[:1], *([next_one] if next_one else [])]
         return Finding(Cause.HEARTBEAT_LOST, last.node, last.now, text, tuple(sights))
-
-
-def _code(sight: Sight) -> int:
-    data = sight.frame.data
-    return int.from_bytes(data[:2], "little") if len(data) == 8 else 0

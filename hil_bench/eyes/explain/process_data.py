@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN
-from hil_bench.eyes.decoder import Decoder, PdoOwner
+from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.explain.finding import Cause, Finding, milliseconds, seconds
 from hil_bench.eyes.identifiers import function_of
-from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.eyes.sight import Service, Sight
-from hil_bench.frame import BUS_SHIFT
+from hil_bench.frame import address_of
 
 _NS_PER_MS = 1_000_000
 _LATE = 3
@@ -66,7 +66,7 @@ class ProcessData:
                 self._hear_pdo(sight)
             case Service.SYNC:
                 self._hear_sync(sight)
-            case Service.EMCY if len(sight.frame.data) == 8:
+            case Service.EMCY:
                 self._emergencies.setdefault(sight.node, []).append(sight)
             case Service.HEARTBEAT if sight.node_id is not None:
                 self._pulses.add((sight.frame.bus, sight.node_id))
@@ -101,8 +101,7 @@ class ProcessData:
                 self._running[key] = sight.now
                 for owner in self._owners_of(node):
                     if owner.pdo.direction is Direction.TPDO:
-                        address = owner.pdo.can_id | node.bus << BUS_SHIFT
-                        self._courses[address, node.name] = _Course(owner, sight.now)
+                        self._courses[owner.address, node.name] = _Course(owner, sight.now)
             elif not is_running and self._running.pop(key, None) is not None:
                 for place, course in list(self._courses.items()):
                     if course.owner.node is node:
@@ -125,7 +124,7 @@ class ProcessData:
         ]
 
     def _hear_pdo(self, sight: Sight) -> None:
-        address = sight.frame.can_id | sight.frame.bus << BUS_SHIFT
+        address = _address(sight)
         self._seen.setdefault(address, sight)
         owners = self._decoder.pdos.get(address, [])
         if not owners:
@@ -255,22 +254,18 @@ class ProcessData:
             owner: the RPDO.
             duration: since its node is OPERATIONAL [ns].
         """
-        if (owner.pdo.can_id | owner.node.bus << BUS_SHIFT) in self._seen or not owner.pdo.fields:
+        if owner.address in self._seen or not owner.pdo.fields:
             return False
         whose = function_of(owner.pdo.can_id)
         is_due = bool(owner.pdo.event_time_ms) and duration > _PATIENCE
         return is_due or whose.node_id != owner.node.node_id
 
     def _reported(self, node: str, codes: frozenset[int]) -> list[Sight]:
-        return [
-            sight
-            for sight in self._emergencies.get(node, [])
-            if int.from_bytes(sight.frame.data[:2], "little") in codes
-        ]
+        return [sight for sight in self._emergencies.get(node, []) if sight.emcy_code in codes]
 
 
 def _address(sight: Sight) -> int:
-    return sight.frame.can_id | sight.frame.bus << BUS_SHIFT
+    return address_of(sight.frame.can_id, sight.frame.bus)
 
 
 def _consumed(node: KnownNode) -> Iterator[tuple[int, int]]:

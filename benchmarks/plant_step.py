@@ -22,6 +22,7 @@ import numpy as np
 
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
+    Cushion,
     EntrainedAir,
     FullOrderPlant,
     LoadSeries,
@@ -51,6 +52,7 @@ FUNCTIONS = {
     Solver.LINEARLY_IMPLICIT_MIDPOINT: "advance_implicit_midpoint",
 }
 
+CUSHION = Cushion(length=0.05, orifice=2e-3)
 EXTENSIONS = {
     "none": {},
     "asymmetric valve": {"alpha_negative": 8e-4, "beta_negative": 2e-4},
@@ -62,6 +64,9 @@ EXTENSIONS = {
     "entrained air": {"air": EntrainedAir(air_fraction=0.01)},
     "LuGre friction": {"bristles": LuGreFriction()},
     "metering edges": {"lands": MeteringLands(gain_pb=0.84, saturation=1.0)},
+    "four edges with null leakage": {"lands": MeteringLands(null_opening=5e-6)},
+    "pressure compensator": {"compensator_margin": 1e6},
+    "cushions": {"cushion_a": CUSHION, "cushion_b": CUSHION},
     "supply unit": {"supply": SupplyUnit()},
 }
 EXTENSIONS["all of them"] = {

@@ -10,7 +10,9 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     AIR_KEYS,
     BRISTLE_KEYS,
     CAVITATION_KEYS,
+    COMPENSATOR_KEY,
     CONSTANT_LOAD_KEYS,
+    CUSHION_KEYS,
     DELAY_KEY,
     END_STOP_KEYS,
     LAND_KEYS,
@@ -27,6 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_full_model
 from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    Cushion,
     EntrainedAir,
     LuGreFriction,
     MeteringLands,
@@ -75,11 +78,17 @@ _PHYSICAL_KEYS = {
         *AIR_KEYS,
         *BRISTLE_KEYS,
         *LAND_KEYS,
+        COMPENSATOR_KEY,
         *SUPPLY_KEYS,
         *LOAD_KEYS,
         DELAY_KEY,
     )
-} | {"bristles": "friction", "supply_unit": "supply", "lands": "flow_saturation"}
+} | {
+    "bristles": "friction",
+    "supply_unit": "supply",
+    "lands": "flow_saturation",
+    "cushion": "cushion_a_length_mm",
+}
 # A symbol, but not a unit, which follows a number or a stroke.
 _SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
 
@@ -200,7 +209,7 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
 
 
 def _build_options(axis: Settings) -> PlantOptions:
-    options = convert(axis, OPTION_KEYS)
+    options = convert(axis, (*OPTION_KEYS, COMPENSATOR_KEY))
     if axis["cavitation"].value:
         options |= convert(axis, CAVITATION_KEYS)
     if axis["end_stop"].value:
@@ -212,9 +221,26 @@ def _build_options(axis: Settings) -> PlantOptions:
     lands = MeteringLands(**convert(axis, LAND_KEYS))
     if lands != MeteringLands():
         options["lands"] = lands
+    options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return PlantOptions(**options, loads=_build_loads(axis))
+
+
+def _build_cushion(axis: Settings, end: str) -> Cushion | None:
+    """Return the cushion of an end.
+
+    Raises:
+        ParameterError: half of its data are missing.
+    """
+    keys = CUSHION_KEYS[end]
+    given = [key.name for key in keys if axis[key.name].value is not None]
+    if not given:
+        return None
+    if len(given) == 1:
+        other = next(key.name for key in keys if key.name not in given)
+        raise ParameterError(f"{given[0]} says no cushion by itself: give {other} too")
+    return Cushion(**convert(axis, keys))
 
 
 def _build_loads(axis: Settings) -> tuple[Load, ...]:

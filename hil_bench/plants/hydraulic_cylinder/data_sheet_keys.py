@@ -44,6 +44,8 @@ VALVE_KEYS: Final = (
     _datum("overlap_percent", PERCENT, 0.0, 90.0),
     _datum("ratio_a_b", ONE, 0.1, 10.0),
     _datum("flow_at_half_opening_percent", PERCENT, 50.0, 99.0),
+    _datum("null_leakage_l_min", LITRE_PER_MINUTE, 1e-4, 1e4),
+    _datum("null_leakage_pressure_bar", BAR, 0.1, 1000.0),
     _datum("frequency_90deg_hz", HERTZ, 0.1, 5000.0),
     _datum("step_response_ms", MILLISECOND, 0.1, 10_000.0),
 )

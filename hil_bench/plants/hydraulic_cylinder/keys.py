@@ -20,6 +20,7 @@ from hil_bench.units import (
     LITRE_PER_MINUTE,
     LITRE_PER_MINUTE_BAR,
     MEGAPASCAL,
+    MICROMETRE,
     MILLIMETRE,
     MILLIMETRE_PER_SECOND,
     MILLISECOND,
@@ -115,7 +116,23 @@ LAND_KEYS = (
     _quantity("land_gain_pb", 1.0, ONE, "gain_pb"),
     _quantity("land_gain_bt", 1.0, ONE, "gain_bt"),
     _quantity("flow_saturation", 0.0, ONE, "saturation"),
+    # What is None is as for the whole spool.
+    Key("land_overlap_pa_mm", number(MILLIMETRE), None, MILLIMETRE, "overlap_pa"),
+    Key("land_overlap_at_mm", number(MILLIMETRE), None, MILLIMETRE, "overlap_at"),
+    Key("land_overlap_pb_mm", number(MILLIMETRE), None, MILLIMETRE, "overlap_pb"),
+    Key("land_overlap_bt_mm", number(MILLIMETRE), None, MILLIMETRE, "overlap_bt"),
+    _quantity("null_opening_um", 0.0, MICROMETRE, "null_opening"),
 )
+
+COMPENSATOR_KEY = Key("compensator_margin_bar", number(BAR), None, BAR, "compensator_margin")
+
+CUSHION_KEYS = {
+    end: (
+        Key(f"{end}_length_mm", number(MILLIMETRE), None, MILLIMETRE, "length"),
+        Key(f"{end}_orifice_mm", number(MILLIMETRE), None, MILLIMETRE, "orifice"),
+    )
+    for end in ("cushion_a", "cushion_b")
+}
 
 SUPPLY_KEYS = (
     _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
@@ -159,6 +176,9 @@ AXIS_KEYS = (
     Key("friction", choice(Friction), Friction.STRIBECK),
     *BRISTLE_KEYS,
     *LAND_KEYS,
+    COMPENSATOR_KEY,
+    *CUSHION_KEYS["cushion_a"],
+    *CUSHION_KEYS["cushion_b"],
     Key("supply", choice(Supply), Supply.CONSTANT),
     *SUPPLY_KEYS,
     *LOAD_KEYS,

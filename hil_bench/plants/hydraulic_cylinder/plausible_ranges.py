@@ -16,6 +16,8 @@ _LEAK = "a sound seal lets 0 through, a worn one some ml/min for each bar"
 _FORCE = "up to a press of 1000 t"
 _SPOOL = "spools of size 4 to 32 travel 0.3 to 15 mm"
 _LAND = "edges differ by some percent, those of a spool 2:1 by half"
+_OVERLAP = "up to a third of the travel, negative for edges that are open in the centre"
+_CUSHION = "ISO 6020 cylinders have 15 to 60 mm"
 _EXPONENT = "1 is isothermal, 1.4 adiabatic, 1.67 that of a noble gas"
 
 USUAL: Final[Mapping[str, Range]] = {
@@ -66,6 +68,18 @@ USUAL: Final[Mapping[str, Range]] = {
     "land_gain_at": Range(0.1, 2.0, _LAND),
     "land_gain_pb": Range(0.1, 2.0, _LAND),
     "land_gain_bt": Range(0.1, 2.0, _LAND),
+    "land_overlap_pa_mm": Range(-2.0, 5.0, _OVERLAP),
+    "land_overlap_at_mm": Range(-2.0, 5.0, _OVERLAP),
+    "land_overlap_pb_mm": Range(-2.0, 5.0, _OVERLAP),
+    "land_overlap_bt_mm": Range(-2.0, 5.0, _OVERLAP),
+    "null_opening_um": Range(0.0, 200.0, "a clearance of some micrometres, more where it is worn"),
+    "compensator_margin_bar": Range(2.0, 40.0, "springs of 4 to 25 bar"),
+    "cushion_a_length_mm": Range(2.0, 300.0, _CUSHION),
+    "cushion_b_length_mm": Range(2.0, 300.0, _CUSHION),
+    "cushion_a_orifice_mm": Range(0.2, 30.0, "a throttle of some percent of the port"),
+    "cushion_b_orifice_mm": Range(0.2, 30.0, "a throttle of some percent of the port"),
+    "null_leakage_l_min": Range(0.01, 50.0, "0.1 of small servo-valves to some l/min"),
+    "null_leakage_pressure_bar": Range(50.0, 400.0, "data sheets say it at 100 to 315 bar"),
     "flow_saturation": Range(0.0, 20.0, "0 of a linear valve"),
     "load_n": Range(-1e7, 1e7, _FORCE),
     "load_spring_n_mm": Range(0.0, 1e6, "springs and machine frames"),

@@ -29,6 +29,7 @@ def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact
     """
     return [
         *_motion_facts(axis),
+        *_cushion_facts(axis),
         *_rest_facts(axis),
         *_swing_facts(axis, tick_us, step_us),
         *_impact_facts(axis),
@@ -80,6 +81,17 @@ def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
         yield Fact(f"  flow from the supply {word}", flow, "l/min")
 
 
+def _cushion_facts(axis: CylinderConfig) -> Iterator[Fact]:
+    options = axis.options
+    for word, extends in (("extending", True), ("retracting", False)):
+        if (options.cushion_b if extends else options.cushion_a) is None:
+            continue
+        motion = steady_motion(axis.parameters, options, extends=extends, cushioned=True)
+        speed, braked = motion.speed * 1e3, motion.P_B if extends else motion.P_A
+        yield Fact(f"speed in the cushion {word}", speed, "mm/s", "steady, valve wide open")
+        yield Fact("  pressure that brakes", BAR.from_si(braked), "bar")
+
+
 def _note(motion: SteadyMotion) -> str:
     if not motion.speed:
         return "the load holds the piston"
@@ -87,6 +99,8 @@ def _note(motion: SteadyMotion) -> str:
         return "the load runs ahead of the oil: the chamber cavitates"
     if motion.is_pump_limited:
         return "limited by the pump"
+    if motion.is_compensated:
+        return "held by the pressure compensator"
     return "valve wide open, with friction and load"
 
 

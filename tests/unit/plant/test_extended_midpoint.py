@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import charge_supply, draw
+from hil_bench.plants.hydraulic_cylinder.model.extended_oil import charge_supply, draw
 
 # 1 cm³ of oil of 1e9 Pa without gas; 1e-3 m³/s; opens at 100 bar, 2e-9 m³/(s Pa)
 STIFF = (1e-15, 1e-3, 1e7, 2e-9, 0.0, 6.1e6, 1.4)

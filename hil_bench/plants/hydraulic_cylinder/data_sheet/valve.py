@@ -1,10 +1,12 @@
 """Orifices and dynamics of a valve from its data sheet."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import VALVE_KEYS
+from hil_bench.plants.hydraulic_cylinder.model.edges import edge_opening
 
 RESPONSE = 0.9
 """Share of a step that the spool has made after `step_response_ms`."""
@@ -17,6 +19,8 @@ SPOOL_STROKE_MM = 1.0
 
 _NAMES = tuple(key.name for key in VALVE_KEYS)
 _RATED = ("rated_flow_l_min", "rated_pressure_drop_bar")
+_LEAKAGE = ("null_leakage_l_min", "null_leakage_pressure_bar")
+_EDGES = ("pa", "at", "pb", "bt")
 _OPENING = ("orifice_full_opening_mm", "spool_overlap_mm")
 _DYNAMICS = ("frequency_90deg_hz", "step_response_ms", "spool_natural_frequency_rad_s")
 
@@ -76,6 +80,55 @@ def saturation(half: float) -> float:
     return (4.0 * half * half - 1.0) / (1.0 - half * half)
 
 
+class NullEdge(NamedTuple):
+    """An edge of the spool in its centre.
+
+    Attributes:
+        overlap: dead zone [m].
+        largest: opening of the wide open edge [m].
+        gain: of the edge [-].
+    """
+
+    overlap: float
+    largest: float
+    gain: float
+
+
+def null_flow(x_0: float, edges: Sequence[NullEdge], saturation: float) -> float:
+    """Return what a centred spool leaks with blocked ports, over K sqrt(P_S - P_T) [m].
+
+    The edges of each port are in series: a_1 a_2 / sqrt(a_1² + a_2²) for A, and the same for B.
+
+    Args:
+        x_0: opening that leaks [m].
+        edges: P-A, A-T, P-B and B-T.
+        saturation: s of the flow [-].
+    """
+    a = [edge_opening(-edge.overlap, edge.largest, edge.gain, x_0, saturation) for edge in edges]
+    pairs = ((a[0], a[1]), (a[2], a[3]))
+    return sum(one * two / math.hypot(one, two) for one, two in pairs if one and two)
+
+
+def null_opening(flow: float, edges: Sequence[NullEdge], saturation: float) -> float | None:
+    """Return the x_0 [m] with which a centred spool leaks; None where no x_0 can.
+
+    Args:
+        flow: of the leakage over K sqrt(P_S - P_T) [m].
+        edges: P-A, A-T, P-B and B-T.
+        saturation: s of the flow [-].
+    """
+    low, high = 0.0, 0.9 * min(edge.largest for edge in edges)
+    if not null_flow(low, edges, saturation) < flow < null_flow(high, edges, saturation):
+        return None
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if null_flow(middle, edges, saturation) < flow:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
 def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
     """Yield what rated flow, overlap and dynamics determine.
 
@@ -87,10 +140,12 @@ def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
     if not given:
         return
     yield from _derive_dynamics(sheet, given[0])
-    yield from _derive_lands(sheet)
+    lands = list(_derive_lands(sheet))
+    yield from lands
     if not sheet.require(given[0], zip(_RATED, ("60", "5"), strict=True)):
         return
     opening = sheet.number("orifice_full_opening_mm")
+    overlap = sheet.number("spool_overlap_mm")
     sources = _RATED
     if sheet.has("overlap_percent") or not sheet.has(*_OPENING):
         if not sheet.require(given[0], [("overlap_percent", "15, or 0 for a servo-valve")]):
@@ -103,7 +158,8 @@ def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
             "" if sheet.has("spool_stroke_mm") else "a stroke of 1 mm, which no flow depends on"
         )
         yield Derived("orifice_full_opening_mm", opening, own, typical)
-        yield Derived("spool_overlap_mm", stroke * share, own, typical)
+        overlap = stroke * share
+        yield Derived("spool_overlap_mm", overlap, own, typical)
     discharge = sheet.number("discharge_coefficient")
     if not (opening > 0.0 and discharge > 0.0 and density > 0.0):
         return  # refused by the plant itself
@@ -112,6 +168,40 @@ def derive_valve(sheet: Sheet, density: float) -> Iterator[Derived]:
         flow, drop, full_opening=opening * 1e-3, discharge=discharge, density=density
     )
     yield Derived("orifice_width_mm", width * 1e3, sources)
+    if sheet.given(_LEAKAGE):
+        conductance = flow / (opening * 1e-3 * math.sqrt(drop))
+        yield from _derive_leakage(sheet, conductance, opening, overlap, lands)
+
+
+def _derive_leakage(
+    sheet: Sheet, conductance: float, opening: float, overlap: float, lands: Sequence[Derived]
+) -> Iterator[Derived]:
+    """Yield the opening that leaks.
+
+    Args:
+        sheet: of the axis.
+        conductance: K [m²/(s sqrt(Pa))].
+        opening: of the wide open spool beyond its overlap [mm].
+        overlap: of the spool [mm].
+        lands: what the sheet says of the edges.
+    """
+    if not sheet.require(sheet.given(_LEAKAGE)[0], zip(_LEAKAGE, ("1.5", "210"), strict=True)):
+        return
+    derived = {each.key: each.value for each in lands}
+    edges = []
+    for name in _EDGES:
+        own = sheet.number(f"land_overlap_{name}_mm", overlap)
+        gain = derived.get(f"land_gain_{name}", sheet.number(f"land_gain_{name}"))
+        edges.append(NullEdge(own * 1e-3, (opening + overlap - own) * 1e-3, gain))
+    flow = sheet.si(_LEAKAGE[0]) / (conductance * math.sqrt(sheet.si(_LEAKAGE[1])))
+    bent = derived.get("flow_saturation", sheet.number("flow_saturation"))
+    x_0 = null_opening(flow, edges, bent) if all(edge.largest > 0.0 for edge in edges) else None
+    if x_0 is None:
+        given = sheet.number(_LEAKAGE[0])
+        right = "give a leakage between that of the spool's underlap and the rated flow"
+        sheet.refuse(_LEAKAGE[0], f"{given:g} l/min is no leakage of these edges; {right}")
+        return
+    yield Derived("null_opening_um", x_0 * 1e6, (*_LEAKAGE, *_RATED))
 
 
 def _derive_lands(sheet: Sheet) -> Iterator[Derived]:

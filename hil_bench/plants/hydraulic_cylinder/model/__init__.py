@@ -2,6 +2,7 @@
 
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    Cushion,
     EntrainedAir,
     LuGreFriction,
     MeteringLands,
@@ -29,6 +30,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant, Solver
 
 __all__ = [
     "ConstantLoad",
+    "Cushion",
     "EndStop",
     "EntrainedAir",
     "ExtensionState",

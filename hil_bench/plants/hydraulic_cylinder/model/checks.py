@@ -14,15 +14,17 @@ _HARDEST = 10.0
 
 
 def check_full_model(parameters: PlantParameters, options: PlantOptions) -> None:
-    """Refuse bristles that would hold no piston, or drive it.
+    """Refuse edges that never open, cushions without an end, bristles that drive the piston.
 
     LuGre friction takes energy from the motion, never gives it, where sigma_1 (F_s - F_c) <=
     sigma F_c (Barabanov and Ortega, Necessary and sufficient conditions for passivity of the LuGre
     friction model, IEEE Transactions on Automatic Control 45(4), 2000).
 
     Raises:
-        ParameterError: with these parameters the bristles make no sense.
+        ParameterError: with these parameters they make no sense.
     """
+    _check_edges(parameters, options)
+    _check_cushions(parameters, options)
     if options.bristles is None:
         return
     F_c, weakening, sigma = parameters.F_c, parameters.F_s - parameters.F_c, parameters.sigma
@@ -34,6 +36,49 @@ def check_full_model(parameters: PlantParameters, options: PlantOptions) -> None
             f"sigma_1 = {sigma_1:g} N s/m: must be {_round_down(sigma * F_c / weakening):g} N s/m "
             "or less, sigma F_c / (F_s - F_c), or LuGre friction drives the piston"
         )
+
+
+def _check_edges(parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse an edge beyond the spool's travel, and one that leaks as if it were open.
+
+    Raises:
+        ParameterError: for the first such edge.
+    """
+    lands = options.lands
+    if lands is None or not lands.are_apart:
+        return
+    forth = parameters.alpha + parameters.beta
+    alpha, beta = options.alpha_negative, options.beta_negative
+    back = parameters.alpha if alpha is None else alpha
+    back += parameters.beta if beta is None else beta
+    names = ("overlap_pa", "overlap_at", "overlap_pb", "overlap_bt")
+    for name, overlap, travel in zip(
+        names, lands.overlaps, (forth, back, back, forth), strict=True
+    ):
+        if overlap is not None and abs(overlap) >= travel:
+            raise ParameterError(
+                f"{name} = {overlap:g} m: must be less than the spool's travel, {travel:g} m"
+            )
+        opening = travel - (parameters.beta if overlap is None else overlap)
+        if lands.null_opening >= opening:
+            raise ParameterError(
+                f"null_opening = {lands.null_opening:g} m: must be less than the opening of the "
+                f"wide open edge, {opening:g} m"
+            )
+
+
+def _check_cushions(parameters: PlantParameters, options: PlantOptions) -> None:
+    """Refuse a cushion as long as the stroke.
+
+    Raises:
+        ParameterError: for the first such cushion.
+    """
+    for cushion in (options.cushion_a, options.cushion_b):
+        if cushion is not None and cushion.length >= 2.0 * parameters.h:
+            raise ParameterError(
+                f"length of the cushion = {cushion.length:g} m: must be shorter than the stroke, "
+                f"{2.0 * parameters.h:g} m"
+            )
 
 
 def _round_down(value: float) -> float:

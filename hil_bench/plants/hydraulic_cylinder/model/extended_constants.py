@@ -7,7 +7,13 @@ from typing import NamedTuple
 from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
-from hil_bench.plants.hydraulic_cylinder.model.extensions import ATMOSPHERE, MeteringLands
+from hil_bench.plants.hydraulic_cylinder.model.cushion import CushionConstants
+from hil_bench.plants.hydraulic_cylinder.model.edges import EdgeConstants
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    ATMOSPHERE,
+    Cushion,
+    MeteringLands,
+)
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants
 from hil_bench.plants.hydraulic_cylinder.model.load import LoadConstants
@@ -21,6 +27,9 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.supply import SupplyConstants
 
+CompensatorConstants = tuple[float]
+"""Margin of the pressure compensator [Pa]; infinite for none."""
+
 LeakConstants = tuple[float, float]
 """(C_LA, C_LB) [m³/(s Pa)]."""
 
@@ -31,11 +40,14 @@ ExtendedConstants = tuple[
     LoadConstants,
     SupplyConstants,
     LandConstants,
+    EdgeConstants,
+    CompensatorConstants,
+    CushionConstants,
 ]
 
 # Where the extension begins in the row, after the paper's constants, and where the load series.
 _EXTENSION = ROW
-SERIES = _EXTENSION + 21
+SERIES = _EXTENSION + 34
 
 RELIEF_PRESSURE = _EXTENSION + 11
 """Place of the relief valve's setting in the row: the third of the supply's constants."""
@@ -63,7 +75,10 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
         _bristle_constants(options),
         _load_constants(options),
         supply_constants(parameters, options),
-        _land_constants(options.lands),
+        land_constants(options.lands),
+        edge_constants(parameters, options),
+        (math.inf if options.compensator_margin is None else options.compensator_margin,),
+        _cushion_constants(parameters, options),
     )
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
@@ -110,9 +125,34 @@ def supply_constants(parameters: PlantParameters, options: PlantOptions) -> Supp
     )
 
 
-def _land_constants(lands: MeteringLands | None) -> LandConstants:
+def land_constants(lands: MeteringLands | None) -> LandConstants:
+    """Return the constants of the metering edges; None for four like ones."""
     lands = MeteringLands() if lands is None else lands
     return lands.gain_pa, lands.gain_at, lands.gain_pb, lands.gain_bt, lands.saturation
+
+
+def edge_constants(parameters: PlantParameters, options: PlantOptions) -> EdgeConstants:
+    """Return overlaps and travels of the spool, whether or not they are needed."""
+    p, lands = parameters, MeteringLands() if options.lands is None else options.lands
+    alpha, beta = options.alpha_negative, options.beta_negative
+    alpha, beta = p.alpha if alpha is None else alpha, p.beta if beta is None else beta
+    overlaps = (
+        default if own is None else own
+        for own, default in zip(lands.overlaps, (p.beta, beta, beta, p.beta), strict=True)
+    )
+    P_A, A_T, P_B, B_T = overlaps
+    is_on = float(options.has_edges)
+    return is_on, lands.null_opening, P_A, A_T, P_B, B_T, p.alpha + p.beta, alpha + beta
+
+
+def _cushion_constants(parameters: PlantParameters, options: PlantOptions) -> CushionConstants:
+    """Return the resistance of a throttle as one of openings: w over its area."""
+    w = parameters.w
+
+    def one(cushion: Cushion | None) -> tuple[float, float]:
+        return (0.0, 0.0) if cushion is None else (cushion.length, w / cushion.orifice_area)
+
+    return *one(options.cushion_a), *one(options.cushion_b)
 
 
 @kernel
@@ -125,4 +165,7 @@ def unpack_extended(row: Floats) -> ExtendedConstants:
         (row[41], row[42], row[43]),
         (row[44], row[45], row[46], row[47], row[48], row[49], row[50]),
         (row[51], row[52], row[53], row[54], row[55]),
+        (row[56], row[57], row[58], row[59], row[60], row[61], row[62], row[63]),
+        (row[64],),
+        (row[65], row[66], row[67], row[68]),
     )

@@ -127,6 +127,12 @@ class MeteringLands:
         gain_bt: of the edge from B to the tank [-].
         saturation: s of the flow a sqrt((1 + s) / (1 + s a²)) at a share a of the opening; 0 for a
             linear one [-].
+        overlap_pa: dead zone of the edge from the supply to A, negative for an underlap [m]; None
+            for that of the spool.
+        overlap_at: the same of the edge from A to the tank.
+        overlap_pb: the same of the edge from the supply to B.
+        overlap_bt: the same of the edge from B to the tank.
+        null_opening: x_0, the opening that leaks in the centre of a spool without overlap [m].
 
     Raises:
         ParameterError: for a value that makes no physical sense.
@@ -137,11 +143,30 @@ class MeteringLands:
     gain_pb: float = 1.0
     gain_bt: float = 1.0
     saturation: float = 0.0
+    overlap_pa: float | None = None
+    overlap_at: float | None = None
+    overlap_pb: float | None = None
+    overlap_bt: float | None = None
+    null_opening: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("gain_pa", "gain_at", "gain_pb", "gain_bt"):
             require_positive(name, getattr(self, name), "")
         require_not_negative("saturation", self.saturation, "")
+        for name in ("overlap_pa", "overlap_at", "overlap_pb", "overlap_bt"):
+            if getattr(self, name) is not None:
+                require_finite(name, getattr(self, name), "m")
+        require_not_negative("null_opening", self.null_opening, "m")
+
+    @property
+    def overlaps(self) -> tuple[float | None, float | None, float | None, float | None]:
+        """The overlaps of P-A, A-T, P-B and B-T [m]."""
+        return self.overlap_pa, self.overlap_at, self.overlap_pb, self.overlap_bt
+
+    @property
+    def are_apart(self) -> bool:
+        """Whether both edges of a port may pass oil at once."""
+        return bool(self.null_opening) or any(overlap is not None for overlap in self.overlaps)
 
     @property
     def largest_gain(self) -> float:
@@ -155,3 +180,28 @@ class MeteringLands:
     def bend(self, share: float) -> float:
         """Return the flow at a share of the opening, as a share of that of the wide open valve."""
         return share * math.sqrt((1.0 + self.saturation) / (1.0 + self.saturation * share * share))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cushion:
+    """What brakes the piston near one end of its stroke: oil leaves through a throttle only.
+
+    Attributes:
+        length: before the end, over which it works [m].
+        orifice: diameter of the throttle [m].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    length: float
+    orifice: float
+
+    def __post_init__(self) -> None:
+        require_positive("length of the cushion", self.length, "m")
+        require_positive("orifice of the cushion", self.orifice, "m")
+
+    @property
+    def orifice_area(self) -> float:
+        """Area of the throttle [m²]."""
+        return 0.25 * math.pi * self.orifice * self.orifice

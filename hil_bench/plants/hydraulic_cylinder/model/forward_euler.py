@@ -16,16 +16,14 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
-from hil_bench.plants.hydraulic_cylinder.model.orifice import port_flow
-from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     POINT,
     STEPS,
     Seen,
     keep_extended,
     read_states,
+    valve_flows,
 )
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
@@ -57,7 +55,7 @@ def compress_oil_explicit(
         extension: those of the extensions.
     """
     (dt, _, _, floor), _, _, _, (_, _, P_T, _, _), chambers, _, _ = constants
-    (C_LA, C_LB), air, _, _, _, _ = extension
+    (C_LA, C_LB), air = extension[:2]
     E, C_L, _, _, _, _, _ = chambers
     P_A, P_B, V_CA, V_CB = filling
     V_A, V_B = chamber_volumes(x, chambers)
@@ -124,21 +122,20 @@ def advance_forward_euler(
         What is seen after the last step.
     """
     groups, extension = unpack(constants), unpack_extended(constants)
-    (dt, m, _, floor), spool, opening, _, (K, _, P_T, width, signed), chambers, _, stop = groups
-    _, _, _, (constant, spring, rest), supply, lands = extension
+    (dt, m, _, floor), spool, _, _, (K, _, P_T, width, signed), chambers, _, stop = groups
+    _, _, _, (constant, spring, rest), supply = extension[:5]
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
     point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += constant
     for step in range(steps):
-        z, orifice = orifice_state(nu, opening), (K, P_S, P_T, width, signed)
-        open_A, open_B = meter_openings(z, opening, lands)
-        Q_A, Q_B = port_flow(open_A, P_A, orifice), port_flow(open_B, P_B, orifice)
+        orifice = (K, P_S, P_T, width, signed)
+        Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), orifice, groups, extension)
         t = (state[STEPS] + step) * dt
         point = find_point(constants, point, last, t)
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
         f, z_f = rub(v, z_f, groups, extension)
         force = P_A * chambers[2] - P_B * chambers[3] - f - load + stop_force(x, v, stop)
-        P_S = charge_explicit(P_S, Q_A if z > 0.0 else Q_B, dt, supply)
+        P_S = charge_explicit(P_S, drawn, dt, supply)
         P_S = floor if P_S < floor else P_S
         P_A, P_B, V_CA, V_CB = compress_oil_explicit(
             x, v, (P_A, P_B, V_CA, V_CB), (Q_A, Q_B), groups, extension
@@ -147,4 +144,4 @@ def advance_forward_euler(
         acceleration = spool[0] * (u - nu) - spool[1] * nu_dot
         nu, nu_dot = nu + dt * nu_dot, nu_dot + dt * acceleration
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
-    return keep_extended(state, states, steps, point, groups, lands)
+    return keep_extended(state, states, steps, point, groups, extension)

@@ -8,6 +8,7 @@ from typing import Self
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
+    Cushion,
     EntrainedAir,
     LuGreFriction,
     MeteringLands,
@@ -74,6 +75,10 @@ class PlantOptions:
         air: what is entrained in the oil; None for the constant E.
         bristles: LuGre friction in place of the tanh in eq. (13); None for the static curve.
         lands: gains and saturation of the metering edges; None for four like edges.
+        compensator_margin: what a pressure compensator lets drop over an edge that feeds [Pa]; None
+            for no compensator.
+        cushion_a: at the end at which A is empty; None for none.
+        cushion_b: at the end at which B is empty; None for none.
         supply: what holds P_S up; None for the constant P_S.
         loads: what acts on the rod besides the F_L of each step; one series at the most.
 
@@ -93,6 +98,9 @@ class PlantOptions:
     air: EntrainedAir | None = None
     bristles: LuGreFriction | None = None
     lands: MeteringLands | None = None
+    compensator_margin: float | None = None
+    cushion_a: Cushion | None = None
+    cushion_b: Cushion | None = None
     supply: SupplyUnit | None = None
     loads: tuple[Load, ...] = ()
 
@@ -109,6 +117,8 @@ class PlantOptions:
             require_positive("alpha_negative", self.alpha_negative, "m")
         if self.beta_negative is not None:
             require_not_negative("beta_negative", self.beta_negative, "m")
+        if self.compensator_margin is not None:
+            require_positive("compensator_margin", self.compensator_margin, "Pa")
         if self.cavitation_floor is not None:
             require_finite("cavitation_floor", self.cavitation_floor, "Pa")
             if self.cavitation_floor > 0.0 or self.cavitation_floor < VACUUM_PRESSURE - 1.0:
@@ -123,6 +133,8 @@ class PlantOptions:
         require_kind("air", self.air, EntrainedAir, NoneType)
         require_kind("bristles", self.bristles, LuGreFriction, NoneType)
         require_kind("lands", self.lands, MeteringLands, NoneType)
+        require_kind("cushion_a", self.cushion_a, Cushion, NoneType)
+        require_kind("cushion_b", self.cushion_b, Cushion, NoneType)
         require_kind("supply", self.supply, SupplyUnit, NoneType)
         require_kind("loads", self.loads, tuple)
         for load in self.loads:
@@ -132,9 +144,16 @@ class PlantOptions:
     def is_extended(self) -> bool:
         """Whether anything is on that the paper's equations do not have."""
         extensions = (self.air, self.bristles, self.lands, self.supply)
-        return bool(self.C_LA or self.C_LB or self.loads) or any(
+        return bool(self.C_LA or self.C_LB or self.loads or self.has_edges) or any(
             extension is not None for extension in extensions
         )
+
+    @property
+    def has_edges(self) -> bool:
+        """Whether each of the four edges of the valve is stepped for itself."""
+        components = (self.compensator_margin, self.cushion_a, self.cushion_b)
+        are_apart = self.lands is not None and self.lands.are_apart
+        return are_apart or any(component is not None for component in components)
 
     @property
     def load_mass(self) -> float:

@@ -18,10 +18,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.load import step_loads, stop_force
-from hil_bench.plants.hydraulic_cylinder.model.orifice import port_flow
-from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     POINT,
     STEPS,
@@ -29,6 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     States,
     keep_extended,
     read_states,
+    valve_flows,
 )
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
@@ -142,15 +140,13 @@ def state_rates(
         constants: in their groups.
         extension: those of the extensions.
     """
-    (_, m, _, floor), spool, opening, _, orifice, chambers, _, stop = constants
-    (C_LA, C_LB), air, _, (_, spring, rest), supply, lands = extension
+    (_, m, _, floor), spool, _, _, orifice, chambers, _, stop = constants
+    (C_LA, C_LB), air, _, (_, spring, rest), supply = extension[:5]
     K, _, P_T, transition, signed = orifice
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = hold_pressures(states, constants, extension)
-    z = orifice_state(nu, opening)
     fed = (K, P_S, P_T, transition, signed)
-    open_A, open_B = meter_openings(z, opening, lands)
-    Q_A, Q_B = port_flow(open_A, P_A, fed), port_flow(open_B, P_B, fed)
+    Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), fed, constants, extension)
     net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
     net_A, net_B = net_A - C_LA * (P_A - P_T), net_B - C_LB * (P_B - P_T)
     V_A, V_B = chamber_volumes(x, chambers)
@@ -168,7 +164,7 @@ def state_rates(
         opening_A,
         opening_B,
         bending,
-        supply_rate(P_S, Q_A if z > 0.0 else Q_B, supply),
+        supply_rate(P_S, drawn, supply),
     )
 
 
@@ -235,4 +231,4 @@ def advance_runge_kutta(state: Floats, constants: Floats, u: float, F_L: float, 
                 size = 1
             else:
                 y, point, done = moved, reached, done + size
-    return keep_extended(state, y, steps, point, groups, extension[5])
+    return keep_extended(state, y, steps, point, groups, extension)

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
+from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.loads import SpringLoad
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
@@ -196,8 +197,14 @@ def _matrix(
 
 def _widest_opening(parameters: PlantParameters, options: PlantOptions) -> float:
     """Return the opening of the widest edge of the wide open valve [m]."""
-    gain = 1.0 if options.lands is None else options.lands.largest_gain
-    return gain * max(parameters.alpha, options.alpha_negative or 0.0)
+    lands = MeteringLands() if options.lands is None else options.lands
+    opening = max(parameters.alpha, options.alpha_negative or 0.0)
+    if lands.are_apart:
+        # Both edges of a port may be open at once, and one of less overlap opens wider.
+        reach = opening + max(parameters.beta, options.beta_negative or 0.0)
+        least = min(parameters.beta if own is None else own for own in lands.overlaps)
+        opening = reach + max(-2.0 * least, -least) + lands.null_opening
+    return lands.largest_gain * opening
 
 
 def _orifice_slopes(parameters: PlantParameters, options: PlantOptions) -> tuple[float, ...]:

@@ -1,9 +1,11 @@
 """The row of states that a stepping kernel moves on: how it is read, written back and shown."""
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES
+from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
+from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES, ExtendedConstants
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
-from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants, meter_openings
+from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
 from hil_bench.plants.hydraulic_cylinder.model.spool import OpeningConstants, orifice_state
 
@@ -61,13 +63,46 @@ def read_states(row: Floats) -> States:
 
 
 @kernel
+def valve_flows(
+    x: float,
+    nu: float,
+    pressures: tuple[float, float],
+    orifice: OrificeConstants,
+    constants: Constants,
+    extension: ExtendedConstants,
+) -> tuple[float, float, float]:
+    """Return the flows through A, through B and out of the supply [m³/s].
+
+    Args:
+        x: piston position [m].
+        nu: spool position [m].
+        pressures: P_A and P_B [Pa].
+        orifice: the constants, with the present P_S.
+        constants: in their groups.
+        extension: those of the extensions.
+    """
+    lands, edges, margin, cushions = extension[5:9]
+    if edges[0] == 0.0:
+        z = orifice_state(nu, constants[2])
+        open_A, open_B = meter_openings(z, constants[2], lands)
+        Q_A = port_flow(open_A, pressures[0], orifice)
+        Q_B = port_flow(open_B, pressures[1], orifice)
+        return Q_A, Q_B, Q_A if z > 0.0 else Q_B
+    resistances = cushion_resistances(x, constants[5][6], cushions)
+    PA, AT, PB, BT = flow_through_edges(
+        nu, pressures, resistances, margin[0], orifice, edges, lands
+    )
+    return PA[0] + AT[0], PB[0] + BT[0], PA[0] + PB[0]
+
+
+@kernel
 def keep_extended(
     row: Floats,
     states: States,
     steps: int,
     point: int,
     constants: Constants,
-    lands: LandConstants,
+    extension: ExtendedConstants,
 ) -> Seen:
     """Write the states of a plant with extensions back, and return what is seen of them.
 
@@ -77,7 +112,7 @@ def keep_extended(
         steps: made since they were read.
         point: index of the load series' point in the row of constants.
         constants: in their groups.
-        lands: of the metering edges.
+        extension: those of the extensions.
     """
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
     row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
@@ -86,5 +121,5 @@ def keep_extended(
     K, _, P_T, transition, signed = constants[4]
     orifice = (K, P_S, P_T, transition, signed)
     z = orifice_state(nu, constants[2])
-    open_A, open_B = meter_openings(z, constants[2], lands)
-    return x, v, P_A, P_B, nu, z, port_flow(open_A, P_A, orifice), port_flow(open_B, P_B, orifice)
+    Q_A, Q_B, _ = valve_flows(x, nu, (P_A, P_B), orifice, constants, extension)
+    return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -3,7 +3,12 @@
 import math
 from typing import NamedTuple
 
-from hil_bench.plants.hydraulic_cylinder.model.extensions import MeteringLands
+from hil_bench.plants.hydraulic_cylinder.model.edges import edge_openings
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    edge_constants,
+    land_constants,
+)
+from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 
@@ -17,6 +22,7 @@ class SteadyMotion(NamedTuple):
         P_B: pressure in chamber B [Pa].
         supply_flow: what the valve draws [m³/s].
         is_pump_limited: whether the pump gives less than the valve would draw.
+        is_compensated: whether a pressure compensator holds the flow.
         is_cavitating: whether the load runs ahead of the oil.
     """
 
@@ -25,6 +31,7 @@ class SteadyMotion(NamedTuple):
     P_B: float
     supply_flow: float
     is_pump_limited: bool
+    is_compensated: bool
     is_cavitating: bool
 
 
@@ -35,6 +42,7 @@ def steady_motion(
     extends: bool,
     z: float | None = None,
     load: float | None = None,
+    cushioned: bool = False,
 ) -> SteadyMotion:
     """Return the steady motion in one direction, without leakage.
 
@@ -48,20 +56,31 @@ def steady_motion(
 
         P_floor A_1 - P_T A_2 - F - f(v) = v² A_2³ / (K z)².
 
+    A pressure compensator leaves its margin to the edge that feeds, so v is at most
+    K z sqrt(margin) / A_1. In a cushion, 1 / (K z)² of the edge that drains grows by that of the
+    throttle.
+
     Args:
         parameters: of the plant.
         options: of the plant; a supply unit holds its relief pressure as far as its pump can.
         extends: which direction.
         z: orifice state [m]; None for the wide open valve.
         load: against extension [N]; None for that of the options in mid-stroke.
+        cushioned: whether the piston is in the cushion at its end of the stroke, if there is one.
     """
     p = parameters
     force = options.load_at(0.0) if load is None else load
     P_S = p.P_S if options.supply is None else options.supply.relief_pressure
     fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
     feeding, draining = _conductances(p, options, z, extends=extends)
+    if cushioned:
+        draining = _throttle(p, draining, options.cushion_b if extends else options.cushion_a)
     drive = P_S * fed - p.P_T * other - against
     speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2)
+    margin = math.inf if options.compensator_margin is None else options.compensator_margin
+    held = feeding * math.sqrt(margin)
+    is_compensated = speed * fed > held
+    speed = min(speed, held / fed)
     pump = math.inf if options.supply is None else options.supply.pump_flow
     is_limited = speed * fed > pump
     speed = min(speed, pump / fed)
@@ -73,21 +92,41 @@ def steady_motion(
         drive = floor * fed - p.P_T * other - against
         speed, P_1 = _balance(parameters, drive, other**3 / draining**2), floor
         P_2 = p.P_T + (other * speed / draining) ** 2
-        flow = min(feeding * math.sqrt(P_S - floor), pump)
+        flow = min(feeding * math.sqrt(min(P_S - floor, margin)), pump)
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
-    return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_cavitating)
+    return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_compensated, is_cavitating)
 
 
 def _conductances(
     parameters: PlantParameters, options: PlantOptions, z: float | None, *, extends: bool
 ) -> tuple[float, float]:
     """Return K z of the edge that feeds and of the one that drains [m³/(s sqrt(Pa))]."""
+    if options.has_edges:
+        edges = edge_constants(parameters, options)
+        if z is None:
+            nu = edges[6] if extends else edges[7]
+        else:
+            beta = parameters.beta if extends else options.beta_negative
+            nu = z + (parameters.beta if beta is None else beta)
+        P_A, A_T, P_B, B_T = edge_openings(
+            nu if extends else -nu, edges, land_constants(options.lands)
+        )
+        fed, drained = (P_A, B_T) if extends else (P_B, A_T)
+        return parameters.K * fed, parameters.K * drained
     negative = options.alpha_negative
     alpha = parameters.alpha if extends or negative is None else negative
     lands = MeteringLands() if options.lands is None else options.lands
     full = parameters.K * alpha * lands.bend(1.0 if z is None else z / alpha)
     feeding, draining = lands.gains(extends=extends)
     return full * feeding, full * draining
+
+
+def _throttle(parameters: PlantParameters, conductance: float, cushion: Cushion | None) -> float:
+    """Return the conductance of an edge behind a cushion's throttle [m³/(s sqrt(Pa))]."""
+    if cushion is None:
+        return conductance
+    own = parameters.K * cushion.orifice_area / parameters.w
+    return 1.0 / math.hypot(1.0 / conductance, 1.0 / own)
 
 
 def _friction(parameters: PlantParameters, speed: float) -> float:

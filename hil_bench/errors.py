@@ -50,7 +50,15 @@ HilBenchError = DeviceError
 
 
 class ParameterError(ConfigError):
-    """A plant parameter, input or state makes no physical sense; the message names it."""
+    """A plant parameter, input or state makes no physical sense; the message names it.
+
+    Attributes:
+        symbols: what it is about, the wrong one first; none where it is no parameter.
+    """
+
+    def __init__(self, message: str, *symbols: str) -> None:
+        super().__init__(message)
+        self.symbols = symbols
 
 
 class BusError(HilBenchError, OSError):

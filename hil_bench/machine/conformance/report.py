@@ -152,7 +152,9 @@ def _findings(eds: Sequence[Finding]) -> Iterator[str]:
 
 def _count_findings(eds: Sequence[Finding]) -> str:
     counts = Counter(finding.severity.value for finding in eds)
-    found = ", ".join(f"{count} {severity}{'s' * (count > 1)}" for severity, count in sorted(counts.items()))
+    found = ", ".join(
+        f"{count} {severity}{'s' * (count > 1)}" for severity, count in sorted(counts.items())
+    )
     return f"EDS: {found or 'no findings'}"
 
 

@@ -1,7 +1,6 @@
 """The table ``[plant.NAME]`` of a cylinder and the hydraulic side of its valve."""
 
 import math
-import re
 from dataclasses import dataclass
 
 from hil_bench.config.settings import Problems, Settings, convert
@@ -89,8 +88,7 @@ _PHYSICAL_KEYS = {
     "lands": "flow_saturation",
     "cushion": "cushion_a_length_mm",
 }
-# A symbol, but not a unit, which follows a number or a stroke.
-_SYMBOL = re.compile(rf"(?<!\d )(?<!/)\b({'|'.join(_PHYSICAL_KEYS)})\b")
+"""The key of each symbol that `ParameterError` names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +153,7 @@ def configure(
     try:
         record = _build_axis(kind, name, axis)
     except ParameterError as error:
-        _explain(f"plant.{name}", str(error), problems)
+        _explain(f"plant.{name}", error, problems)
         return None
     _check_solver(record, step_us, problems)
     return record
@@ -202,7 +200,9 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
         check_reduced_model(record.parameters, record.options)
         check_delay(record.spool_delay)
     elif record.spool_delay:
-        raise ParameterError(f'delay = {record.spool_delay:g} s: only for model = "reduced"')
+        raise ParameterError(
+            f'delay = {record.spool_delay:g} s: only for model = "reduced"', "delay"
+        )
     else:
         check_full_model(record.parameters, record.options)
     return record
@@ -282,9 +282,11 @@ def _check_position(name: str, axis: Settings, problems: Problems) -> None:
         problems.add(place, f"{position:g} is beyond the stroke; {right}")
 
 
-def _explain(table: str, message: str, problems: Problems) -> None:
+def _explain(table: str, error: ParameterError, problems: Problems) -> None:
     """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
-    keys = list(dict.fromkeys(_PHYSICAL_KEYS[symbol] for symbol in _SYMBOL.findall(message)))
+    keys = list(
+        dict.fromkeys(_PHYSICAL_KEYS[each] for each in error.symbols if each in _PHYSICAL_KEYS)
+    )
     related = f" (see also {', '.join(keys[1:])})" if len(keys) > 1 else ""
     place = problems.place(table, keys[0] if keys else "")
-    problems.add(place, message.replace(": ", "; ", 1) + related)
+    problems.add(place, str(error).replace(": ", "; ", 1) + related)

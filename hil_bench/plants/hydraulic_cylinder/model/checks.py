@@ -29,12 +29,16 @@ def check_full_model(parameters: PlantParameters, options: PlantOptions) -> None
         return
     F_c, weakening, sigma = parameters.F_c, parameters.F_s - parameters.F_c, parameters.sigma
     if F_c == 0.0:
-        raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction")
+        raise ParameterError("F_c = 0 N: must be greater than 0 for LuGre friction", "F_c")
     sigma_1 = options.bristles.sigma_1
     if sigma_1 * weakening > sigma * F_c:
         raise ParameterError(
             f"sigma_1 = {sigma_1:g} N s/m: must be {_round_down(sigma * F_c / weakening):g} N s/m "
-            "or less, sigma F_c / (F_s - F_c), or LuGre friction drives the piston"
+            "or less, sigma F_c / (F_s - F_c), or LuGre friction drives the piston",
+            "sigma_1",
+            "sigma",
+            "F_c",
+            "F_s",
         )
 
 

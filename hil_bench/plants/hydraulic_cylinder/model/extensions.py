@@ -22,7 +22,9 @@ def require_exponent(symbol: str, value: float) -> None:
     """
     require_finite(symbol, value, "")
     if not 1.0 <= value <= 2.0:
-        raise ParameterError(f"{symbol} = {value:g}: must be 1 (isothermal) to 2; adiabatic is 1.4")
+        raise ParameterError(
+            f"{symbol} = {value:g}: must be 1 (isothermal) to 2; adiabatic is 1.4", symbol
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +46,8 @@ class EntrainedAir:
         require_positive("air_fraction", self.air_fraction, "")
         if self.air_fraction > 0.5:
             raise ParameterError(
-                f"air_fraction = {self.air_fraction:g}: must be at most 0.5, or it is foam"
+                f"air_fraction = {self.air_fraction:g}: must be at most 0.5, or it is foam",
+                "air_fraction",
             )
         require_exponent("air_exponent", self.air_exponent)
 
@@ -112,7 +115,9 @@ class SupplyUnit:
         if self.precharge_pressure >= self.relief_pressure:
             raise ParameterError(
                 f"precharge_pressure = {self.precharge_pressure:g} Pa: must be below "
-                f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills"
+                f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills",
+                "precharge_pressure",
+                "relief_pressure",
             )
 
 

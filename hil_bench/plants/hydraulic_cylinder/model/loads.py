@@ -74,7 +74,9 @@ class MassOnSlope:
         require_not_negative("load_mass", self.load_mass, "kg")
         require_finite("slope", self.slope, "rad")
         if abs(self.slope) > math.radians(90.0):
-            raise ParameterError(f"slope = {self.slope:g} rad: must lie between -pi/2 and pi/2")
+            raise ParameterError(
+                f"slope = {self.slope:g} rad: must lie between -pi/2 and pi/2", "slope"
+            )
 
     @property
     def weight(self) -> float:
@@ -101,20 +103,22 @@ class LoadSeries:
     forces: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        require_kind("times of load_series", self.times, tuple, list)
-        require_kind("forces of load_series", self.forces, tuple, list)
+        require_kind("times", self.times, tuple, list, of="load_series")
+        require_kind("forces", self.forces, tuple, list, of="load_series")
         if not self.times or len(self.times) != len(self.forces):
             raise ParameterError(
                 f"load_series = {len(self.times)} times and {len(self.forces)} forces: "
-                "must be one force for each time, and at least one"
+                "must be one force for each time, and at least one",
+                "load_series",
             )
         for time, force in zip(self.times, self.forces, strict=True):
-            require_finite("time of load_series", time, "s")
-            require_finite("force of load_series", force, "N")
+            require_finite("time", time, "s", "load_series")
+            require_finite("force", force, "N", "load_series")
         for before, after in zip(self.times, self.times[1:], strict=False):
             if after < before:
                 raise ParameterError(
-                    f"load_series = {after:g} s after {before:g} s: its times must not decrease"
+                    f"load_series = {after:g} s after {before:g} s: its times must not decrease",
+                    "load_series",
                 )
 
     def force_at(self, _x: float, t: float) -> float:

@@ -52,8 +52,8 @@ class EndStop:
     damping: float = 2e4
 
     def __post_init__(self) -> None:
-        require_positive("stiffness of the end stop", self.stiffness, "N/m")
-        require_not_negative("damping of the end stop", self.damping, "N s/m")
+        require_positive("stiffness", self.stiffness, "N/m", "the end stop")
+        require_not_negative("damping", self.damping, "N s/m", "the end stop")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,9 @@ class PlantOptions:
         require_not_negative("C_LA", self.C_LA, "m³/(s Pa)")
         require_not_negative("C_LB", self.C_LB, "m³/(s Pa)")
         if sum(isinstance(load, LoadSeries) for load in self.loads) > 1:
-            raise ParameterError("load_series = several: must be one at the most; add them up")
+            raise ParameterError(
+                "load_series = several: must be one at the most; add them up", "load_series"
+            )
         if self.alpha_negative is not None:
             require_positive("alpha_negative", self.alpha_negative, "m")
         if self.beta_negative is not None:
@@ -124,7 +126,8 @@ class PlantOptions:
             if self.cavitation_floor > 0.0 or self.cavitation_floor < VACUUM_PRESSURE - 1.0:
                 raise ParameterError(
                     f"cavitation_floor = {self.cavitation_floor:g} Pa: must be 0 or less, "
-                    f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)"
+                    f"as a gauge pressure (absolute vacuum is {VACUUM_PRESSURE:g} Pa)",
+                    "cavitation_floor",
                 )
 
     def _check_kinds(self) -> None:

@@ -102,20 +102,28 @@ class PlantParameters:
     def _check_relations(self) -> None:
         if self.P_T < -ATMOSPHERE:
             raise ParameterError(
-                f"P_T = {self.P_T:g} Pa: must be at least {-ATMOSPHERE:g} Pa, absolute vacuum"
+                f"P_T = {self.P_T:g} Pa: must be at least {-ATMOSPHERE:g} Pa, absolute vacuum",
+                "P_T",
             )
         if self.P_S <= self.P_T:
             raise ParameterError(
-                f"P_S = {self.P_S:g} Pa: must be greater than P_T = {self.P_T:g} Pa"
+                f"P_S = {self.P_S:g} Pa: must be greater than P_T = {self.P_T:g} Pa",
+                "P_S",
+                "P_T",
             )
         if self.F_s < self.F_c:
-            raise ParameterError(f"F_s = {self.F_s:g} N: must be at least F_c = {self.F_c:g} N")
+            raise ParameterError(
+                f"F_s = {self.F_s:g} N: must be at least F_c = {self.F_c:g} N", "F_s", "F_c"
+            )
         for volume, area in (("V_A0", "A_A"), ("V_B0", "A_B")):
             swept = getattr(self, area) * self.h
             if getattr(self, volume) <= swept:
                 raise ParameterError(
                     f"{volume} = {getattr(self, volume):g} m³: must be greater than "
-                    f"{area} h = {swept:g} m³, or the chamber is empty before the stroke ends"
+                    f"{area} h = {swept:g} m³, or the chamber is empty before the stroke ends",
+                    volume,
+                    area,
+                    "h",
                 )
 
     @property

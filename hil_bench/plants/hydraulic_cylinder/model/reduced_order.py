@@ -235,7 +235,8 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
     """
     if parameters.P_T != 0.0:
         raise ParameterError(
-            f"P_T = {parameters.P_T:g} Pa: must be 0, for eqs. (14), (15) have no tank pressure"
+            f"P_T = {parameters.P_T:g} Pa: must be 0, for eqs. (14), (15) have no tank pressure",
+            "P_T",
         )
     given = {
         "C_LA": bool(options.C_LA),
@@ -250,7 +251,8 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
     for symbol, is_given in given.items():
         if is_given:
             raise ParameterError(
-                f"the reduced model has no place for {symbol}: the full-order model is right"
+                f"the reduced model has no place for {symbol}: the full-order model is right",
+                symbol,
             )
 
 
@@ -262,7 +264,7 @@ def check_delay(delay: float) -> None:
     """
     require_not_negative("delay", delay, "s")
     if delay > LONGEST_DELAY:
-        raise ParameterError(f"delay = {delay:g} s: must be {LONGEST_DELAY:g} s or less")
+        raise ParameterError(f"delay = {delay:g} s: must be {LONGEST_DELAY:g} s or less", "delay")
 
 
 def _motion(state: PlantState) -> Motion:

@@ -24,7 +24,19 @@ An argument that makes no sense is a plain `ValueError`.
 
 
 class DriverError(Exception):
-    """Base of every error that a driver raises on purpose."""
+    """Base of every error that a driver raises on purpose.
+
+    Args:
+        what: is wrong.
+        device: whose message it is, which then begins with its name.
+
+    Attributes:
+        what: as passed in.
+    """
+
+    def __init__(self, what: str, *, device: object = "") -> None:
+        super().__init__(f"{device}: {what}" if device else what)
+        self.what = what
 
 
 class DriverTimeoutError(DriverError, TimeoutError):
@@ -51,10 +63,10 @@ class SdoAbortError(DriverError):
         reason: the code and what it means, in words.
     """
 
-    def __init__(self, what: str, code: int, meaning: str) -> None:
+    def __init__(self, what: str, code: int, meaning: str, *, device: object = "") -> None:
         self.code = code
         self.reason = f"SDO abort 0x{code:08X}, {meaning}"
-        super().__init__(f"{what}: {self.reason}")
+        super().__init__(f"{what}: {self.reason}", device=device)
 
 
 class RegisterMapError(DriverError, ValueError):

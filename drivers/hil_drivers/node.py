@@ -154,8 +154,9 @@ class Node(canopen.RemoteNode):
         finally:
             self.sdo.RESPONSE_TIMEOUT = patience
         raise DriverTimeoutError(
-            f"{self}: no answer within {PROBES * PROBE_TIMEOUT:g} s; "
-            "a device with this node-ID, powered and on this bus, is right"
+            f"no answer within {PROBES * PROBE_TIMEOUT:g} s; "
+            "a device with this node-ID, powered and on this bus, is right",
+            device=self,
         )
 
     def variable(self, index: int, subindex: int = 0) -> ODVariable:
@@ -167,8 +168,9 @@ class Node(canopen.RemoteNode):
         variable = self.object_dictionary.get_variable(index, subindex)
         if variable is None or variable.subindex != subindex:
             raise DeviceMismatchError(
-                f"{self}: {self.eds} has no {object_name(index, subindex)}; "
-                "the EDS of the connected device is right"
+                f"{self.eds} has no {object_name(index, subindex)}; "
+                "the EDS of the connected device is right",
+                device=self,
             )
         return variable
 
@@ -199,8 +201,9 @@ class Node(canopen.RemoteNode):
             value = None
         if not isinstance(value, int | float):
             raise DeviceMismatchError(
-                f"{self}: {object_name(index, subindex)} ({variable.qualname}) came as "
-                f"{len(raw)} bytes; {len(variable) // 8} are right by {self.eds}"
+                f"{object_name(index, subindex)} ({variable.qualname}) came as "
+                f"{len(raw)} bytes; {len(variable) // 8} are right by {self.eds}",
+                device=self,
             )
         return value
 
@@ -213,8 +216,9 @@ class Node(canopen.RemoteNode):
         value = self.read(index, subindex)
         if isinstance(value, float):
             raise DeviceMismatchError(
-                f"{self}: {object_name(index, subindex)} is a real number by {self.eds}; "
-                "an integer type is right"
+                f"{object_name(index, subindex)} is a real number by {self.eds}; "
+                "an integer type is right",
+                device=self,
             )
         return value
 
@@ -259,26 +263,27 @@ class Node(canopen.RemoteNode):
             DriverTimeoutError: it did not answer.
             RemoteProtocolError: its answer is none, or has no end.
         """
-        what = f"{self}: cannot {verb} {object_name(index, subindex)}"
+        what = f"cannot {verb} {object_name(index, subindex)}"
         if self.has(index, subindex):
             what = f"{what} ({self.variable(index, subindex).qualname})"
         try:
             yield
         except SdoAbortedError as error:
             text = SdoAbortedError.CODES.get(error.code, "code unknown to CiA 301")
-            raise SdoAbortError(what, error.code, text) from None
+            raise SdoAbortError(what, error.code, text, device=self) from None
         except SdoTimeout:
             raise DriverTimeoutError(
-                f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s"
+                f"{what}: no SDO answer within {self.sdo.RESPONSE_TIMEOUT:g} s", device=self
             ) from None
         except SdoTooSlow:
             raise DriverTimeoutError(
-                f"{what}: not over within {self.sdo.longest_transfer:g} s; it was aborted"
+                f"{what}: not over within {self.sdo.longest_transfer:g} s; it was aborted",
+                device=self,
             ) from None
         except SdoTooMuch as error:
-            raise RemoteProtocolError(f"{what}: {error}; it was aborted") from None
+            raise RemoteProtocolError(f"{what}: {error}; it was aborted", device=self) from None
         except SdoCommunicationError as error:
-            raise RemoteProtocolError(f"{what}: {error}") from None
+            raise RemoteProtocolError(f"{what}: {error}", device=self) from None
 
 
 def object_name(index: int, subindex: int = 0) -> str:

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from can.cli import add_bus_arguments
@@ -12,6 +12,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, seen_from_bus
+from hil_bench.cli.selection import prepare_chosen
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.machine.commissioning.plan import (
@@ -25,6 +26,7 @@ from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.on_machine import MachineScenario, prepare_for_machine
+from hil_bench.scenario.records import Scenario
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,39 +129,25 @@ def prepare_all(
 ) -> list[MachineScenario]:
     """Return all scenarios with the requirements that were chosen.
 
-    Raises:
-        ConfigError: something in any of them does not exist on a machine, or nothing is chosen.
+    A `ConfigError` says what in any of them does not exist on a machine, or that nothing is chosen.
     """
     channels = [Channel(name, channel.unit) for name, channel in machine.fields.items()]
-    chosen, wrong = [], []
-    for path in paths:
-        try:
-            scenario = load_scenario(path)
-            each = prepare_for_machine(
-                scenario,
-                given,
-                tick_ns=machine.config.tick_ns,
-                valve=machine.members.valve.name,
-                channels=channels,
-            )
-        except ConfigError as error:
-            wrong.append(str(error))
-            continue
-        if scenario.duration > machine.limits.time:
-            lasts = f"lasts {scenario.duration:g} s, the limit is {machine.limits.time:g} s"
-            wrong.append(f"{path}: {lasts}; give a longer time_s in [limits] of {args.plan}")
-        requirements = tuple(
-            requirement
-            for requirement in each.requirements
-            if args.k.lower() in f"{path}\n{scenario.title}\n{requirement.id}".lower()
+
+    def prepare(scenario: Scenario) -> MachineScenario:
+        prepared = prepare_for_machine(
+            scenario,
+            given,
+            tick_ns=machine.config.tick_ns,
+            valve=machine.members.valve.name,
+            channels=channels,
         )
-        if requirements:
-            chosen.append(replace(each, requirements=requirements))
-    if wrong:
-        raise ConfigError("\n".join(wrong))
-    if not chosen:
-        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
-    return chosen
+        if scenario.duration > machine.limits.time:
+            wrong = f"lasts {scenario.duration:g} s, the limit is {machine.limits.time:g} s"
+            right = f"give a longer time_s in [limits] of {args.plan}"
+            raise ConfigError(f"{scenario.path}: {wrong}; {right}")
+        return prepared
+
+    return prepare_chosen(args, paths, prepare)
 
 
 def check_consent(args: argparse.Namespace) -> None:

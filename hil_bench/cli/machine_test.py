@@ -28,9 +28,6 @@ from hil_bench.scenario.recorded import judge_trace
 from hil_bench.scenario.results import ScenarioResult
 from hil_drivers import BusLostError, DriverError
 
-INTERRUPTED = "interrupted"
-"""How the problem of the scenario begins in which Ctrl-C came."""
-
 _NOT_RUN = "not run: an earlier scenario was stopped"
 
 
@@ -88,7 +85,8 @@ def _play(opened: OpenNetwork, machine: Machine, each: MachineScenario, rig: Rig
             return _result(machine, each, problem=obstacle)
         samples = _move(machine, each, rig)
     except KeyboardInterrupt:
-        return _result(machine, each, problem=f"{INTERRUPTED}; {_closing(rig)}")
+        stopped = _result(machine, each, problem=f"interrupted; {_closing(rig)}")
+        return replace(stopped, is_interrupted=True)
     except BusLostError as error:
         problem = f"the bus was lost: {error}; the valve closes by itself"
         return _result(machine, each, problem=problem)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
-from hil_bench.cli.machine_test import INTERRUPTED, play_on_machine
+from hil_bench.cli.machine_test import play_on_machine
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -15,6 +15,7 @@ from hil_bench.cli.scenario_report import (
     run_chapter,
     write_report,
 )
+from hil_bench.cli.selection import prepare_chosen
 from hil_bench.cli.verdicts import (
     add_parameter_argument,
     exit_code_for,
@@ -24,8 +25,6 @@ from hil_bench.cli.verdicts import (
 )
 from hil_bench.errors import ConfigError
 from hil_bench.machine.frame_text import FrameText
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.results import (
     ScenarioResult,
     play_for_result,
@@ -89,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     print_results(
         args, result_lines(results), {result.path: result_content(result) for result in results}
     )
-    if any(result.problem.startswith(INTERRUPTED) for result in results):
+    if any(result.is_interrupted for result in results):
         return ExitCode.INTERRUPTED
     return exit_code_for(set().union(*(result.outcomes for result in results)))
 
@@ -98,7 +97,7 @@ def _test_virtually(
     args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
 ) -> list[ScenarioResult]:
     """Play scenarios on the virtual bench, and write the report where one is asked for."""
-    chosen = _prepare_all(paths, given, args)
+    chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     reader = FrameText if args.report else None
     options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
     results, chapters = [], []
@@ -125,32 +124,3 @@ def _find_all(paths: Sequence[Path]) -> list[Path]:
             raise ConfigError(f"{path}: holds no *{_SUFFIX}; give a folder that does, or a file")
         found += inside
     return list(dict.fromkeys(found))
-
-
-def _prepare_all(
-    paths: Sequence[Path], given: dict[str, float], args: argparse.Namespace
-) -> list[PreparedScenario]:
-    """Return all scenarios with the requirements that were chosen.
-
-    Raises:
-        ConfigError: something is wrong in any of them, or nothing is chosen.
-    """
-    chosen, wrong = [], []
-    for path in paths:
-        try:
-            prepared = prepare(load_scenario(path), given, seed=args.seed)
-        except ConfigError as error:
-            wrong.append(str(error))
-            continue
-        requirements = tuple(
-            each
-            for each in prepared.requirements
-            if args.k.lower() in f"{path}\n{prepared.scenario.title}\n{each.id}".lower()
-        )
-        if requirements:
-            chosen.append(replace(prepared, requirements=requirements))
-    if wrong:
-        raise ConfigError("\n".join(wrong))
-    if not chosen:
-        raise ConfigError(f"-k {args.k}: no requirement; 'hil-bench scenario list' shows all")
-    return chosen

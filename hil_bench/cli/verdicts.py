@@ -69,7 +69,7 @@ def finding_lines(findings: Sequence[Finding]) -> Iterator[str]:
 
 def result_content(result: ScenarioResult) -> dict[str, object]:
     """Return a result for a program; the keys of a requirement are those of ``judge``."""
-    names = [each.name for each in fields(result) if each.name != "evidence"]
+    names = [each.name for each in fields(result) if each.compare]
     whole: dict[str, object] = {name: getattr(result, name) for name in names}
     whole["findings"] = finding_content(result.findings)
     return whole

@@ -12,7 +12,6 @@ from hil_bench.errors import ConfigError
 Document = Mapping[str, object]
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
-_POSITION = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
 def read_document(path: Path) -> Document:
@@ -29,7 +28,7 @@ def read_document(path: Path) -> Document:
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
     except (ValueError, RecursionError) as error:
-        raise ConfigError(_explain_syntax(path, str(error))) from None
+        raise ConfigError(f"{path}: is not valid TOML: {error}; see https://toml.io") from None
 
 
 def merge(document: Document, tables: Document) -> Document:
@@ -80,13 +79,3 @@ def check_tables(document: Document, known: tuple[str, ...], problems: Problems)
         if name not in known:
             nearest = find_nearest(name, known)
             problems.add(problems.place(name), f"unknown table; the nearest known is [{nearest}]")
-
-
-def _explain_syntax(path: Path, reason: str) -> str:
-    position = _POSITION.search(reason)
-    wrong = _POSITION.sub("", reason)
-    if position is None:
-        return f"{path}: is not valid TOML: {wrong}; see https://toml.io"
-    if position[1] is None:
-        return f"{path}: is not valid TOML: {wrong} at the end of the file; see https://toml.io"
-    return f"{path}:{position[1]}: is not valid TOML: {wrong} in column {position[2]}; see https://toml.io"

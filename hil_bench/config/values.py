@@ -51,6 +51,10 @@ def find_nearest(name: str, known: Iterable[str]) -> str:
     return names[difflib.get_close_matches(name.lower(), sorted(names), n=1, cutoff=0.0)[0]]
 
 
+class NoNumberError(ConfigError):
+    """Something else stands where a number ought to."""
+
+
 def number(unit: Unit = ONE, *, low: float = -math.inf, high: float = math.inf) -> Reader:
     """Return a reader of finite numbers in `unit`, from `low` to `high` where these are given."""
     right = "give a number" if unit is ONE else f"give a number in {unit.symbol}"
@@ -244,7 +248,7 @@ def bus_option(value: object) -> str | int | float | bool:
 
 def _finite(value: object, right: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool):
-        raise ConfigError(f"{describe(value)} is not a number; {right}")
+        raise NoNumberError(f"{describe(value)} is not a number; {right}")
     try:
         number = float(value)
     except OverflowError:

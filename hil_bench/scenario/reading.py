@@ -7,7 +7,7 @@ from typing import Any
 
 from hil_bench.config.document import Document, check_tables, give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
-from hil_bench.config.values import Value, describe, find_nearest, quote
+from hil_bench.config.values import NoNumberError, Value, describe, find_nearest, quote
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.courses import read_course
@@ -177,8 +177,8 @@ class StepReader:
     def _read_plain(self, key: Key, value: object) -> Value:
         try:
             return key.read(value)
-        except ConfigError as error:
-            if isinstance(value, str) and self._parameters and "is not a number" in str(error):
+        except NoNumberError:
+            if isinstance(value, str) and self._parameters:
                 nearest = find_nearest(value, self._parameters)
                 wrong = f"{quote(value)} is no parameter; the nearest is {nearest}"
                 raise ConfigError(wrong) from None

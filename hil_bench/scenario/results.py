@@ -28,6 +28,7 @@ class ScenarioResult:
         problem: why there was no whole run; empty where there was.
         findings: the judgement on each requirement; empty where there is a problem.
         evidence: for a report; None where none was asked for.
+        is_interrupted: whether somebody pressed Ctrl-C.
     """
 
     path: str
@@ -40,6 +41,7 @@ class ScenarioResult:
     problem: str = ""
     findings: tuple[Finding, ...] = ()
     evidence: Evidence | None = field(default=None, compare=False)
+    is_interrupted: bool = field(default=False, compare=False)
 
     @property
     def outcomes(self) -> set[RequirementOutcome]:

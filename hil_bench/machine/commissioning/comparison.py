@@ -137,10 +137,10 @@ def _compare_node(
         if not identity:  # another device would differ in everything else
             yield from _compare_settings(node, config, name)
     except DriverTimeoutError as error:
-        what = f"{name}: stopped answering: {_without_node(error, node)}"
+        what = f"{name}: stopped answering: {error.what}"
         yield Difference(config.node_id, what, Mend.NODE)
     except DriverError as error:
-        yield Difference(config.node_id, f"{name}: {_without_node(error, node)}", Mend.NODE)
+        yield Difference(config.node_id, f"{name}: {error.what}", Mend.NODE)
 
 
 def _compare_identity(node: Node, config: NodeConfig, name: str) -> Iterator[Difference]:
@@ -225,7 +225,3 @@ def _text(key: Key, value: int | float) -> str:  # noqa: PYI041 - which of both 
     if (is_identifier or is_entry) and isinstance(value, int):
         return f"0x{value:08X}"
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _without_node(error: DriverError, node: Node) -> str:
-    return str(error).removeprefix(f"{node}: ")

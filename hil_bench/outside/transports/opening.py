@@ -89,14 +89,19 @@ def _resolve(given: dict[str, object]) -> dict[str, Any]:
     try:
         return dict(can.util.load_config(config=given))
     except can.CanInterfaceNotImplementedError as error:
-        name = str(error).rpartition(' "')[2].rstrip('"')
-        raise BusError(_unknown_interface(name)) from error
+        raise BusError(_unknown_interface(_wanted_interface(given))) from error
     except (ValueError, TypeError) as error:
         raise BusError(f"python-can's configuration: {_first_line(error)}") from error
 
 
+def _wanted_interface(given: Mapping[str, object]) -> str:
+    """Return the interface that is asked for, by the first that names one; empty for none."""
+    sources = (given, can.rc, can.util.load_environment_config(), can.util.load_file_config())
+    return next((str(each["interface"]) for each in sources if each.get("interface")), "")
+
+
 def _unknown_interface(name: str) -> str:
-    if name == "None":
+    if not name:
         return (
             "no CAN interface chosen; '-i socketcan -c vcan0', CAN_INTERFACE and CAN_CHANNEL, or a "
             "can.conf name one"

@@ -150,9 +150,9 @@ def test_a_bus_with_all_node_ids_taken_says_so(write: Write) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"[bench\n", 'bench.toml:1: is not valid TOML: Expected \']\' at the end of a table declaration in column 7; see https://toml.io'),
-        (b"[bench]\n\ntick_us = 1 ms\n", "bench.toml:3: is not valid TOML: Expected newline or end of document after a statement in column 13; see https://toml.io"),
-        (b"[bench]\ntick_us =", "bench.toml: is not valid TOML: Invalid value at the end of the file; see https://toml.io"),
+        (b"[bench\n", 'bench.toml: is not valid TOML: Expected \']\' at the end of a table declaration (at line 1, column 7); see https://toml.io'),
+        (b"[bench]\n\ntick_us = 1 ms\n", "bench.toml: is not valid TOML: Expected newline or end of document after a statement (at line 3, column 13); see https://toml.io"),
+        (b"[bench]\ntick_us =", "bench.toml: is not valid TOML: Invalid value (at end of document); see https://toml.io"),
         (b"# \xff\n", "bench.toml: is not UTF-8 text; save it as UTF-8"),
     ],
 )  # fmt: skip

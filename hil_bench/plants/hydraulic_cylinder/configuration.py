@@ -86,7 +86,7 @@ _PHYSICAL_KEYS = {
     "bristles": "friction",
     "supply_unit": "supply",
     "lands": "flow_saturation",
-    "cushion": "cushion_a_length_mm",
+    "the cushion": "cushion_a_length_mm",
 }
 """The key of each symbol that `ParameterError` names."""
 
@@ -239,7 +239,9 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
         return None
     if len(given) == 1:
         other = next(key.name for key in keys if key.name not in given)
-        raise ParameterError(f"{given[0]} says no cushion by itself: give {other} too")
+        raise ParameterError(
+            f"{given[0]} says no cushion by itself: give {other} too", "the cushion"
+        )
     return Cushion(**convert(axis, keys))
 
 

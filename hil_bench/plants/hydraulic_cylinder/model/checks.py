@@ -61,13 +61,15 @@ def _check_edges(parameters: PlantParameters, options: PlantOptions) -> None:
     ):
         if overlap is not None and abs(overlap) >= travel:
             raise ParameterError(
-                f"{name} = {overlap:g} m: must be less than the spool's travel, {travel:g} m"
+                f"{name} = {overlap:g} m: must be less than the spool's travel, {travel:g} m",
+                name,
             )
         opening = travel - (parameters.beta if overlap is None else overlap)
         if lands.null_opening >= opening:
             raise ParameterError(
                 f"null_opening = {lands.null_opening:g} m: must be less than the opening of the "
-                f"wide open edge, {opening:g} m"
+                f"wide open edge, {opening:g} m",
+                "null_opening",
             )
 
 
@@ -81,7 +83,8 @@ def _check_cushions(parameters: PlantParameters, options: PlantOptions) -> None:
         if cushion is not None and cushion.length >= 2.0 * parameters.h:
             raise ParameterError(
                 f"length of the cushion = {cushion.length:g} m: must be shorter than the stroke, "
-                f"{2.0 * parameters.h:g} m"
+                f"{2.0 * parameters.h:g} m",
+                "the cushion",
             )
 
 

@@ -203,8 +203,8 @@ class Cushion:
     orifice: float
 
     def __post_init__(self) -> None:
-        require_positive("length of the cushion", self.length, "m")
-        require_positive("orifice of the cushion", self.orifice, "m")
+        require_positive("length", self.length, "m", "the cushion")
+        require_positive("orifice", self.orifice, "m", "the cushion")
 
     @property
     def orifice_area(self) -> float:

@@ -11,10 +11,20 @@ PRESSURE_404 = Path(__file__).with_name("pressure_404.eds")
 ENCODER_406 = Path(__file__).with_name("encoder_406.eds")
 """Absolute linear encoder, profile CiA 406."""
 
+ROTARY_ENCODER_406 = Path(__file__).with_name("rotary_encoder_406.eds")
+"""Absolute multi-turn rotary encoder, profile CiA 406."""
+
 IMITATIONS = Path(__file__).with_name("imitations")
 """Folder of EDS files that imitate classes of real devices, see docs/devices.md."""
 
 REGISTERS = Path(__file__).with_name("registers")
 """Folder of register maps (TOML), one a device profile by its name, see docs/modbus.md."""
 
-__all__ = ["ENCODER_406", "IMITATIONS", "PRESSURE_404", "REGISTERS", "VALVE_408"]
+__all__ = [
+    "ENCODER_406",
+    "IMITATIONS",
+    "PRESSURE_404",
+    "REGISTERS",
+    "ROTARY_ENCODER_406",
+    "VALVE_408",
+]

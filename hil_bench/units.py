@@ -37,7 +37,8 @@ PPM_PER_KELVIN = Unit("ppm/K", "_ppm_k", 1e-6)
 HERTZ = Unit("Hz", "_hz")
 SECOND = Unit("s", "_s")
 CELSIUS = Unit("°C", "_c")
-REVOLUTION_PER_MINUTE = Unit("1/min", "_rpm", 1.0 / 60.0)
+REVOLUTION_PER_MINUTE = Unit("rpm", "_rpm", math.tau / 60.0)
+CUBIC_CENTIMETRE_PER_REVOLUTION = Unit("cm³/rev", "_cm3_rev", 1e-6 / math.tau)
 MICROSECOND = Unit("us", "_us", 1e-6)
 MILLISECOND = Unit("ms", "_ms", 1e-3)
 METRE = Unit("m", "_m")
@@ -51,11 +52,19 @@ LITRE = Unit("l", "_l", 1e-3)
 METRE_PER_SECOND = Unit("m/s", "_m_s")
 MILLIMETRE_PER_SECOND = Unit("mm/s", "_mm_s", 1e-3)
 DEGREE = Unit("deg", "_deg", math.pi / 180.0)
+DEGREE_PER_SECOND = Unit("deg/s", "_deg_s", math.pi / 180.0)
+DEGREE_PER_KELVIN = Unit("deg/K", "_deg_k", math.pi / 180.0)
+DEGREE_PER_ROOT_HERTZ = Unit("deg/√Hz", "_deg_rthz", math.pi / 180.0)
+RADIAN = Unit("rad", "_rad")
+REVOLUTION = Unit("rev", "_rev", math.tau)
 RADIAN_PER_SECOND = Unit("rad/s", "_rad_s")
 SECOND_PER_METRE = Unit("s/m", "_s_m")
 KILOGRAM = Unit("kg", "_kg")
 KILOGRAM_PER_CUBIC_METRE = Unit("kg/m³", "_kg_m3")
 NEWTON = Unit("N", "_n")
+NEWTON_METRE = Unit("N m", "_n_m")
+NEWTON_METRE_SECOND = Unit("N m s", "_n_m_s")
+KILOGRAM_SQUARE_METRE = Unit("kg m²", "_kg_m2")
 NEWTON_SECOND_PER_METRE = Unit("N s/m", "_n_s_m")
 NEWTON_PER_MILLIMETRE = Unit("N/mm", "_n_mm", 1e3)
 PASCAL = Unit("Pa", "_pa")
@@ -70,6 +79,7 @@ CUBIC_METRE_PER_SECOND = Unit("m³/s", "_m3_s")
 LITRE_PER_MINUTE = Unit("l/min", "_l_min", 1e-3 / 60.0)
 LITRE_PER_MINUTE_BAR = Unit("l/(min bar)", "_l_min_bar", 1e-3 / 60.0 / 1e5)
 SECOND_AND_NEWTON = Unit("[s, N]", "_s_n")
+SECOND_AND_NEWTON_METRE = Unit("[s, N m]", "_s_n_m")
 SECOND_AND_KELVIN = Unit("[s, K]", "_s_k")
 
 UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
@@ -79,6 +89,9 @@ UNITS_OF: Mapping[str, tuple[Unit, ...]] = {
     "m/s": (METRE_PER_SECOND, MILLIMETRE_PER_SECOND),
     "s": (SECOND, MILLISECOND, MICROSECOND),
     "m³/s": (CUBIC_METRE_PER_SECOND, LITRE_PER_MINUTE),
+    "rad": (RADIAN, DEGREE, REVOLUTION),
+    "rad/s": (RADIAN_PER_SECOND, DEGREE_PER_SECOND, REVOLUTION_PER_MINUTE),
+    "N m": (NEWTON_METRE,),
 }
 """Units in which bindings and registers may have a quantity, by its SI unit."""
 
@@ -87,6 +100,8 @@ DISPLAY_UNITS: Mapping[str, Unit] = {
     "m/s": MILLIMETRE_PER_SECOND,
     "Pa": BAR,
     "-": PERCENT,
+    "rad": REVOLUTION,
+    "rad/s": REVOLUTION_PER_MINUTE,
 }
 """In which unit people are shown a quantity, by its SI unit."""
 

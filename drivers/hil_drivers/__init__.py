@@ -37,6 +37,7 @@ from hil_drivers.position_control import (
     PositionLoop,
 )
 from hil_drivers.pressure import PressureSensor
+from hil_drivers.rotary import RotarySensor
 from hil_drivers.valve import ProportionalValve
 from hil_drivers.valve_state import ValveState
 
@@ -62,6 +63,7 @@ __all__ = [
     "Reading",
     "RegisterMapError",
     "RemoteProtocolError",
+    "RotarySensor",
     "SdoAbortError",
     "StaleValueError",
     "ValveState",

@@ -6,9 +6,13 @@ from typing import Any, NamedTuple
 from hil_bench.cli.arguments import parse_fault, parse_value
 from hil_bench.errors import ConfigError
 from hil_bench.session.live_faults import fault_fields
-from hil_bench.units import BAR, MEGAPASCAL, NEWTON, PASCAL, Unit
+from hil_bench.units import BAR, MEGAPASCAL, NEWTON, NEWTON_METRE, PASCAL, Unit
 
-_UNITS: Mapping[str, Sequence[Unit]] = {"N": (NEWTON,), "Pa": (BAR, PASCAL, MEGAPASCAL)}
+_UNITS: Mapping[str, Sequence[Unit]] = {
+    "N": (NEWTON,),
+    "N m": (NEWTON_METRE,),
+    "Pa": (BAR, PASCAL, MEGAPASCAL),
+}
 """In which what acts on a plant is given, by its SI unit."""
 
 _RIGHT_SET = "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"

@@ -5,9 +5,22 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil_bench.errors import printable
-from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, Unit
+from hil_bench.units import (
+    BAR,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    REVOLUTION,
+    REVOLUTION_PER_MINUTE,
+    Unit,
+)
 
-_SHOWN = {"Pa": BAR, "m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND}
+_SHOWN = {
+    "Pa": BAR,
+    "m": MILLIMETRE,
+    "m/s": MILLIMETRE_PER_SECOND,
+    "rad": REVOLUTION,
+    "rad/s": REVOLUTION_PER_MINUTE,
+}
 """In which values are shown, by their SI unit."""
 
 

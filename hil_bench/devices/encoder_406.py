@@ -63,6 +63,9 @@ class EncoderDevice:
         node: the node that carries it on the bus.
     """
 
+    PARAMETER_BITS = REVERSED_BIT
+    """Those of 0x6000 that may be set."""
+
     def __init__(self, node: Node, span: tuple[float, float] = (0.0, 0.0)) -> None:
         """Bind the profile's objects; EdsError where one is missing or of a wrong kind.
 
@@ -71,6 +74,7 @@ class EncoderDevice:
             span: positions at the ends of the measuring range [m]; by default it tells of none.
         """
         self.node = node
+        self._span = span
         self._last_position: float = 0.0
         self._last_speed: float = 0.0
         self._then = _END_OF_TIME
@@ -79,9 +83,9 @@ class EncoderDevice:
         self._bind_preset()
         self._bind_diagnostics()
         self._bind_timer()
+        self._bind_scale()
         self._cams = CamSwitches(node.object_dictionary)
         self._work_area = WorkArea(node.object_dictionary)
-        self._range = MeasuringRange(node.object_dictionary, span)
         self._restart()
 
     def _bind_position(self) -> None:
@@ -98,17 +102,20 @@ class EncoderDevice:
             )
         self._lowest = max(int(position.data_type.low or 0) for position in self._positions)
         self._highest = min(int(position.data_type.high or 0) for position in self._positions)
-        self._position_step = required(od, 0x6005, 1, UNSIGNED32)
-        self._bind_step(self._position_step)
 
     def _bind_speed(self) -> None:
         od = self.node.object_dictionary
         self._speed = optional(od, 0x6030, 1, INTEGER16)
-        self._speed_step = optional(od, 0x6005, 2, UNSIGNED32, absent=1)
-        self._bind_step(self._speed_step)
         self._acceleration = optional(od, 0x6040, 1, INTEGER16)
+
+    def _bind_scale(self) -> None:
+        od = self.node.object_dictionary
+        self._position_step = required(od, 0x6005, 1, UNSIGNED32)
+        self._speed_step = optional(od, 0x6005, 2, UNSIGNED32, absent=1)
         self._acceleration_step = optional(od, 0x6005, 3, UNSIGNED32, absent=1)
-        self._bind_step(self._acceleration_step)
+        for step in (self._position_step, self._speed_step, self._acceleration_step):
+            self._bind_step(step)
+        self._range = MeasuringRange(od, self._span)
 
     def _bind_preset(self) -> None:
         od = self.node.object_dictionary
@@ -134,7 +141,7 @@ class EncoderDevice:
     def _bind_diagnostics(self) -> None:
         od = self.node.object_dictionary
         self._parameters = optional(od, 0x6000, 0, UNSIGNED16)
-        self._parameters.add_check(_check_parameters)
+        self._parameters.add_check(self._check_parameters)
         self._parameters.add_hook(self._scale)
         self._operating_status = optional(od, 0x6500, 0, UNSIGNED16)
         self._measuring_step = optional(od, 0x6501, 0, UNSIGNED32)
@@ -221,6 +228,15 @@ class EncoderDevice:
             elif kind is NodeEventKind.RESET_COMMUNICATION:
                 self._show_event_timer(self._event_timer.value)
 
+    def _check_parameters(self, parameters: int) -> None:
+        """Refuse bits of the operating parameters that mean nothing.
+
+        Raises:
+            SdoAbort: 0609 0030.
+        """
+        if parameters & ~self.PARAMETER_BITS:
+            raise SdoAbort(*abort_codes.VALUE)
+
     def _check_preset(self, position: int) -> None:
         """Refuse a position that the counter or the offset cannot hold.
 
@@ -272,8 +288,3 @@ class EncoderDevice:
 def _check_step(step: int) -> None:
     if step == 0:
         raise SdoAbort(*abort_codes.VALUE_TOO_LOW)
-
-
-def _check_parameters(parameters: int) -> None:
-    if parameters & ~REVERSED_BIT:
-        raise SdoAbort(*abort_codes.VALUE)

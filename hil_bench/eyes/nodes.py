@@ -11,9 +11,8 @@ from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.scaling import Scale
-from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, PERCENT, Unit
+from hil_bench.units import DISPLAY_UNITS, Unit
 
-_SHOWN = {"m": MILLIMETRE, "m/s": MILLIMETRE_PER_SECOND, "Pa": BAR, "-": PERCENT}
 _NODE_IDS = range(1, 128)
 
 
@@ -54,7 +53,7 @@ def _scales(config: BenchConfig, settings: NodeConfig) -> Iterator[tuple[tuple[i
     for binding in settings.bindings:
         quantity = axes[binding.axis].kind.by_name.get(binding.quantity)
         if quantity is not None and binding.scale:
-            unit = _SHOWN.get(quantity.unit, Unit(quantity.unit, ""))
+            unit = DISPLAY_UNITS.get(quantity.unit, Unit(quantity.unit, ""))
             scale = Scale(1.0 / (binding.scale * unit.factor), unit, binding.offset)
             yield (binding.index, binding.subindex), scale
 

@@ -6,8 +6,18 @@ An EDS has no units. The profiles do: in objects of their own, whose present val
 from typing import Final, NamedTuple
 
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
+from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
 from hil_bench.devices.valve_state_machine import STATUS_BITS
-from hil_bench.units import BAR, MILLIMETRE, MILLIMETRE_PER_SECOND, ONE, PERCENT, Unit
+from hil_bench.units import (
+    BAR,
+    MILLIMETRE,
+    MILLIMETRE_PER_SECOND,
+    ONE,
+    PERCENT,
+    REVOLUTION,
+    REVOLUTION_PER_MINUTE,
+    Unit,
+)
 
 MEASURING, ENCODER, VALVE = 404, 406, 408
 """Profile numbers in the low word of 0x1000."""
@@ -40,6 +50,9 @@ _DIGITS: Final = range(10)
 _POSITIONS: Final = {0x6004, 0x6020}
 _SPEED: Final = 0x6030
 _STEPS: Final = 0x6005
+_PER_TURN: Final = 0x6001
+_RESOLUTION: Final = 0x6501
+_SPEED_PARAMETERS: Final = 0x6031
 
 _SPOOL: Final = {0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350}
 _PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
@@ -47,7 +60,9 @@ _PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
 CONTROL_WORD, STATUS_WORD = 0x6040, 0x6041
 _CONTROL_BITS: Final = "DHMR"
 
-UNIT_OBJECTS: Final = frozenset({0x1000, 0x6005, 0x6131, 0x6132, 0x6311, 0x6391})
+UNIT_OBJECTS: Final = frozenset(
+    {0x1000, 0x6000, 0x6001, 0x6005, 0x6031, 0x6131, 0x6132, 0x6311, 0x6391}
+)
 """Objects whose values decide how others are read."""
 
 
@@ -94,12 +109,27 @@ def _unit(code: int) -> Unit | None:
 
 
 def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
-    """Return the scale of a linear encoder: steps of 0.001 µm and of 0.01 mm/s."""
+    """Return the scale of an encoder: steps of 0.001 µm and of 0.01 mm/s, or parts of a turn."""
+    if per_turn := _steps_per_turn(objects):
+        if index in _POSITIONS:
+            return Scale(1.0 / per_turn, REVOLUTION)
+        if index == _SPEED and (multiplier := number_in(objects, _SPEED_PARAMETERS, 3)):
+            divider = number_in(objects, _SPEED_PARAMETERS, 4)
+            return Scale(60.0 * divider / multiplier / per_turn, REVOLUTION_PER_MINUTE)
+        return None
     if index in _POSITIONS and (step := number_in(objects, _STEPS, 1)):
         return Scale(step * 1e-6, MILLIMETRE)
     if index == _SPEED and (step := number_in(objects, _STEPS, 2)):
         return Scale(step * 1e-2, MILLIMETRE_PER_SECOND)
     return None
+
+
+def _steps_per_turn(objects: ObjectDictionary) -> int:
+    """Return the steps that a rotary encoder has in one revolution; 0 for a linear one."""
+    is_scaled = number_in(objects, 0x6000, 0) & SCALING_BIT
+    return number_in(objects, _PER_TURN, 0) and _number(
+        objects, _PER_TURN if is_scaled else _RESOLUTION, 0
+    )
 
 
 def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:

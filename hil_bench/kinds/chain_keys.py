@@ -24,6 +24,9 @@ from hil_bench.units import (
     BAR,
     BAR_PER_KELVIN,
     BAR_PER_ROOT_HERTZ,
+    DEGREE,
+    DEGREE_PER_KELVIN,
+    DEGREE_PER_ROOT_HERTZ,
     HERTZ,
     METRE,
     MICROMETRE,
@@ -33,6 +36,7 @@ from hil_bench.units import (
     PASCAL,
     PERCENT,
     PPM_PER_KELVIN,
+    RADIAN,
     SECOND_AND_KELVIN,
     Unit,
 )
@@ -47,6 +51,12 @@ class PressurePreset(StrEnum):
 
     IDEAL = "ideal"
     CLASS_025_250_BAR = "class_0.25_250_bar"
+
+
+class AnglePreset(StrEnum):
+    """Classes of rotary position sensors."""
+
+    IDEAL = "ideal"
 
 
 class PositionPreset(StrEnum):
@@ -117,8 +127,26 @@ _POSITION_KEYS = (
     _microseconds("speed_window_us", "speed_window_ns"),
 )
 
+_ANGLE_KEYS = (
+    Key("preset", choice(AnglePreset), AnglePreset.IDEAL),
+    Key("offset_error_deg", _number(DEGREE), 0.0, DEGREE, "offset_error"),
+    Key("offset_drift_deg_k", _number(DEGREE_PER_KELVIN), 0.0, DEGREE_PER_KELVIN, "offset_drift"),
+    _amount("hysteresis_deg", DEGREE, "hysteresis"),
+    _amount("noise_density_deg_rthz", DEGREE_PER_ROOT_HERTZ, "noise_density"),
+    _amount("noise_rms_deg", DEGREE, "noise_rms"),
+    _amount("resolution_deg", DEGREE, "resolution"),
+    Key("range_deg", interval(DEGREE), None, DEGREE, "range"),
+    *_GAIN_KEYS,
+    *_DYNAMIC_KEYS,
+    _microseconds("speed_window_us", "speed_window_ns"),
+)
+
 CHAIN_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
-    {PASCAL.symbol: _PRESSURE_KEYS, METRE.symbol: _POSITION_KEYS}
+    {
+        PASCAL.symbol: _PRESSURE_KEYS,
+        METRE.symbol: _POSITION_KEYS,
+        RADIAN.symbol: _ANGLE_KEYS,
+    }
 )
 """By the SI unit of what the chain carries; what is in another unit has no chain."""
 
@@ -137,6 +165,7 @@ PRESETS: Final[Mapping[StrEnum, Mapping[str, Value]]] = MappingProxyType(
             "bandwidth_hz": 233.0,
             "sampling_period_us": 1000,
         },
+        AnglePreset.IDEAL: {},
         PositionPreset.IDEAL: {},
         PositionPreset.MAGNETOSTRICTIVE_1_UM: {
             "hysteresis_um": 4.0,

@@ -9,6 +9,7 @@ from hil_bench.kinds.encoder_406 import ENCODER
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.pressure_404 import PRESSURE
+from hil_bench.kinds.rotary_encoder_406 import ROTARY_ENCODER
 from hil_bench.kinds.valve_408 import VALVE
 from hil_bench.registry import Registry, find_twice
 
@@ -33,7 +34,7 @@ def _find_fault(kind: DeviceKind[Any]) -> str:
 KINDS: Final = Registry[DeviceKind[Any]](
     "hil_bench.kinds",
     DeviceKind,  # type: ignore[type-abstract]
-    {kind.name: kind for kind in (VALVE, PRESSURE, ENCODER, GENERIC)},
+    {kind.name: kind for kind in (VALVE, PRESSURE, ENCODER, ROTARY_ENCODER, GENERIC)},
     _find_fault,
 )
 

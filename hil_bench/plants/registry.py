@@ -4,6 +4,7 @@ from typing import Any, Final
 
 from hil_bench.plants.hydraulic_cylinder.kind import HYDRAULIC_CYLINDER
 from hil_bench.plants.kind import PlantKind
+from hil_bench.plants.rotary.kind import ROTARY
 from hil_bench.registry import Registry, find_twice
 
 
@@ -24,7 +25,7 @@ def _find_fault(kind: PlantKind[Any]) -> str:
 PLANTS: Final = Registry[PlantKind[Any]](
     "hil_bench.plants",
     PlantKind,  # type: ignore[type-abstract]
-    {kind.name: kind for kind in (HYDRAULIC_CYLINDER,)},
+    {kind.name: kind for kind in (HYDRAULIC_CYLINDER, ROTARY)},
     _find_fault,
 )
 

@@ -46,7 +46,10 @@ _LENGTH, _SPEED, _FORCE = power(m=1), power(m=1, s=-1), power(kg=1, m=1, s=-2)
 _PRESSURE, _RATE = power(kg=1, m=-1, s=-2), power(s=-1)
 
 _UNITS: Final = (
-    *(MeasuredUnit(unit, NUMBER) for unit in (units.ONE, units.PERCENT, units.DEGREE)),
+    *(
+        MeasuredUnit(unit, NUMBER)
+        for unit in (units.ONE, units.PERCENT, units.DEGREE, units.RADIAN, units.REVOLUTION)
+    ),
     *(
         MeasuredUnit(unit, TIME)
         for unit in (units.SECOND, units.MILLISECOND, units.MICROSECOND, Unit("min", "_min", 60.0))
@@ -70,7 +73,11 @@ _UNITS: Final = (
     *(MeasuredUnit(unit, _FORCE) for unit in (units.NEWTON, Unit("kN", "_kn", 1e3))),
     MeasuredUnit(units.NEWTON_PER_MILLIMETRE, multiply(_FORCE, _LENGTH, -1)),
     MeasuredUnit(units.KILOGRAM, power(kg=1)),
-    *(MeasuredUnit(unit, _RATE) for unit in (units.HERTZ, units.RADIAN_PER_SECOND)),
+    *(
+        MeasuredUnit(unit, _RATE)
+        for unit in (units.HERTZ, units.RADIAN_PER_SECOND, units.REVOLUTION_PER_MINUTE)
+    ),
+    MeasuredUnit(units.NEWTON_METRE, multiply(_FORCE, _LENGTH)),
     *(
         MeasuredUnit(unit, power(m=3, s=-1))
         for unit in (units.CUBIC_METRE_PER_SECOND, units.LITRE_PER_MINUTE)

@@ -37,11 +37,19 @@ BY_HAND = {
         "top speed extending": 502.8,
         "moving mass": 3032.0,
     },
+    "drum": {
+        "eigenfrequency": 16.78,
+        "stall torque": 93.58,
+        "damping ratio": 0.207,
+        "top speed forwards": 2834.0,
+        "moving inertia": 0.053,
+    },
 }
 VARIANTS = {
     "press": ("sag_bar=120", "PR-1"),
     "servo": ("band_percent=12", "SV-1"),
     "lift": ("leak_l_min_bar=0.5", "LI-1"),
+    "drum": ("leak_l_min_bar=0.1", "DR-2"),
 }
 
 

@@ -10,6 +10,8 @@ from hil_bench.devices.faults.kinds import Direction, FaultKind, LeakPath, Readi
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,
+    DEGREE,
+    DEGREE_PER_SECOND,
     LITRE_PER_MINUTE_BAR,
     MILLIMETRE,
     MILLIMETRE_PER_SECOND,
@@ -53,14 +55,17 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
         FaultKind.OFFSET: (
             _amount("offset_bar", BAR, "amount"),
             _amount("offset_mm", MILLIMETRE, "amount"),
+            _amount("offset_deg", DEGREE, "amount"),
         ),
         FaultKind.DRIFT: (
             _amount("drift_bar_s", BAR_PER_SECOND, "rate"),
             _amount("drift_mm_s", MILLIMETRE_PER_SECOND, "rate"),
+            _amount("drift_deg_s", DEGREE_PER_SECOND, "rate"),
         ),
         FaultKind.NOISE: (
             _amount("noise_bar", BAR, "rms", low=0.0),
             _amount("noise_mm", MILLIMETRE, "rms", low=0.0),
+            _amount("noise_deg", DEGREE, "rms", low=0.0),
         ),
         FaultKind.BREAK_WIRE: (Key("reads", choice(Reading), Reading.NOTHING),),
         FaultKind.SLOW: (

@@ -21,13 +21,13 @@ from hil_bench.devices.faults.kinds import (
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
 from hil_bench.plants.kind import AxisConfig
-from hil_bench.units import BAR, MILLIMETRE, Unit
+from hil_bench.units import BAR, DEGREE, MILLIMETRE, Unit
 
 AXIS_KINDS = DEFECT_KINDS | {FaultKind.DROP_SUPPLY}
 
 Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 
-_UNITS = {"Pa": BAR, "m": MILLIMETRE}
+_UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE}
 """In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
 
 
@@ -194,7 +194,9 @@ def _check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> Non
     if not amounts:
         return
     if unit is None:
-        problems.add(problems.place(table, "kind"), f'"{kind}" is for pressures and positions')
+        problems.add(
+            problems.place(table, "kind"), f'"{kind}" is for pressures, positions and angles'
+        )
         return
     (right,) = (name for name in amounts if unit.suffix in name)
     for name in amounts:

@@ -31,7 +31,7 @@ def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:
 def missing_defect(name: str) -> str:
     """Return why an axis cannot have a defect, and what would be right."""
     if name == "load_loss":
-        return "has no load to lose; give it load_n, load_mass_kg or load_series_s_n"
+        return "has no load to lose; give it load_n or load_mass_kg, a motor load_torque_n_m"
     if name in {"pump_loss", "relief_sag", "gas_loss"}:
         return 'has a constant supply pressure; give it supply = "unit"'
     return "cannot be worn: that takes a full-order cylinder and the bench's own solver"

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from hil_bench.config.settings import Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
@@ -153,7 +154,7 @@ def configure(
     try:
         record = _build_axis(kind, name, axis)
     except ParameterError as error:
-        _explain(f"plant.{name}", error, problems)
+        explain_refusal(f"plant.{name}", error, problems)
         return None
     _check_solver(record, step_us, problems)
     return record
@@ -209,22 +210,28 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
 
 
 def _build_options(axis: Settings) -> PlantOptions:
-    options = convert(axis, (*OPTION_KEYS, COMPENSATOR_KEY))
-    if axis["cavitation"].value:
-        options |= convert(axis, CAVITATION_KEYS)
+    options = convert(axis, OPTION_KEYS) | hydraulic_options(axis)
+    options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
     if axis["end_stop"].value:
         options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
-    if axis["entrained_air_percent"].value:
-        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
     if axis["friction"].value is Friction.LUGRE:
         options["bristles"] = LuGreFriction(**convert(axis, BRISTLE_KEYS))
+    return PlantOptions(**options, loads=_build_loads(axis))
+
+
+def hydraulic_options(axis: Settings) -> dict[str, Any]:
+    """Return the options of oil, valve and supply that the keys of an axis ask for."""
+    options: dict[str, Any] = convert(axis, (COMPENSATOR_KEY,))
+    if axis["cavitation"].value:
+        options |= convert(axis, CAVITATION_KEYS)
+    if axis["entrained_air_percent"].value:
+        options["air"] = EntrainedAir(**convert(axis, AIR_KEYS))
     lands = MeteringLands(**convert(axis, LAND_KEYS))
     if lands != MeteringLands():
         options["lands"] = lands
-    options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
-    return PlantOptions(**options, loads=_build_loads(axis))
+    return options
 
 
 def _build_cushion(axis: Settings, end: str) -> Cushion | None:
@@ -284,7 +291,7 @@ def _check_position(name: str, axis: Settings, problems: Problems) -> None:
         problems.add(place, f"{position:g} is beyond the stroke; {right}")
 
 
-def _explain(table: str, error: ParameterError, problems: Problems) -> None:
+def explain_refusal(table: str, error: ParameterError, problems: Problems) -> None:
     """Note a plant's refusal under the key that the user wrote instead of the paper's symbol."""
     keys = list(
         dict.fromkeys(_PHYSICAL_KEYS[each] for each in error.symbols if each in _PHYSICAL_KEYS)

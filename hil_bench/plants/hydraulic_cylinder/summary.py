@@ -132,11 +132,12 @@ def _swing_facts(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[F
     yield Fact("damping ratio there", damping, "-", "by friction and leakage, valve closed")
     yield Fact("limit of a position controller", 2.0 * damping * omega, "1/s", "gain 2 D omega")
     yield Fact("valve at -90 degrees", p.omega_0 * _SWINGS, "Hz", f"{p.omega_0 / omega:.3g} times")
-    yield Fact("ticks a swing", 1e6 / (lowest * tick_us), "-", _verdict(lowest, tick_us, 4.0))
-    yield Fact("steps a swing", 1e6 / (highest * step_us), "-", _verdict(highest, step_us, 12.0))
+    yield Fact("ticks a swing", 1e6 / (lowest * tick_us), "-", verdict(lowest, tick_us, 4.0))
+    yield Fact("steps a swing", 1e6 / (highest * step_us), "-", verdict(highest, step_us, 12.0))
 
 
-def _verdict(frequency: float, period_us: int, needed: float) -> str:
+def verdict(frequency: float, period_us: int, needed: float) -> str:
+    """Return whether a period of sampling resolves a frequency, and what it needs."""
     verdict = "resolved" if 1e6 / (frequency * period_us) >= needed else "not resolved"
     return f"{verdict}: {needed:g} are needed"
 

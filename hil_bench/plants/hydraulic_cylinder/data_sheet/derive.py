@@ -49,7 +49,7 @@ def apply_data_sheet(settings: Settings, problems: Problems) -> Settings:
         *sheet.take(derive_valve(sheet, density)),
         *sheet.take(derive_pump(sheet)),
     ]
-    return settings | {each.key: _fill(settings, each) for each in derived}
+    return settings | {each.key: fill(settings, each) for each in derived}
 
 
 def find_leftovers(settings: Settings) -> Iterator[tuple[str, str]]:
@@ -64,6 +64,7 @@ def find_leftovers(settings: Settings) -> Iterator[tuple[str, str]]:
             yield key, f"{wrong}; give {part} too: {right}"
 
 
-def _fill(settings: Settings, derived: Derived) -> Setting:
+def fill(settings: Settings, derived: Derived) -> Setting:
+    """Return the setting of a physical key with what a data sheet says of it."""
     old = settings[derived.key]
     return old._replace(value=derived.value, origin=Origin.DATA_SHEET, reason=derived.reason)

@@ -1,0 +1,1 @@
+"""The valve-controlled hydraulic motor: an inertia that turns, on the valve of the cylinder."""

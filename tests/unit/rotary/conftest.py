@@ -1,0 +1,21 @@
+"""A motor of round numbers, built from a file as users build theirs."""
+
+from pathlib import Path
+
+import pytest
+from support.motors import LOSSLESS, STEP, Motor, write_bench
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.plants.rotary.configuration import RotaryConfig
+from hil_bench.plants.rotary.motor import HydraulicMotor
+
+
+@pytest.fixture
+def motor(tmp_path: Path) -> Motor:
+    def build(**keys: object) -> tuple[RotaryConfig, HydraulicMotor]:
+        config = load_config(write_bench(tmp_path, LOSSLESS | keys))
+        (axis,) = config.axes
+        assert isinstance(axis, RotaryConfig)
+        return axis, HydraulicMotor(axis, STEP, {})
+
+    return build

@@ -126,10 +126,10 @@ def _encoded(objects: ObjectDictionary, index: int) -> Scale | None:
 
 def _steps_per_turn(objects: ObjectDictionary) -> int:
     """Return the steps that a rotary encoder has in one revolution; 0 for a linear one."""
-    is_scaled = number_in(objects, 0x6000, 0) & SCALING_BIT
-    return number_in(objects, _PER_TURN, 0) and _number(
-        objects, _PER_TURN if is_scaled else _RESOLUTION, 0
-    )
+    if objects.find(_PER_TURN) is None:
+        return 0
+    is_scaled = number_in(objects, 0x6000) & SCALING_BIT
+    return number_in(objects, _PER_TURN if is_scaled else _RESOLUTION)
 
 
 def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:

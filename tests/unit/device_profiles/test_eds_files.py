@@ -11,13 +11,19 @@ from dcf.device import Device
 from dcf.lint import lint
 from dcf.parse import parse_file
 
-from device_profiles import ENCODER_406, IMITATIONS, PRESSURE_404, VALVE_408
+from device_profiles import (
+    ENCODER_406,
+    IMITATIONS,
+    PRESSURE_404,
+    ROTARY_ENCODER_406,
+    VALVE_408,
+)
 from hil_bench.canopen_device.datatypes import REAL32
 from hil_bench.canopen_device.eds import load_eds
 
 NODE_ID = 5
 IMITATED = sorted(IMITATIONS.glob("*.eds"))
-FILES = [VALVE_408, PRESSURE_404, ENCODER_406, *IMITATED]
+FILES = [VALVE_408, PRESSURE_404, ENCODER_406, ROTARY_ENCODER_406, *IMITATED]
 DOCUMENT = Path(__file__).parents[3] / "docs" / "devices.md"
 
 OBJECT = re.compile(r"([0-9A-F]{4})")
@@ -155,6 +161,7 @@ def test_identifiers_follow_the_node_id(path, node_id):
         (VALVE_408, 0x00000198, 0x408),
         (PRESSURE_404, 0x00020194, 0x404),
         (ENCODER_406, 0x00080196, 0x406),
+        (ROTARY_ENCODER_406, 0x00020196, 0x407),
     ],
 )
 def test_identity(path, device_type, product_code):

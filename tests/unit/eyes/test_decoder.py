@@ -7,13 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.sdo_frames import MS, answer, download, heard, request, upload
 
-from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
+from device_profiles import ENCODER_406, PRESSURE_404, ROTARY_ENCODER_406, VALVE_408
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.dbc import write_dbc
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.scaling import Scale, scale_of
 from hil_bench.eyes.sight import Service
+from hil_bench.units import REVOLUTION, REVOLUTION_PER_MINUTE
 
 
 def known():
@@ -192,3 +194,12 @@ def test_only_the_pdos_of_the_node_that_was_configured_are_found_anew():
     decode(*download(1, 0x1800, 5, struct.pack("<H", 50)), decoder=decoder)
     changed = {a for a, owners in decoder.pdos.items() if owners[0].pdo is not before[a]}
     assert changed == {0x181, 0x201}  # both of the valve
+
+
+def test_a_rotary_encoder_shows_revolutions_and_rpm():
+    objects = load_eds(ROTARY_ENCODER_406, 4)
+    assert scale_of(objects, 0x6004, 0) == Scale(1.0 / 65536, REVOLUTION)
+    assert scale_of(objects, 0x6030, 1) == Scale(1.0, REVOLUTION_PER_MINUTE)
+    objects.variable(0x6000, 0).value = 0
+    objects.variable(0x6001, 0).value = 3600  # not in force: bit 2 of 0x6000 is off
+    assert scale_of(objects, 0x6004, 0) == Scale(1.0 / 65536, REVOLUTION)

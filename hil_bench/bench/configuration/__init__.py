@@ -1,6 +1,7 @@
 """`bench.toml` to frozen records: read, checked and converted to SI once."""
 
-from hil_bench.bench.configuration.load import CONFIG_VARIABLE, SEED_VARIABLE, load_config
+from hil_bench.bench.configuration.load import CONFIG_VARIABLE, load_config
+from hil_bench.bench.configuration.loop import SEED_VARIABLE
 from hil_bench.bench.configuration.records import (
     BenchConfig,
     BusConfig,

@@ -1,11 +1,12 @@
 """The tables ``[plant.NAME]``: the axes, each with the kind of its plant."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from hil_bench.bench.configuration.loop import LoopSection
 from hil_bench.bench.configuration.plausibility import check_possible
 from hil_bench.config.document import Document, read_named_sections
-from hil_bench.config.settings import Given, Key, Problems, read_table
+from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
 from hil_bench.config.values import describe, text
 from hil_bench.errors import ConfigError
 from hil_bench.plants.kind import AxisConfig, AxisSettings, PlantKind
@@ -23,14 +24,47 @@ Axes = Mapping[str, AxisSettings]
 """By name."""
 
 
-def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, AxisSettings]:
-    """Return the axes by their names; one of a kind that is not there is noted and left out.
+class AxesSection:
+    """The plants of a bench.
 
     Args:
         document: the file.
+        loop: with the step of the plants' solvers.
         problems: where problems are noted.
         default: whether a file without a plant has one default axis; else it has none.
+
+    Attributes:
+        axes: the table of each axis by its name; one of a kind that is not there is left out.
+        records: those of the axes that make physical sense; known once it is resolved.
     """
+
+    def __init__(
+        self, document: Document, loop: LoopSection, problems: Problems, *, default: bool
+    ) -> None:
+        self.axes = _read_axes(document, problems, default=default)
+        self.records: tuple[AxisConfig, ...] = ()
+        self._loop, self._problems = loop, problems
+
+    def resolve(self) -> None:
+        """Make the records, and note values that nature does not allow."""
+        records = []
+        for name, axis in self.axes.items():
+            check_possible(axis.settings, axis.kind, self._problems)
+            records.append(
+                axis.kind.configure(name, axis.settings, self._loop.step_us, self._problems)
+            )
+        self.records = tuple(record for record in records if record is not None)
+
+    def build(self) -> dict[str, Any]:
+        """Return the records of the axes."""
+        return {"axes": self.records}
+
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of each axis."""
+        return (axis.settings for axis in self.axes.values())
+
+
+def _read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, AxisSettings]:
     sections = read_named_sections(document, "plant", problems)
     if default and not sections:
         sections = {_DEFAULT_AXIS: {}}
@@ -49,26 +83,6 @@ def read_axes(document: Document, problems: Problems, *, default: bool) -> dict[
                 settings = kind.derive(settings, problems)
             axes[name] = AxisSettings(kind, said | settings)
     return axes
-
-
-def build_axes(axes: Axes, step_us: int, problems: Problems) -> tuple[AxisConfig, ...]:
-    """Return the records of the axes; what makes no physical sense is noted and left out.
-
-    Args:
-        axes: as they were read.
-        step_us: step of the plants' solvers [us].
-        problems: where problems are noted.
-    """
-    records = (
-        axis.kind.configure(name, axis.settings, step_us, problems) for name, axis in axes.items()
-    )
-    return tuple(record for record in records if record is not None)
-
-
-def check_axes(axes: Axes, problems: Problems) -> None:
-    """Note values of the axes' keys that nature does not allow."""
-    for axis in axes.values():
-        check_possible(axis.settings, axis.kind, problems)
 
 
 def _check_nothing(given: Mapping[str, Given], problems: Problems) -> None:

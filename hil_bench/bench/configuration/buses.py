@@ -1,7 +1,8 @@
 """The tables ``[bus]`` and ``[buses.NAME]``: the buses that the nodes are on."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from typing import Any
 
 from hil_bench.bench.configuration.keys import BUS_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig
@@ -15,7 +16,40 @@ MOST_BUSES = 8
 _KNOWN = tuple(key.name for key in BUS_KEYS)
 
 
-def read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
+class BusesSection:
+    """The first bus and the further ones.
+
+    Args:
+        document: the file.
+        overrides: keys of ``[bus]`` on the command line; None for what it does not say.
+        problems: where problems are noted.
+    """
+
+    def __init__(
+        self, document: Document, overrides: Mapping[str, object], problems: Problems
+    ) -> None:
+        self._first = _read_bus(document, overrides, problems)
+        self._further = _read_further_buses(document, problems)
+        self._problems = problems
+
+    def check_nodes(self, nodes: Mapping[str, Settings]) -> None:
+        """Note nodes on a bus that is not there, buses without nodes, and two that are one."""
+        _check_buses(self._first, self._further, nodes, self._problems)
+
+    def resolve(self) -> None:
+        """Leave all as it is: the nodes, which come later, decide."""
+
+    def build(self) -> dict[str, Any]:
+        """Return the records of the buses."""
+        further = {name: _build_bus(table) for name, table in self._further.items()}
+        return {"bus": _build_bus(self._first), "further_buses": further}
+
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of each bus."""
+        return (self._first, *self._further.values())
+
+
+def _read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
     """Return the settings of ``[bus]``, which the command line may override."""
     given = read_section(document, FIRST_BUS, problems)
     if overrides["interface"] is not None:
@@ -28,7 +62,7 @@ def read_bus(document: Document, overrides: Mapping[str, object], problems: Prob
     return _read(FIRST_BUS, given, problems)
 
 
-def read_further_buses(document: Document, problems: Problems) -> dict[str, Settings]:
+def _read_further_buses(document: Document, problems: Problems) -> dict[str, Settings]:
     """Return the settings of each ``[buses.NAME]`` by its name."""
     if "buses" not in document:
         return {}
@@ -42,7 +76,7 @@ def read_further_buses(document: Document, problems: Problems) -> dict[str, Sett
     return buses
 
 
-def check_buses(
+def _check_buses(
     bus: Settings,
     further: Mapping[str, Settings],
     nodes: Mapping[str, Settings],
@@ -67,7 +101,7 @@ def check_buses(
     _check_channels(known, problems)
 
 
-def build_bus(bus: Settings) -> BusConfig:
+def _build_bus(bus: Settings) -> BusConfig:
     """Return the record of a checked bus."""
     known = {name: bus[name].value for name in _KNOWN}
     options = {name: setting.value for name, setting in bus.items() if name not in known}

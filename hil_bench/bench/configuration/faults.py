@@ -1,10 +1,11 @@
 """The tables ``[[faults]]``: what goes wrong by itself, and when."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil_bench.bench.configuration.axes import Axes
+from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
+from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document, give
 from hil_bench.config.settings import Given, Origin, Problems, Settings, convert, read_table
@@ -64,7 +65,44 @@ class Targets(NamedTuple):
         return "node", self.nodes
 
 
-def read_faults(
+class FaultsSection:
+    """The faults of the file, then those of the command line.
+
+    Args:
+        document: the file.
+        overrides: tables of the command line.
+        nodes: whose devices may have faults.
+        axes: whose plants may.
+        problems: where problems are noted.
+    """
+
+    def __init__(
+        self,
+        document: Document,
+        overrides: Sequence[Mapping[str, object]],
+        nodes: NodesSection,
+        axes: AxesSection,
+        problems: Problems,
+    ) -> None:
+        self._faults = _read_faults(document, overrides, problems)
+        self._nodes, self._axes, self._problems = nodes, axes, problems
+
+    def resolve(self) -> None:
+        """Note faults of what the bench does not have."""
+        targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
+        _check_faults(self._faults, targets, self._problems)
+        _check_defects(self._faults, self._axes.records, self._problems)
+
+    def build(self) -> dict[str, Any]:
+        """Return the records of the faults."""
+        return {"faults": tuple(build_fault(fault) for fault in self._faults)}
+
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of each fault."""
+        return self._faults
+
+
+def _read_faults(
     document: Document, overrides: Sequence[Mapping[str, object]], problems: Problems
 ) -> list[Settings]:
     """Return the settings of each fault of the file, then of those of the command line."""
@@ -83,7 +121,7 @@ def read_faults(
     return found
 
 
-def find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
+def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
     """Return what of a bench may have faults."""
     sensors: dict[str, Unit | None] = {}
     valves: dict[str, bool] = {}
@@ -111,7 +149,7 @@ def find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) 
     return Targets(sensors, valves, supplies, list(nodes), list(axes))
 
 
-def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
+def _check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
     """Note faults of what is not there, and amounts that are missing or in another unit."""
     for fault in faults:
         kind, target = fault["kind"].value, fault["target"].value
@@ -127,7 +165,7 @@ def check_faults(faults: Sequence[Settings], targets: Targets, problems: Problem
             _check_pressure(fault, targets.axes[target], problems)
 
 
-def check_defects(
+def _check_defects(
     faults: Sequence[Settings], axes: Sequence[AxisConfig], problems: Problems
 ) -> None:
     """Note faults of a plant that its axis cannot have."""

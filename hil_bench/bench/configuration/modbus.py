@@ -1,8 +1,8 @@
 """The tables ``[modbus]`` and ``[modbus.units.NAME]``: which devices are on Modbus too, and how."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from hil_bench.bench.configuration.records import ModbusConfig, ModbusUnitConfig
 from hil_bench.bench.configuration.register_maps import (
@@ -66,88 +66,97 @@ _RECORD_KEYS = tuple(key for key in UNIT_KEYS if key.name not in {"registers", "
 _OF_VALVES = ("commands", "watchdog_ms")
 
 
-class ModbusSettings(NamedTuple):
-    """What ``[modbus]`` gives.
+class ModbusSection:
+    """What ``[modbus]`` gives; a table without units has every sensor as one.
+
+    Args:
+        document: the file.
+        nodes: the tables of the nodes, by name.
+        base: the folder that files are named from.
+        problems: where problems are noted.
+        wanted: whether there is Modbus even where the file has no such table.
 
     Attributes:
-        server: the table itself.
+        server: the table itself; None where there is no Modbus.
         units: the tables of the units, by name.
     """
 
-    server: Settings
-    units: dict[str, Settings]
-
-
-def read_modbus(
-    document: Document, nodes: Mapping[str, Settings], problems: Problems, *, wanted: bool
-) -> ModbusSettings | None:
-    """Return the settings of ``[modbus]``; None where there is none and none is wanted.
-
-    A table without units has every sensor as one.
-    """
-    if "modbus" not in document and not wanted:
-        return None
-    given = read_section(document, "modbus", problems)
-    units = given.pop("units", None)
-    server = read_table("modbus", given, MODBUS_KEYS, problems)
-    if units is None:
-        sensors = [name for name, node in nodes.items() if _is_sensor(node)]
-        sections = {
-            name: give(f"modbus.units.{name}", {}, Origin.DEFAULT, problems) for name in sensors
-        }
-    else:
-        tables = {"modbus.units": units.value}
-        sections = read_named_sections(tables, "modbus.units", problems)
-    return ModbusSettings(
-        server,
-        {
+    def __init__(
+        self,
+        document: Document,
+        nodes: Mapping[str, Settings],
+        base: Path,
+        problems: Problems,
+        *,
+        wanted: bool,
+    ) -> None:
+        self._nodes, self._base, self._problems = nodes, base, problems
+        self.server: Settings | None = None
+        self.units: dict[str, Settings] = {}
+        if "modbus" not in document and not wanted:
+            return
+        given = read_section(document, "modbus", problems)
+        units = given.pop("units", None)
+        self.server = read_table("modbus", given, MODBUS_KEYS, problems)
+        if units is None:
+            sensors = [name for name, node in nodes.items() if _is_sensor(node)]
+            sections = {
+                name: give(f"modbus.units.{name}", {}, Origin.DEFAULT, problems) for name in sensors
+            }
+        else:
+            sections = read_named_sections({"modbus.units": units.value}, "modbus.units", problems)
+        self.units = {
             name: read_table(f"modbus.units.{name}", section, UNIT_KEYS, problems)
             for name, section in sections.items()
-        },
-    )
+        }
 
+    def resolve(self) -> None:
+        """Fill in what a unit takes from its node, and note what does not fit together."""
+        server, problems = self.server, self._problems
+        if server is None:
+            return
+        if not server["tcp"].value and server["serial_port"].value is None:
+            right = "give tcp = true, or a serial_port"
+            problems.add(problems.place("modbus", "tcp"), f"false leaves no way in; {right}")
+        _resolve_tls(server, self._base, problems)
+        if not self.units:
+            right = "give it a node, as in [modbus.units.pressure_a]"
+            problems.add(problems.place("modbus.units"), f"there is no unit; {right}")
+        for name, unit in self.units.items():
+            _resolve_unit(name, unit, self._nodes, self._base, problems)
+        _check_unit_ids(self.units, problems)
+        _resolve_default_unit(server, self.units, problems)
 
-def resolve_modbus(
-    modbus: ModbusSettings, nodes: Mapping[str, Settings], base: Path, problems: Problems
-) -> None:
-    """Fill in what a unit takes from its node, and note what does not fit together."""
-    server = modbus.server
-    if not server["tcp"].value and server["serial_port"].value is None:
-        right = "give tcp = true, or a serial_port"
-        problems.add(problems.place("modbus", "tcp"), f"false leaves no way in; {right}")
-    _resolve_tls(server, base, problems)
-    if not modbus.units:
-        right = "give it a node, as in [modbus.units.pressure_a]"
-        problems.add(problems.place("modbus.units"), f"there is no unit; {right}")
-    for name, unit in modbus.units.items():
-        _resolve_unit(name, unit, nodes, base, problems)
-    _check_unit_ids(modbus.units, problems)
-    _resolve_default_unit(modbus, problems)
+    def build(self) -> dict[str, Any]:
+        """Return the record; problems of register maps are noted."""
+        if self.server is None:
+            return {"modbus": None}
+        values = {key: setting.value for key, setting in self.server.items()}
+        tcp, serial_port = values.pop("tcp"), values.pop("serial_port")
+        serial = {key: values.pop(key) for key in ("baud_rate", "parity", "stop_bits")}
+        units = [
+            _build_unit(
+                name, unit, self._nodes[unit["node"].value]["profile"].value, self._problems
+            )
+            for name, unit in self.units.items()
+        ]
+        certificate, tls_key, client_ca = (values.pop(key) for key in _TLS_FILES)
+        writer_role = values.pop("tls_writer_role")
+        default_unit = values.pop("default_unit")
+        default_id = self.units[default_unit]["unit_id"].value if default_unit else None
+        tls = None
+        if certificate and tls_key and client_ca:
+            tls = TlsConfig(Path(certificate), Path(tls_key), Path(client_ca), writer_role)
+        line = None if serial_port is None else SerialConfig(port=serial_port, **serial)
+        server = ServerConfig(
+            is_on_tcp=tcp, serial=line, tls=tls, default_unit=default_id, **values
+        )
+        known = tuple(unit for unit in units if unit is not None)
+        return {"modbus": ModbusConfig(server=server, units=known)}
 
-
-def build_modbus(
-    modbus: ModbusSettings, nodes: Mapping[str, Settings], problems: Problems
-) -> ModbusConfig:
-    """Return the record of checked settings; problems of register maps are noted."""
-    values = {key: setting.value for key, setting in modbus.server.items()}
-    tcp, serial_port = values.pop("tcp"), values.pop("serial_port")
-    serial = {key: values.pop(key) for key in ("baud_rate", "parity", "stop_bits")}
-    units = [
-        _build_unit(name, unit, nodes[unit["node"].value]["profile"].value, problems)
-        for name, unit in modbus.units.items()
-    ]
-    certificate, tls_key, client_ca = (values.pop(key) for key in _TLS_FILES)
-    writer_role = values.pop("tls_writer_role")
-    default_unit = values.pop("default_unit")
-    default_id = modbus.units[default_unit]["unit_id"].value if default_unit else None
-    tls = None
-    if certificate and tls_key and client_ca:
-        tls = TlsConfig(Path(certificate), Path(tls_key), Path(client_ca), writer_role)
-    line = None if serial_port is None else SerialConfig(port=serial_port, **serial)
-    return ModbusConfig(
-        server=ServerConfig(is_on_tcp=tcp, serial=line, tls=tls, default_unit=default_id, **values),
-        units=tuple(unit for unit in units if unit is not None),
-    )
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of the server, and those of its units."""
+        return () if self.server is None else (self.server, *self.units.values())
 
 
 def _resolve_tls(server: Settings, base: Path, problems: Problems) -> None:
@@ -225,14 +234,16 @@ def _check_unit_ids(units: Mapping[str, Settings], problems: Problems) -> None:
             problems.add(place, f"{unit_id} is taken by modbus.units.{owner}; {right}")
 
 
-def _resolve_default_unit(modbus: ModbusSettings, problems: Problems) -> None:
+def _resolve_default_unit(
+    server: Settings, units: Mapping[str, Settings], problems: Problems
+) -> None:
     """Fill in the only unit where none is named, and note a name that is not a unit's."""
-    setting = modbus.server["default_unit"]
+    setting = server["default_unit"]
     if setting.value is None:
-        only = next(iter(modbus.units)) if len(modbus.units) == 1 else None
-        modbus.server["default_unit"] = setting._replace(value=only)
-    elif setting.value not in modbus.units and modbus.units:
-        right = f"the nearest is {find_nearest(setting.value, modbus.units)}"
+        only = next(iter(units)) if len(units) == 1 else None
+        server["default_unit"] = setting._replace(value=only)
+    elif setting.value not in units and units:
+        right = f"the nearest is {find_nearest(setting.value, units)}"
         place = problems.place("modbus", "default_unit")
         problems.add(place, f"there is no unit {describe(setting.value)}; {right}")
 

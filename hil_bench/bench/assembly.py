@@ -7,11 +7,14 @@
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
+from hil_bench.bench.copper import build_wiring
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.switchboard import Switchboard
+from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
@@ -43,7 +46,7 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
     config = config or load_config()
     bench = build_bench(config)
     bench.start(0)
-    return EmbeddedBus(bench.tick, config.tick_ns)
+    return EmbeddedBus(bench.tick, config.tick_ns, wire=bench.wiring)
 
 
 def build_bench(config: BenchConfig) -> Bench:
@@ -67,9 +70,13 @@ def build_bench(config: BenchConfig) -> Bench:
         seed=config.seed,
     )
     schedule_faults(faults, config.faults)
-    return Bench(
+    wiring = build_wiring(config, nodes)
+    numbers = {nodes[name]: number for name, number in buses.items()}
+    switchboard = Switchboard(numbers, agenda, wiring)
+    make = Bench if wiring is None else partial(WiredBench, wiring=wiring)
+    return make(
         axes,
-        Switchboard({nodes[name]: number for name, number in buses.items()}, agenda),
+        switchboard,
         steps=config.steps_per_tick,
         faults=faults,
         fittings=list(fittings.values()),

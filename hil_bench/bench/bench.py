@@ -14,9 +14,10 @@ A frame that one node of the bench sends is heard by the other nodes of the benc
 as on a wire.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hil_bench.bench.switchboard import Switchboard
+from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.faults import Faults
@@ -37,7 +38,10 @@ class Bench:
         nodes: every CANopen node.
         commands: what each axis was commanded in the last tick [SI].
         is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
+        wiring: its buses of copper; None where all buses take no time.
     """
+
+    wiring: Wiring | None = None
 
     def __init__(
         self,
@@ -52,7 +56,7 @@ class Bench:
         self.axes = tuple(axes)
         self.nodes = switchboard.nodes
         self.faults = faults or Faults()
-        self.is_timeless = switchboard.is_timeless
+        self.is_timeless: Callable[[Frame], bool] = switchboard.is_timeless
         self.commands = [0.0] * len(self.axes)
         self.fittings = tuple(fittings)
         self.sensors = tuple(sensors)

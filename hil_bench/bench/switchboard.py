@@ -8,10 +8,11 @@ One round is `receive`, then `send`; a tick of the bench is one, and so is what 
 two ticks.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
+from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.agenda import Agenda
 from hil_bench.canopen_device.frame import Emit, Frame, Handler, Routes, make_frame
 from hil_bench.canopen_device.node import Node
@@ -40,6 +41,7 @@ class Switchboard:
     Args:
         buses: the number of the bus of each node.
         agenda: the one that all these nodes bring forward.
+        wiring: the ways of nodes whose bus is of copper; their frames are not ours to hand on.
 
     Attributes:
         nodes: all of them.
@@ -50,7 +52,10 @@ class Switchboard:
         emit: takes a frame that is sent in this round, from no node.
     """
 
-    def __init__(self, buses: Mapping[Node, int], agenda: Agenda) -> None:
+    def __init__(
+        self, buses: Mapping[Node, int], agenda: Agenda, wiring: Wiring | None = None
+    ) -> None:
+        self._wiring = wiring
         self.nodes = tuple(buses)
         self.unrouted = 0
         self._buses = dict(buses)
@@ -61,6 +66,11 @@ class Switchboard:
         self.emit: Emit = self._sent.append
         self._synchronised_at: int | None = None
         self._plug_in()
+
+    @property
+    def overheard(self) -> Collection[int]:
+        """What another node listens to than the one that sends it, by `address_of`."""
+        return self._overheard
 
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first round."""
@@ -172,6 +182,8 @@ class Switchboard:
 
     def _port(self, node: Node, bus: int) -> Port:
         emit = _numbered(self.emit, bus) if bus else self.emit
+        if self._wiring is not None:
+            emit = self._wiring.sender(node) or emit
         line = self._lines.get(node)
         if line is None:
             return Port(node, emit, None)
@@ -189,6 +201,8 @@ class Switchboard:
             for can_id, handler in node.routes.items():
                 address = address_of(can_id, bus)
                 taker = handler if line is None else line.guard(handler)
+                if self._wiring is not None:
+                    taker = self._wiring.guard(node, taker)
                 routes.setdefault(address, []).append(taker)
                 listeners.setdefault(address, []).append(port)
             requests |= {address_of(can_id, bus) for can_id in node.sdo_ids}

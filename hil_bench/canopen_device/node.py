@@ -14,6 +14,7 @@ Frames and the time go in, frames come out through `emit`. One round of a node::
 from collections.abc import Collection
 
 from hil_bench.canopen_device.agenda import NEVER, Agenda
+from hil_bench.canopen_device.can_errors import CanErrors, CanEvent
 from hil_bench.canopen_device.counters import NodeCounters
 from hil_bench.canopen_device.emcy import EmcyProducer
 from hil_bench.canopen_device.error_behaviour import COMMUNICATION_ERROR, ErrorBehaviour
@@ -85,6 +86,7 @@ class Node:
         self._is_started = False
         self._is_silent = False
         self.emcy = EmcyProducer(object_dictionary, self._rest, self.counters)
+        self._can_errors = CanErrors(self.emcy)
         self._store = ParameterStore(object_dictionary, storage or MemoryStorage(), self.emcy)
         self._take_node_id(self._store.node_id or node_id)
         self._power_up(RESTORED[NmtCommand.RESET_NODE])
@@ -163,6 +165,12 @@ class Node:
         state = self._error_behaviour.state_after(subindex, self.state)
         if state is not None:
             self._enter(state)
+
+    def take_can_event(self, event: CanEvent) -> None:
+        """Act on what the CAN controller tells: EMCY, and 0x1029 when it is bus-off."""
+        self._can_errors.take(event)
+        if event is CanEvent.BUS_OFF:
+            self.follow_error_behaviour(COMMUNICATION_ERROR)
 
     def trigger_tpdo(self, number: int) -> None:
         """Take an application event for TPDO `number` (types 0, 254, 255)."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
 from hil_bench.session.session import Session
@@ -43,9 +43,17 @@ class LockStep:
     Attributes:
         session: as passed in.
         syncs: SYNCs so far.
+
+    Raises:
+        ConfigError: a bus of the bench is of copper.
     """
 
     def __init__(self, session: Session, *, tick_ns: int, ticks_per_sync: int = 1) -> None:
+        if session.bench.wiring is not None:
+            raise ConfigError(
+                "[bus.wire]: in lock-step no time passes for frames; leave the table out, or run "
+                "in real or virtual time"
+            )
         self.session = session
         self.syncs = 0
         self._tick_ns = tick_ns

@@ -1,15 +1,22 @@
 """What a bench in virtual time puts on a bus, and how long each frame waits there."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Final
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand
-from hil_bench.outside.wire.arbitration import Arbiter, Sent
+from hil_bench.errors import ConfigError
+from hil_bench.outside.wire.config import BufferConfig, WireConfig
+from hil_bench.outside.wire.station import Order
+from hil_bench.outside.wire.wire import Passage
 from hil_bench.session.session import open_session
 
-_NS_PER_S = 1_000_000_000
+_DEPTH: Final = 256
+_BOOT_TICKS: Final = 100
+_DRIFT: Final = 100
 
 
 @dataclass(slots=True)
@@ -28,9 +35,9 @@ class MeasuredTraffic:
     busy: int = 0
     waiting: int = 0
 
-    def take(self, sent: Sequence[Sent]) -> None:
-        """Count what was sent."""
-        for each in sent:
+    def take(self, passages: Sequence[Passage]) -> None:
+        """Count what has passed."""
+        for each in passages:
             can_id = each.frame.can_id
             self.counts[can_id] = self.counts.get(can_id, 0) + 1
             self.worst[can_id] = max(self.worst.get(can_id, 0), each.end - each.released)
@@ -42,7 +49,8 @@ def measure_traffic(
 ) -> MeasuredTraffic:
     """Run a bench whose controller starts all nodes and sends the same frames in each cycle.
 
-    The frames of a tick are released at its time, and go by arbitration, to the bit.
+    Its bus is of copper, with the buffers of `bench.toml`, or sorted ones where that has none. Each
+    hundredth cycle is a tick longer, so that the controller meets the nodes' timers in all phases.
 
     Args:
         config: a bench on one bus.
@@ -50,28 +58,31 @@ def measure_traffic(
         cycle: of the controller [ns].
         bitrate: of the bus [bit/s].
         duration: how long [ns].
+
+    Raises:
+        ConfigError: no node is on the bus.
     """
-    session, arbiter, found = open_session(config), Arbiter(bitrate), MeasuredTraffic()
-
-    def take(received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
-        found.take(arbiter.run(now))
-        for frame in (*received, *sent):
-            arbiter.release(frame, now)
-
+    wire = config.bus.wire or WireConfig(BufferConfig(_DEPTH, Order.PRIORITY))
+    config = replace(config, bus=replace(config.bus, bitrate=bitrate, wire=wire))
+    session, found = open_session(config), MeasuredTraffic()
+    bench = session.bench
+    if not isinstance(bench, WiredBench):
+        raise ConfigError("the bench has no node on this bus; give it one")
     session.start()
-    boot = config.tick_ns * 10
+    boot = config.tick_ns * _BOOT_TICKS
     for now in range(0, boot, config.tick_ns):
         session.tick((), now)
-    session.watch(frames=take)
     start = Frame(NMT_COB_ID, bytes((NmtCommand.START, 0)))
-    due = boot
+    due, cycles = boot, 0
     for now in range(boot, boot + duration, config.tick_ns):
         frames = [start] if now == boot else []
         if now >= due:
-            due += cycle
+            cycles += 1
+            due += cycle if cycles % _DRIFT else cycle + config.tick_ns
             frames += commands
         session.tick(frames, now)
-    end = boot + duration
-    found.take(arbiter.run(end))
-    found.waiting = arbiter.waiting
+        found.take(bench.passages)
+    found.waiting = sum(
+        station.waiting for bus in bench.wiring.buses.values() for station in bus.wire.stations
+    )
     return found

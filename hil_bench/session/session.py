@@ -11,6 +11,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
+from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.session.commands import Controls
@@ -18,7 +19,9 @@ from hil_bench.session.door import Door
 from hil_bench.session.telemetry import bench_channels, sample
 
 FrameObserver = Callable[[Sequence[Frame], Sequence[Frame], int], None]
-"""Told the frames that the bench received and sent, and their time [ns]."""
+"""Told the frames that the bench received and sent, and their time [ns].
+
+On a bus of copper it is told each frame by itself, at the time at which it had passed."""
 
 RowObserver = Callable[[Sequence[float]], None]
 """Told the time [s] and a value a channel, in its SI unit, at the end of each tick."""
@@ -74,6 +77,7 @@ class Session:
         self._commands = self.door.waiting
         self._stimuli = tuple(stimuli.values())
         self._frame_observers: list[FrameObserver] = []
+        self._told: list[FrameObserver] = []
         self._row_observers: list[RowObserver] = []
         self._tick_observers: list[TickObserver] = []
 
@@ -94,7 +98,8 @@ class Session:
             ticks: told each tick, after all frames and rows.
         """
         if frames is not None:
-            self._frame_observers.append(frames)
+            self._told.append(frames)
+            self._frame_observers.append(self._at_their_times(frames))
         if rows is not None:
             self._row_observers.append(rows)
         if ticks is not None:
@@ -115,11 +120,31 @@ class Session:
             ticks: likewise.
         """
         if frames is not None:
-            self._frame_observers.remove(frames)
+            place = self._told.index(frames)
+            del self._told[place], self._frame_observers[place]
         if rows is not None:
             self._row_observers.remove(rows)
         if ticks is not None:
             self._tick_observers.remove(ticks)
+
+    def _at_their_times(self, observe: FrameObserver) -> FrameObserver:
+        """Return what tells an observer each frame at its own time where a bus is of copper."""
+        bench = self.bench
+        if not isinstance(bench, WiredBench):
+            return observe
+
+        wiring = bench.wiring
+
+        def tell(_received: Sequence[Frame], _sent: Sequence[Frame], now: int) -> None:
+            for passage in bench.passages:
+                if wiring.is_outside(passage):
+                    observe((passage.frame,), (), passage.end)
+                else:
+                    observe((), (passage.frame,), passage.end)
+            if bench.direct or bench.at_once:
+                observe(bench.direct, bench.at_once, now)
+
+        return tell
 
     def start(self) -> None:
         """Power the bench on; its nodes boot in the first tick."""

@@ -98,7 +98,9 @@ class VirtualBench:
             self.session.watch(ticks=self.session.modbus.exchange)
         self.session.watch(ticks=self._tell_observers)
         self.session.start()
-        self.bus = EmbeddedBus(self.session.tick, self.config.tick_ns, pacer=pacer)
+        self.bus = EmbeddedBus(
+            self.session.tick, self.config.tick_ns, pacer=pacer, wire=self.bench.wiring
+        )
         self.buses: dict[str, EmbeddedPort] = {
             name: self.bus.make_further() if number else self.bus
             for number, name in enumerate(self.config.buses)

@@ -6,6 +6,14 @@ from typing import Any
 
 from hil_bench.bench.configuration.keys import BUS_KEYS
 from hil_bench.bench.configuration.records import FIRST_BUS, BusConfig
+from hil_bench.bench.configuration.wires import (
+    WIRE_TABLE,
+    WireSettings,
+    build_wire,
+    check_wire,
+    read_wire,
+    wire_settings,
+)
 from hil_bench.config.document import Document, read_named_sections, read_section
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, read_table
 from hil_bench.config.values import bus_option, describe
@@ -14,6 +22,10 @@ MOST_BUSES = 8
 """More than any machine has; a recording has room for 32."""
 
 _KNOWN = tuple(key.name for key in BUS_KEYS)
+
+
+_Wires = dict[str, WireSettings | None]
+"""What is given of the wire of each bus, by the name of the bus."""
 
 
 class BusesSection:
@@ -28,30 +40,39 @@ class BusesSection:
     def __init__(
         self, document: Document, overrides: Mapping[str, object], problems: Problems
     ) -> None:
-        self._first = _read_bus(document, overrides, problems)
-        self._further = _read_further_buses(document, problems)
+        self._wires: _Wires = {}
+        self._first = _read_bus(document, overrides, self._wires, problems)
+        self._further = _read_further_buses(document, self._wires, problems)
         self._problems = problems
 
     def check_nodes(self, nodes: Mapping[str, Settings]) -> None:
         """Note nodes on a bus that is not there, buses without nodes, and two that are one."""
         _check_buses(self._first, self._further, nodes, self._problems)
+        for bus, wire in self._wires.items():
+            if wire is not None:
+                there = [name for name, node in nodes.items() if node["bus"].value == bus]
+                check_wire(wire, there, self._problems)
 
     def resolve(self) -> None:
         """Leave all as it is: the nodes, which come later, decide."""
 
     def build(self) -> dict[str, Any]:
         """Return the records of the buses."""
-        further = {name: _build_bus(table) for name, table in self._further.items()}
-        return {"bus": _build_bus(self._first), "further_buses": further}
+        wires = self._wires
+        further = {name: _build_bus(table, wires[name]) for name, table in self._further.items()}
+        return {"bus": _build_bus(self._first, wires[FIRST_BUS]), "further_buses": further}
 
     def tables(self) -> Iterable[Settings]:
         """Return the table of each bus."""
-        return (self._first, *self._further.values())
+        return (self._first, *self._further.values(), *wire_settings(self._wires))
 
 
-def _read_bus(document: Document, overrides: Mapping[str, object], problems: Problems) -> Settings:
+def _read_bus(
+    document: Document, overrides: Mapping[str, object], wires: _Wires, problems: Problems
+) -> Settings:
     """Return the settings of ``[bus]``, which the command line may override."""
     given = read_section(document, FIRST_BUS, problems)
+    wires[FIRST_BUS] = read_wire(FIRST_BUS, given.pop(WIRE_TABLE, None), problems)
     if overrides["interface"] is not None:
         # The further keys are for the bus class of the file's interface; another would refuse them.
         given = {key: value for key, value in given.items() if key in _KNOWN}
@@ -62,7 +83,9 @@ def _read_bus(document: Document, overrides: Mapping[str, object], problems: Pro
     return _read(FIRST_BUS, given, problems)
 
 
-def _read_further_buses(document: Document, problems: Problems) -> dict[str, Settings]:
+def _read_further_buses(
+    document: Document, wires: _Wires, problems: Problems
+) -> dict[str, Settings]:
     """Return the settings of each ``[buses.NAME]`` by its name."""
     if "buses" not in document:
         return {}
@@ -72,6 +95,7 @@ def _read_further_buses(document: Document, problems: Problems) -> dict[str, Set
             wrong = f"[{FIRST_BUS}] is the first bus; give a further one another name"
             problems.add(problems.place(f"buses.{name}"), wrong)
             continue
+        wires[name] = read_wire(f"buses.{name}", given.pop(WIRE_TABLE, None), problems)
         buses[name] = _read(f"buses.{name}", given, problems)
     return buses
 
@@ -101,11 +125,11 @@ def _check_buses(
     _check_channels(known, problems)
 
 
-def _build_bus(bus: Settings) -> BusConfig:
+def _build_bus(bus: Settings, wire: WireSettings | None) -> BusConfig:
     """Return the record of a checked bus."""
     known = {name: bus[name].value for name in _KNOWN}
     options = {name: setting.value for name, setting in bus.items() if name not in known}
-    return BusConfig(**known, options=options)
+    return BusConfig(**known, options=options, wire=build_wire(wire))
 
 
 def _read(table: str, given: Mapping[str, Given], problems: Problems) -> Settings:

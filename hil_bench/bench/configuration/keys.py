@@ -24,6 +24,7 @@ from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.registry import KINDS, kind_name
 from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
+from hil_bench.outside.wire.station import Order
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
 
@@ -51,6 +52,13 @@ BUS_KEYS = (
     Key("channel", channel),
     Key("bitrate", integer(1, 1_000_000)),
 )
+
+BUFFER_KEYS = (
+    Key("buffer_frames", integer(1, 100_000), 256, field="depth"),
+    Key("order", choice(Order), Order.PRIORITY),
+)
+
+WIRE_KEYS = BUFFER_KEYS
 
 _FIRST_KIND = next(iter(KINDS.built_in))
 

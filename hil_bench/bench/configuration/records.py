@@ -12,6 +12,7 @@ from hil_bench.outside.modbus.data_types import WordOrder
 from hil_bench.outside.modbus.register_map import Holes, RegisterMap
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
+from hil_bench.outside.wire.config import WireConfig
 from hil_bench.plants.kind import AxisConfig
 
 FIRST_BUS = "bus"
@@ -27,12 +28,14 @@ class BusConfig:
         channel: the channel of that interface, as in ``vcan0``.
         bitrate: bit rate [bit/s].
         options: further keyword arguments of that interface's bus class.
+        wire: how it behaves as copper; None for a bus that takes no time.
     """
 
     interface: str | None = None
     channel: str | int | None = None
     bitrate: int | None = None
     options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+    wire: WireConfig | None = None
 
 
 @dataclass(frozen=True, slots=True)

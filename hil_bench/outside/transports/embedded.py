@@ -32,6 +32,19 @@ class Pace(Protocol):
         """Take note that the tick is over."""
 
 
+class WireEnd(Protocol):
+    """Buses of copper, on which frames take time: `hil_bench.bench.wiring.Wiring`."""
+
+    def takes(self, frame: Frame) -> bool:
+        """Return whether a frame is put here; others wait for the next tick."""
+
+    def put(self, frame: Frame, now: int) -> bool:
+        """Have the user want to send a frame from now on [ns]; return whether it had room."""
+
+    def next_frame(self, until: int) -> tuple[Frame, int] | None:
+        """Return the next frame that passes, and when [ns]; None where none does until then."""
+
+
 class _BenchTime:
     """A bench and its time, which the users of all its buses let pass.
 
@@ -41,6 +54,7 @@ class _BenchTime:
         start: bench time at which the buses begin [ns].
         pacer: holds each tick back until it is due; without one, ticks follow at once.
         on_frame: told every frame, both ways.
+        wire: those of its buses that are of copper.
 
     Attributes:
         now: bench time [ns].
@@ -49,11 +63,18 @@ class _BenchTime:
     """
 
     def __init__(
-        self, tick: Tick, period: int, start: int, pacer: Pace | None, on_frame: FrameHook | None
+        self,
+        tick: Tick,
+        period: int,
+        start: int,
+        pacer: Pace | None,
+        on_frame: FrameHook | None,
+        wire: WireEnd | None = None,
     ) -> None:
         self.now = start
         self.to_bench: list[Frame] = []
-        self.readers: list[Callable[[Frame], None]] = []
+        self.readers: list[Callable[[Frame, int | None], None]] = []
+        self._wire = wire
         self._tick = tick
         self._period = period
         self._next_tick = start + period
@@ -61,18 +82,40 @@ class _BenchTime:
         self._on_frame = on_frame
 
     def send(self, frame: Frame) -> None:
-        """Queue a frame for the next tick."""
-        self.to_bench.append(frame)
+        """Queue a frame for the next tick, or put it on the bus where that is of copper.
+
+        Raises:
+            can.CanOperationError: the transmission buffer is full.
+        """
+        if self._wire is None or not self._wire.takes(frame):
+            self.to_bench.append(frame)
+        elif not self._wire.put(frame, self.now):
+            raise can.CanOperationError("the transmission buffer is full")
         if self._on_frame is not None:
             self._on_frame(frame, self.now)
 
     def pass_until(self, deadline: int, is_over: Callable[[], object]) -> bool:
         """Run ticks until `is_over` (True) or the deadline [ns] has come (False)."""
         while self._next_tick <= deadline:
+            if self._wire is not None and self._hear(self._wire, self._next_tick, is_over):
+                return True
             self._run_tick()
             if is_over():
                 return True
+        if self._wire is not None and self._hear(self._wire, deadline, is_over):
+            return True
         self.now = max(self.now, deadline)
+        return False
+
+    def _hear(self, wire: WireEnd, until: int, is_over: Callable[[], object]) -> bool:
+        """Hand out what passes until then [ns], or until `is_over`; return whether it is."""
+        while (passed := wire.next_frame(until)) is not None:
+            frame, self.now = passed
+            if self._on_frame is not None:
+                self._on_frame(frame, self.now)
+            self.readers[frame.bus](frame, self.now)
+            if is_over():
+                return True
         return False
 
     def _run_tick(self) -> None:
@@ -85,7 +128,7 @@ class _BenchTime:
         for frame in self._tick(received, now):
             if self._on_frame is not None:
                 self._on_frame(frame, now)
-            self.readers[frame.bus](frame)
+            self.readers[frame.bus](frame, None)
         if self._pacer is not None:
             self._pacer.done()
 
@@ -105,7 +148,7 @@ class EmbeddedPort(can.BusABC):
         self, time: _BenchTime, can_filters: can.typechecking.CanFilters | None = None
     ) -> None:
         self._time = time
-        self._to_reader: deque[Frame] = deque()
+        self._to_reader: deque[tuple[Frame, int | None]] = deque()
         self.number = len(time.readers)
         self._name = f"embedded{self.number or ''}"
         self.channel_info = f"{self._name} bench"
@@ -137,7 +180,8 @@ class EmbeddedPort(can.BusABC):
             timeout: bench time [s] to wait; 0 takes what is there, without a tick.
 
         Returns:
-            The message, its time stamp in bench time [s], or None when the time-out has passed.
+            The message, its time stamp in bench time [s], or None when the time-out has passed. On
+            a bus of copper that is when it had passed, otherwise when it was taken.
 
         Raises:
             can.CanTimeoutError: `timeout` is None and no frame came for `LONGEST_WAIT`.
@@ -149,8 +193,9 @@ class EmbeddedPort(can.BusABC):
             if timeout is None:
                 raise can.CanTimeoutError(f"no frame in {wait // _NS_PER_S} s of bench time")
             return None
-        message = message_of(self._to_reader.popleft())
-        message.timestamp = self.now()
+        frame, time = self._to_reader.popleft()
+        message = message_of(frame)
+        message.timestamp = self.now() if time is None else time / _NS_PER_S
         message.channel = self._name
         return message
 
@@ -182,10 +227,10 @@ class EmbeddedPort(can.BusABC):
         """Let time pass [ns] until a frame is there; return whether one is."""
         return self._time.pass_until(self._time.now + duration, lambda: self._to_reader)
 
-    def _take(self, frame: Frame) -> None:
-        """Keep a frame where the reader asked for it."""
+    def _take(self, frame: Frame, time: int | None) -> None:
+        """Keep a frame where the reader asked for it, with the time at which it had passed [ns]."""
         if self._filters is None or self._matches_filters(message_of(frame)):
-            self._to_reader.append(frame)
+            self._to_reader.append((frame, time))
 
     def _apply_filters(self, filters: can.typechecking.CanFilters | None) -> None:
         """Take filters as they are: `_take` asks `_matches_filters`."""
@@ -212,12 +257,14 @@ class EmbeddedBus(EmbeddedPort):
         on_frame: told every frame, both ways, in the order of their bench times.
         can_filters: as for every python-can bus.
         description: the bus in words, for messages.
+        wire: those buses of the bench that are of copper: frames pass them in their time, to the
+            bit, and a wait may end between two ticks.
 
     Raises:
         ValueError: the period is not positive.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - each with a meaning of its own
         self,
         tick: Tick,
         period_ns: int = 1_000_000,
@@ -227,10 +274,12 @@ class EmbeddedBus(EmbeddedPort):
         on_frame: FrameHook | None = None,
         can_filters: can.typechecking.CanFilters | None = None,
         description: str = "embedded bench",
+        wire: WireEnd | None = None,
     ) -> None:
         if period_ns <= 0:
             raise ValueError(f"tick period {period_ns} ns: a positive number is right")
-        super().__init__(_BenchTime(tick, period_ns, start_ns, pacer, on_frame), can_filters)
+        time = _BenchTime(tick, period_ns, start_ns, pacer, on_frame, wire)
+        super().__init__(time, can_filters)
         self.channel_info = description
 
     def make_further(self) -> EmbeddedPort:

@@ -5,7 +5,6 @@ bits; after five equal bits of these comes one of the other value. Ten bits end 
 stuffing, and three stand between two frames.
 """
 
-from functools import lru_cache
 from typing import Final
 
 from hil_bench.canopen_device.frame import Frame
@@ -13,7 +12,7 @@ from hil_bench.canopen_device.frame import Frame
 INTERMISSION: Final = 3
 """Bits between two frames."""
 
-_ENDING: Final = 10
+ENDING: Final = 10
 """CRC delimiter, acknowledgement with its delimiter, end of frame."""
 
 _CRC_BITS: Final = 15
@@ -22,7 +21,6 @@ _CRC_MASK: Final = 0x7FFF
 _STUFFED_AFTER: Final = 5
 _HEAD: Final = 34
 _EXTENDED_HEAD: Final = 54
-_KEPT: Final = 8192
 
 
 def worst_bits(length: int, *, is_extended: bool = False) -> int:
@@ -36,49 +34,93 @@ def worst_bits(length: int, *, is_extended: bool = False) -> int:
         is_extended: whether the identifier has 29 bits.
     """
     stuffed = (_EXTENDED_HEAD if is_extended else _HEAD) + 8 * length
-    return stuffed + _ENDING + INTERMISSION + (stuffed - 1) // 4
+    return stuffed + ENDING + INTERMISSION + (stuffed - 1) // 4
 
 
 def exact_bits(frame: Frame) -> int:
     """Return the bits of a frame with its stuff bits, and of the intermission after it."""
-    return _count(frame.can_id, frame.data, frame.is_remote, frame.is_extended)
+    word, length = _with_crc(frame)
+    count, state = length + ENDING + INTERMISSION, _START
+    place = length - 8
+    while place >= 0:
+        state, stuffed = _STEPS[8][state << 8 | word >> place & 0xFF]
+        count += stuffed
+        place -= 8
+    rest = place + 8
+    if rest:
+        count += _STEPS[rest][state << rest | word & (1 << rest) - 1][1]
+    return count
 
 
-@lru_cache(maxsize=_KEPT)
-def _count(can_id: int, data: bytes, is_remote: bool, is_extended: bool) -> int:
-    word, length = _unstuffed(can_id, data, is_remote=is_remote, is_extended=is_extended)
-    word, length = word << _CRC_BITS | _crc(word, length), length + _CRC_BITS
-    return length + _stuff_bits(word, length) + _ENDING + INTERMISSION
-
-
-def _unstuffed(can_id: int, data: bytes, *, is_remote: bool, is_extended: bool) -> tuple[int, int]:
-    """Return start bit to data as one number, and how many bits it has."""
-    if is_extended:  # 11 bits, SRR and IDE recessive, 18 bits, RTR, two reserved bits
-        word = (can_id >> 18) << 2 | 0b11
-        word = ((word << 18 | can_id & 0x3FFFF) << 1 | is_remote) << 2
-        length = 35
-    else:  # 11 bits, RTR, IDE and a reserved bit dominant
-        word, length = (can_id << 1 | is_remote) << 2, 15
-    word, length = word << 4 | len(data), length + 4
-    return word << 8 * len(data) | int.from_bytes(data, "big"), length + 8 * len(data)
-
-
-def _crc(word: int, length: int) -> int:
-    crc = 0
-    for place in range(length - 1, -1, -1):
-        is_odd = (crc >> 14 ^ word >> place) & 1
-        crc = crc << 1 & _CRC_MASK
-        if is_odd:
-            crc ^= _POLYNOMIAL
-    return crc
-
-
-def _stuff_bits(word: int, length: int) -> int:
-    stuffed, last, run = 0, -1, 0
+def stuffed_bits(frame: Frame) -> list[int]:
+    """Return the bits of a frame from its start to the end of the CRC, with stuff bits."""
+    word, length = _with_crc(frame)
+    bits: list[int] = []
+    last, run = -1, 0
     for place in range(length - 1, -1, -1):
         bit = word >> place & 1
         run = run + 1 if bit == last else 1
         last = bit
+        bits.append(bit)
+        if run == _STUFFED_AFTER:
+            last, run = 1 - bit, 1
+            bits.append(last)
+    return bits
+
+
+def _with_crc(frame: Frame) -> tuple[int, int]:
+    """Return start bit to CRC as one number, and how many bits it has."""
+    can_id, data, is_remote, is_extended, _ = frame
+    if is_extended:  # 11 bits, SRR and IDE recessive, 18 bits, RTR, two reserved bits
+        word = (can_id >> 18) << 2 | 0b11
+        word = ((word << 18 | can_id & 0x3FFFF) << 1 | is_remote) << 2
+        length = 39
+    else:  # 11 bits, RTR, IDE and a reserved bit dominant
+        word, length = (can_id << 1 | is_remote) << 2, 19
+    word = word << 4 | len(data)
+    crc = 0
+    for place in (32, 24, 16, 8, 0):  # zeros in front change nothing: the CRC begins with zeros
+        crc = crc << 8 & _CRC_MASK ^ _CRC_STEPS[crc >> 7 ^ word >> place & 0xFF]
+    for byte in data:
+        crc = crc << 8 & _CRC_MASK ^ _CRC_STEPS[crc >> 7 ^ byte]
+    word = word << 8 * len(data) | int.from_bytes(data, "big")
+    return word << _CRC_BITS | crc, length + 8 * len(data) + _CRC_BITS
+
+
+def _crc_step(byte: int) -> int:
+    crc = byte << 7
+    for _ in range(8):
+        crc = (crc << 1 ^ _POLYNOMIAL) if crc & 0x4000 else crc << 1
+    return crc & _CRC_MASK
+
+
+_CRC_STEPS: Final = tuple(map(_crc_step, range(256)))
+"""What each byte at the head of the register leaves there."""
+
+_START: Final = 0
+"""State of stuffing before a frame: no bit yet. Others: last bit and length of its run."""
+
+
+def _stuffing_step(state: int, bits: int, count: int) -> tuple[int, int]:
+    """Return the state after some bits, and how many stuff bits are among them.
+
+    A state is 0, or 1 to 4 after so many dominant bits, or 5 to 8 after one to four recessive ones.
+    """
+    stuffed = 0
+    for place in range(count - 1, -1, -1):
+        bit = bits >> place & 1
+        is_same = state and bit == (state > 4)
+        run = (state - 1) % 4 + 2 if is_same else 1
         if run == _STUFFED_AFTER:  # the stuff bit begins the next run
-            stuffed, last, run = stuffed + 1, 1 - bit, 1
-    return stuffed
+            stuffed, bit, run = stuffed + 1, 1 - bit, 1
+        state = 4 * bit + run
+    return state, stuffed
+
+
+_STEPS: Final = tuple(
+    tuple(_stuffing_step(state, bits, count) for state in range(9) for bits in range(1 << count))
+    if count
+    else ()
+    for count in range(9)
+)
+"""`_stuffing_step` of so many bits, by the state and the bits behind it."""

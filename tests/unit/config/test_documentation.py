@@ -17,6 +17,7 @@ from hil_bench.bench.configuration.keys import (
     BUS_KEYS,
     SINK_KEYS,
     SOURCE_KEYS,
+    WIRE_KEYS,
     node_keys,
 )
 from hil_bench.bench.configuration.modbus import MODBUS_KEYS, UNIT_KEYS
@@ -32,6 +33,7 @@ DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
 TABLES = (
     BENCH_KEYS,
     BUS_KEYS,
+    WIRE_KEYS,
     AXIS_KEYS,
     (KIND_KEY,),
     *map(node_keys, reversed(KINDS.built_in.values())),

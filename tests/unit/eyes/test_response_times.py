@@ -6,8 +6,9 @@ import pytest
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.response_times import Message, response_times, utilisation
-from hil_bench.outside.wire.arbitration import Arbiter
 from hil_bench.outside.wire.bits import worst_bits
+from hil_bench.outside.wire.station import Station
+from hil_bench.outside.wire.wire import Wire
 
 US = 1000
 MS = 1_000_000
@@ -80,11 +81,12 @@ def test_no_simulation_is_slower_than_the_bound(seed):
         for phase in [dice.randrange(period) if seed else 0]
         for number in range(2_000 * MS // period)
     )
-    arbiter, worst, sent = Arbiter(250_000), dict.fromkeys(bounds, 0), []
+    sender, hearer = Station("sender", 10_000), Station("hearer", 1)
+    wire, worst, sent = Wire(250_000, [sender, hearer]), dict.fromkeys(bounds, 0), []
     for now, can_id, length in releases:
-        sent += arbiter.run(now)
-        arbiter.release(Frame(can_id, bytes(length)), now)
-    for each in [*sent, *arbiter.run(3_000 * MS)]:
+        sent += wire.run(now)
+        wire.put(sender, Frame(can_id, bytes(length)), now)
+    for each in [*sent, *wire.run(3_000 * MS)]:
         name = str(each.frame.can_id)
         worst[name] = max(worst[name], each.end - each.released)
     bounded = {name: bound for name, bound in bounds.items() if bound is not None}

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.arbitration import Arbiter, priority
 from hil_bench.outside.wire.bits import exact_bits, worst_bits
 
 
@@ -52,39 +51,3 @@ def test_a_frame_has_the_bits_that_paper_counts(frame):
 def test_the_bound_is_that_of_the_paper(length):
     assert worst_bits(length) == 55 + 10 * length
     assert worst_bits(length, is_extended=True) == 80 + 10 * length
-
-
-def test_the_lowest_identifier_goes_first_and_nothing_is_interrupted():
-    arbiter = Arbiter(1_000_000)
-    late, early, urgent = Frame(0x300), Frame(0x200), Frame(0x100)
-    arbiter.release(late, 0)
-    arbiter.release(early, 0)
-    first = arbiter.run(1)
-    arbiter.release(urgent, 10_000)  # while the first is on the bus
-    sent = [*first, *arbiter.run(10**9)]
-    assert [each.frame for each in sent] == [early, urgent, late]
-    bits = [exact_bits(frame) for frame in (early, urgent, late)]
-    ends = [1000 * sum(bits[: number + 1]) for number in range(3)]  # a bit is 1 us
-    assert [each.end for each in sent] == ends
-    assert [each.begin for each in sent] == [0, *ends[:2]]
-    assert [each.released for each in sent] == [0, 10_000, 0]
-
-
-def test_an_idle_bus_sends_at_once():
-    arbiter = Arbiter(125_000)
-    arbiter.release(Frame(0x80), 5_000_000)
-    (sent,) = arbiter.run(10**9)
-    assert (sent.begin, sent.end) == (5_000_000, 5_000_000 + 8000 * exact_bits(Frame(0x80)))
-
-
-# ISO 11898-1: RTR is recessive in a remote frame, SRR and IDE in one of 29 bits.
-def test_arbitration_goes_by_the_bits_on_the_bus():
-    order = [
-        Frame(0x100),
-        Frame(0x100, is_remote=True),
-        Frame(0x100 << 18, is_extended=True),
-        Frame(0x100 << 18, is_extended=True, is_remote=True),
-        Frame(0x100 << 18 | 1, is_extended=True),
-        Frame(0x101),
-    ]
-    assert sorted([order[3], order[5], *order[:3], order[4]], key=priority) == order

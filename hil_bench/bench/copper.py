@@ -1,0 +1,40 @@
+"""Makes the buses of copper of a bench."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.wiring import Bus, Plug, Wiring
+from hil_bench.canopen_device.node import Node
+from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.wire.config import CONTROLLER, WireConfig
+from hil_bench.outside.wire.station import Station
+from hil_bench.outside.wire.wire import Wire
+
+_BABBLER: Final = "babbling node"
+_MOST_BABBLE: Final = 1000
+
+
+def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | None:
+    """Return the buses of copper of a bench; None where it has none."""
+    buses, plugs = list[Bus](), list[Plug]()
+    for number, (name, bus) in enumerate(config.buses.items()):
+        if bus.wire is None:
+            continue
+        controller = make_station(CONTROLLER, bus.wire)
+        stations = {
+            node.name: make_station(node.name, bus.wire)
+            for node in config.nodes
+            if node.bus == name
+        }
+        babbler = Station(_BABBLER, _MOST_BABBLE)
+        wire = Wire(bus.bitrate or USUAL_BITRATE, [controller, babbler, *stations.values()])
+        buses.append(Bus(number, wire, controller, babbler))
+        plugs += [Plug(nodes[each], buses[-1], station) for each, station in stations.items()]
+    return Wiring(buses, plugs) if buses else None
+
+
+def make_station(name: str, config: WireConfig) -> Station:
+    """Return the CAN controller of a node, or that of the outside."""
+    buffer = config.buffer_of(name)
+    return Station(name, buffer.depth, buffer.order)

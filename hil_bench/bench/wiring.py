@@ -1,0 +1,196 @@
+"""The buses of a bench that are of copper: who puts frames there, and who hears them when."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.frame import Emit, Frame, Handler
+from hil_bench.canopen_device.node import Node
+from hil_bench.outside.wire.station import Station
+from hil_bench.outside.wire.wire import Passage, Wire
+
+
+@dataclass(slots=True)
+class Bus:
+    """One bus of copper.
+
+    Attributes:
+        number: of the bus.
+        wire: the bus itself.
+        controller: sends what comes from outside.
+        babbler: sends what a babbling node sends.
+    """
+
+    number: int
+    wire: Wire
+    controller: Station
+    babbler: Station
+
+
+@dataclass(slots=True)
+class Plug:
+    """A node at its bus.
+
+    Attributes:
+        node: that node.
+        bus: where it is plugged in.
+        station: its CAN controller.
+    """
+
+    node: Node
+    bus: Bus
+    station: Station
+    events: list[CanEvent] = field(default_factory=list)
+
+
+class Wiring:
+    """All buses of copper of a bench.
+
+    Args:
+        buses: those buses; a bus that is not among them takes no time.
+        plugs: the nodes that are on them.
+
+    Attributes:
+        buses: by their numbers.
+        plugs: by the nodes.
+        now: the time at which nodes put frames [ns].
+        passed: what has passed since the last tick, in the order of the ends.
+        is_direct: whether a user in the same thread puts frames at any time, not with a tick.
+    """
+
+    def __init__(self, buses: Sequence[Bus], plugs: Sequence[Plug]) -> None:
+        self.buses = {bus.number: bus for bus in buses}
+        self.plugs = {plug.node: plug for plug in plugs}
+        self.now = 0
+        self.passed: list[Passage] = []
+        self.is_direct = True
+        self._wires = [bus.wire for bus in buses]
+        self._outside = frozenset(bus.controller for bus in buses)
+        self._deaf: dict[int, frozenset[Station]] = {}
+        self._shaken: list[Plug] = []
+        stations = {plug.station: plug for plug in plugs}
+
+        def tell(station: Station, event: CanEvent) -> None:
+            plug = stations.get(station)
+            if plug is not None:
+                plug.events.append(event)
+                self._shaken.append(plug)
+
+        for wire in self._wires:
+            wire.on_event = tell
+
+    def takes(self, frame: Frame) -> bool:
+        """Return whether `put` takes a frame at any time."""
+        return self.is_direct and frame.bus in self.buses
+
+    def put(self, frame: Frame, now: int) -> bool:
+        """Have the controller send a frame on a bus of copper; return whether it had room."""
+        bus = self.buses[frame.bus]
+        return bus.wire.put(bus.controller, frame, now)
+
+    def put_all(self, frames: Sequence[Frame], now: int) -> list[Frame]:
+        """Have the controller send frames; return those of buses that take no time."""
+        direct = []
+        for frame in frames:
+            if frame.bus in self.buses:
+                self.put(frame, now)
+            else:
+                direct.append(frame)
+        return direct
+
+    def advance(self, until: int) -> Passage | None:
+        """Let time pass on all buses until the next frame has passed, at the latest `until` [ns].
+
+        It is kept in `passed`, too.
+        """
+        while True:
+            next_wire: Wire | None = None
+            for wire in self._wires:
+                if wire.can_step(until) and (next_wire is None or wire.due < next_wire.due):
+                    next_wire = wire
+            if next_wire is None:
+                break
+            passage = next_wire.step()
+            if passage is not None:
+                self.passed.append(passage)
+                return passage
+        for wire in self._wires:
+            wire.look(until)
+        return None
+
+    def next_frame(self, until: int) -> tuple[Frame, int] | None:
+        """Return the next frame of a node of the bench, and its end [ns]; see `advance`."""
+        while (passage := self.advance(until)) is not None:
+            if not self.is_outside(passage):
+                return passage.frame, passage.end
+        return None
+
+    def is_outside(self, passage: Passage) -> bool:
+        """Return whether a frame came from outside the bench."""
+        return passage.station in self._outside
+
+    def take_passed(self) -> list[Passage]:
+        """Return what has passed, once."""
+        passed, self.passed = self.passed, []
+        return passed
+
+    def frame_of(self, passage: Passage) -> Frame:
+        """Return a passed frame for the nodes; those that could not read it will not get it."""
+        if not passage.deaf:
+            return passage.frame
+        frame = Frame(*passage.frame)  # one of its own, to be known by
+        self._deaf[id(frame)] = passage.deaf
+        return frame
+
+    def forget(self) -> None:
+        """Forget who could not read what: the nodes have heard all of it."""
+        if self._deaf:
+            self._deaf = {}
+
+    def tell_nodes(self) -> None:
+        """Tell the nodes what their CAN controllers have to say."""
+        shaken, self._shaken = self._shaken, []
+        for plug in shaken:
+            for event in plug.events:
+                plug.node.take_can_event(event)
+            plug.events.clear()
+
+    def sender(self, node: Node) -> Emit | None:
+        """Return what takes the frames of a node; None where its bus takes no time."""
+        plug = self.plugs.get(node)
+        if plug is None:
+            return None
+        number, wire, station = plug.bus.number, plug.bus.wire, plug.station
+
+        def send(frame: Frame) -> None:
+            if number:
+                frame = frame._replace(bus=number)
+            wire.put(station, frame, self.now)
+
+        return send
+
+    def guard(self, node: Node, handle: Handler) -> Handler:
+        """Return what takes received frames in place of a handler of a node."""
+        plug = self.plugs.get(node)
+        if plug is None:
+            return handle
+        station = plug.station
+
+        def take(frame: Frame, now: int) -> None:
+            if self._deaf and station in self._deaf.get(id(frame), ()):
+                return
+            handle(frame, now)
+
+        return take
+
+    def stray(self, emit: Emit) -> Emit:
+        """Return what takes frames that are sent by no node; `emit` gets those of other buses."""
+
+        def send(frame: Frame) -> None:
+            bus = self.buses.get(frame.bus)
+            if bus is None:
+                emit(frame)
+            else:
+                bus.wire.put(bus.babbler, frame, self.now)
+
+        return send

@@ -1,0 +1,40 @@
+"""What is said of a bus of copper in `bench.toml`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from hil_bench.outside.wire.station import Order
+
+CONTROLLER: Final = "controller"
+"""Name of the station that sends what comes from outside the bench."""
+
+
+@dataclass(frozen=True, slots=True)
+class BufferConfig:
+    """The transmission buffer of a station.
+
+    Attributes:
+        depth: frames that it holds.
+        order: which of them goes to arbitration.
+    """
+
+    depth: int
+    order: Order
+
+
+@dataclass(frozen=True, slots=True)
+class WireConfig:
+    """A bus of copper.
+
+    Attributes:
+        buffer: of the stations that have none of their own.
+        buffers: of stations, by their names.
+    """
+
+    buffer: BufferConfig
+    buffers: Mapping[str, BufferConfig] = field(default_factory=dict)
+
+    def buffer_of(self, name: str) -> BufferConfig:
+        """Return the buffer of a station."""
+        return self.buffers.get(name, self.buffer)

@@ -1,0 +1,569 @@
+"""One bus of copper: arbitration, lengths to the bit, errors and what they lead to (ISO 11898-1).
+
+Frames wait in the buffers of stations. Whenever the bus is free, all stations with a frame take
+part in the arbitration; the lowest identifier wins, and nothing interrupts it. A frame that fails
+is repeated at once. No thread and no clock: times come in, in nanoseconds, and never run back.
+"""
+
+import heapq
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Final, NamedTuple
+
+from hil_bench.canopen_device.agenda import NEVER
+from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.wire.bits import exact_bits, stuffed_bits
+from hil_bench.outside.wire.broken import (
+    AFTER_FLAGS,
+    FLAG,
+    Broken,
+    ErrorKind,
+    disturbed,
+    length_on_bus,
+    misread,
+    unacknowledged,
+)
+from hil_bench.outside.wire.recovery import Absence, dominant_errors
+from hil_bench.outside.wire.station import BUS_OFF_FROM, Rule, Station
+
+_NS_PER_S: Final = 1_000_000_000
+
+SUSPENDED: Final = 8
+"""Bits that an error-passive station waits after its own transmission, behind the intermission."""
+
+_FAILED: Final = 8
+_OWN_FAULT: Final = 9  # 1 for the error, 8 for a dominant bit behind its own flag
+
+
+class Passage(NamedTuple):
+    """A frame that has been on the bus.
+
+    Attributes:
+        frame: the frame.
+        station: who sent it.
+        released: when that one wanted to send it [ns].
+        begin: when its first bit was on the bus [ns].
+        end: when the bus was free again, after the intermission [ns].
+        deaf: who could not read it.
+    """
+
+    frame: Frame
+    station: Station
+    released: int
+    begin: int
+    end: int
+    deaf: frozenset[Station]
+
+
+class ErrorFrame(NamedTuple):
+    """An error that broke a transmission.
+
+    Attributes:
+        broken: what was wrong, and where.
+        frame: the frame that failed.
+        station: who sent it.
+        begin: when its first bit was on the bus [ns].
+        end: when the bus was free again [ns].
+    """
+
+    broken: Broken
+    frame: Frame
+    station: Station
+    begin: int
+    end: int
+
+
+class _Attempt(NamedTuple):
+    """What is on the bus: how it ends is known already."""
+
+    senders: tuple[Station, ...]
+    frames: tuple[Frame, ...]
+    begin: int
+    end: int
+    broken: Broken | None
+    culprit: Station | None  # the receiver that breaks it
+    deaf: tuple[Station, ...]  # receivers that cannot read it
+
+
+_Entry = tuple[int, int, int, Station]
+"""Priority, number of the entry, number of the frame in its buffer, and whose it is."""
+
+Chance = Callable[[], int]
+"""Draws how many bits pass until the next one that is disturbed."""
+
+
+class Wire:
+    """A bus.
+
+    Args:
+        bitrate: of the bus [bit/s].
+        stations: all of them.
+        chance: of disturbed bits; None for none.
+        recovery: time from bus-off until the software of a station asks for its recovery [ns].
+
+    Attributes:
+        bitrate: as passed in.
+        due: when something happens next [ns]; a begin may give way to what is put before it.
+        busy: time that frames and errors were on the bus [ns].
+        passed: frames that have passed.
+        failed: transmissions that failed.
+        on_error: is told each error.
+        on_event: is told what happens to a station.
+    """
+
+    def __init__(
+        self,
+        bitrate: int,
+        stations: Iterable[Station] = (),
+        *,
+        chance: Chance | None = None,
+        recovery: int = 0,
+    ) -> None:
+        self.bitrate = bitrate
+        self.due = NEVER
+        self.busy = 0
+        self.passed = 0
+        self.failed = 0
+        self.on_error: Callable[[ErrorFrame], None] | None = None
+        self.on_event: Callable[[Station, CanEvent], None] | None = None
+        self.stations: list[Station] = []
+        self._heads: list[_Entry] = []
+        self._inside: set[tuple[int, int]] = set()
+        self._entered = 0
+        self._last_put = 0
+        self._free_at = 0
+        self._going: _Attempt | None = None
+        self._deaf: frozenset[Station] = frozenset()
+        self._listeners: list[Station] = []
+        self._shaken: set[Station] = set()
+        self._ruled: list[Station] = []
+        self._suspended_until = 0
+        self._chance = chance
+        self._bits_left = chance() if chance else 0
+        self._recovery = recovery
+        self._off: dict[Station, Absence] = {}
+        self._stuck_since: int | None = None
+        self._stuck_sender: Station | None = None
+        self._stuck_counts: dict[Station, tuple[int, int]] = {}
+        for station in stations:
+            self.join(station, 0)
+
+    def bits(self, count: int) -> int:
+        """Return the time of some bits [ns]."""
+        return count * _NS_PER_S // self.bitrate
+
+    def put(self, station: Station, frame: Frame, now: int) -> bool:
+        """Have a station want to send a frame from now on [ns]; return whether none is lost."""
+        head = station.head
+        has_room = station.put(frame, now)
+        if not has_room and not station.has_overrun:
+            station.has_overrun = True
+            self._tell(station, CanEvent.OVERRUN)
+        self._last_put = now
+        if station.head is not head and not station.is_off:
+            self._enter(station)
+            if self._going is None and self._stuck_since is None:
+                self.due = min(self.due, max(self._free_at, now, station.ready_at))
+        return has_room
+
+    def run(self, until: int) -> list[Passage]:
+        """Return the frames that have passed by a time [ns], in their order."""
+        passages = []
+        while (passage := self.advance(until)) is not None:
+            passages.append(passage)
+        return passages
+
+    def advance(self, until: int) -> Passage | None:
+        """Let time pass until the next frame has passed; None where none has until then [ns].
+
+        A transmission that would begin at `until` itself does not: others may want to take part.
+        """
+        while self.can_step(until):
+            passage = self.step()
+            if passage is not None:
+                return passage
+        self.look(until)
+        return None
+
+    def can_step(self, until: int) -> bool:
+        """Return whether something happens by a time [ns]."""
+        return self.due < until or (self.due == until and self._going is not None)
+
+    def step(self) -> Passage | None:
+        """Let the next thing happen, which is due; return the frame that has passed by it."""
+        if self._going is not None:
+            return self._end(self._going)
+        self._begin(self.due)
+        return None
+
+    def look(self, now: int) -> None:
+        """Count the errors of a bus that is stuck, up to now [ns]."""
+        if self._stuck_since is not None:
+            self._count_stuck(now)
+
+    # Who is there
+
+    def join(self, station: Station, now: int) -> None:
+        """Have a station take part from now on [ns]."""
+        if station not in self.stations:
+            self.stations.append(station)
+        self._take_stock()
+        if station.head is not None:
+            self._enter(station)
+            self._free_at = max(self._free_at, now)
+            if self._going is None:
+                self._schedule()
+
+    def leave(self, station: Station, now: int) -> None:
+        """Have a station take part no more; what it sends is cut off, and goes back."""
+        if self._going is not None and station in self._going.senders:
+            self.break_off(now)
+        self.stations.remove(station)
+        self._shaken.discard(station)
+        self._heads = [entry for entry in self._heads if entry[3] is not station]
+        heapq.heapify(self._heads)
+        self._inside = {(id(entry[3]), entry[2]) for entry in self._heads}
+        self._take_stock()
+        if self._going is None:
+            self._schedule()
+
+    def watch_rules(self) -> None:
+        """Take note that the rules of some station have changed."""
+        self._ruled = [each for each in self.stations if each.receive_rules]
+
+    def _take_stock(self) -> None:
+        self._listeners = [each for each in self.stations if not each.is_off]
+        self._deaf = frozenset(each for each in self.stations if each.is_off)
+        self.watch_rules()
+
+    # Arbitration
+
+    def _enter(self, station: Station) -> None:
+        """Have the head of a station's buffer take part in arbitration."""
+        head = station.head
+        if head is not None and (id(station), head.number) not in self._inside:
+            self._entered += 1
+            self._inside.add((id(station), head.number))
+            heapq.heappush(self._heads, (head.priority, self._entered, head.number, station))
+
+    def _schedule(self) -> None:
+        """Find when the next transmission begins, or the next station recovers."""
+        free_at = self._free_at
+        if self._stuck_since is not None:
+            self.due = NEVER
+        elif self._heads and free_at >= self._last_put and free_at >= self._suspended_until:
+            self.due = free_at  # at the latest then: `_begin` looks again
+        else:
+            self._search()
+
+    def _search(self) -> None:
+        due = NEVER
+        for _, _, number, station in self._heads:
+            head = station.head
+            if head is not None and head.number == number and not station.is_off:
+                begin = max(head.released, station.ready_at, self._free_at)
+                due = min(due, begin)
+        for station, absence in self._off.items():
+            if not station.held_off:
+                due = min(due, absence.back_at(self._free_at, self.bits))
+        self.due = due
+
+    def _begin(self, now: int) -> None:
+        """Have the winner of the arbitration send; where nobody can, look when somebody will."""
+        if self._off:
+            self._recover(now)
+        heads = self._heads
+        winner: _Entry | None = None
+        rivals: list[Station] = []
+        late: list[_Entry] = []
+        while heads and (winner is None or heads[0][0] == winner[0]):
+            entry = heapq.heappop(heads)
+            station, head = entry[3], entry[3].head
+            self._inside.discard((id(station), entry[2]))
+            if head is None or head.number != entry[2] or station.is_off:
+                continue
+            if station.ready_at > now or head.released > now:
+                late.append(entry)
+            elif winner is None:
+                winner = entry
+            else:
+                rivals.append(station)
+        for entry in late:
+            self._inside.add((id(entry[3]), entry[2]))
+            heapq.heappush(heads, entry)
+        if winner is None:
+            self._search()
+            return
+        self._going = self._attempt((winner[3], *rivals), now)
+        self.due = self._going.end
+
+    def _attempt(self, senders: tuple[Station, ...], now: int) -> _Attempt:
+        """Return how the transmission of the winners ends."""
+        frames = tuple(station.begin().frame for station in senders)
+        if (
+            len(senders) == 1
+            and self._chance is None
+            and not senders[0].send_rules
+            and not self._ruled
+            and len(self._listeners) > 1
+        ):
+            end = now + self.bits(exact_bits(frames[0]))
+            return _Attempt(senders, frames, now, end, None, None, ())
+        return self._doubtful(senders, frames, now)
+
+    def _doubtful(
+        self, senders: tuple[Station, ...], frames: tuple[Frame, ...], now: int
+    ) -> _Attempt:
+        """Return the end of a transmission that may fail."""
+        sent = sorted(
+            zip(map(stuffed_bits, frames), range(len(senders)), strict=True)
+        )  # dominant bits win
+        senders = tuple(senders[place] for _, place in sent)
+        frames = tuple(frames[place] for _, place in sent)
+        bits, first, frame = sent[0][0], senders[0], frames[0]
+        others = [each for each in self._listeners if each not in senders]
+        has_active = any(not each.is_passive for each in others)
+        broken = _clash([(own, each) for (own, _), each in zip(sent, senders, strict=True)])
+        culprit, deaf = None, list[Station]()
+        if broken is None and len(senders) == 1 and not others:
+            broken = unacknowledged(bits)
+        if broken is None and (position := self._disturbance(first, frame, bits)) is not None:
+            broken = disturbed(
+                bits, position, is_passive=first.is_passive, has_active_others=has_active
+            )
+        for each in others if broken is None else ():
+            share = _share(each.receive_rules, frame)
+            if share is not None and each.is_passive:
+                deaf.append(each)
+            elif share is not None and broken is None:
+                culprit, broken = each, misread(bits, int(share * len(bits)))
+        length = exact_bits(frame) if broken is None else broken.length
+        return _Attempt(senders, frames, now, now + self.bits(length), broken, culprit, tuple(deaf))
+
+    def _disturbance(self, sender: Station, frame: Frame, bits: list[int]) -> int | None:
+        """Return which bit is disturbed on the bus, None for none."""
+        share = _share(sender.send_rules, frame)
+        length = length_on_bus(bits)
+        if share is not None:
+            return int(share * length)
+        if self._chance is None:
+            return None
+        if self._bits_left < length:
+            position = self._bits_left
+            self._bits_left = self._chance()
+            return position
+        self._bits_left -= length
+        return None
+
+    # Ends
+
+    def _end(self, attempt: _Attempt) -> Passage | None:
+        """Count what has passed or failed; return it where it has passed."""
+        self._going = None
+        self.busy += attempt.end - attempt.begin
+        self._free_at = attempt.end
+        for absence in self._off.values():
+            absence.see(attempt.begin, attempt.end, self.bits)
+        released = attempt.senders[0].released
+        if attempt.broken is None:
+            self._pass(attempt)
+        else:
+            self._fail(attempt, attempt.broken)
+        for station in attempt.senders:
+            if not station.is_off:
+                if station.is_passive:
+                    station.ready_at = attempt.end + self.bits(SUSPENDED)
+                    self._suspended_until = station.ready_at
+                self._enter(station)
+        self._schedule()
+        if attempt.broken is not None:
+            return None
+        deaf = self._deaf | frozenset(attempt.deaf) if attempt.deaf else self._deaf
+        frame, station = attempt.frames[0], attempt.senders[0]
+        return Passage(frame, station, released, attempt.begin, attempt.end, deaf)
+
+    def _pass(self, attempt: _Attempt) -> None:
+        first = attempt.senders[0]
+        self.passed += 1
+        for station, frame in zip(attempt.senders, attempt.frames, strict=True):
+            if frame != attempt.frames[0]:
+                self._count(station, partial(station.fail, _FAILED))
+            elif station.tec:
+                self._count(station, station.succeed)
+            else:
+                station.succeed()
+        for station in [*self._shaken] if self._shaken else ():
+            if station not in attempt.senders and station not in attempt.deaf:
+                self._count(station, station.receive)
+        for station in attempt.deaf:
+            station.missed += 1
+            self._count(station, partial(station.fail_to_receive, 1))
+        if first.has_overrun and not first.waiting:
+            first.has_overrun = False
+            self._tell(first, CanEvent.SENT_ALL)
+
+    def _fail(self, attempt: _Attempt, broken: Broken) -> None:
+        self.failed += 1
+        for station in self._listeners.copy():
+            if station not in attempt.senders:
+                errors = _OWN_FAULT if station is attempt.culprit else 1
+                self._count(station, partial(station.fail_to_receive, errors))
+        for station in attempt.senders:
+            # An error-passive station that nobody acknowledges stays what it is (exception 1).
+            is_alone = broken.kind is ErrorKind.ACK and station.is_passive
+            self._count(station, partial(station.fail, 0 if is_alone else _FAILED))
+        self._report(broken, attempt, attempt.end)
+
+    def _report(self, broken: Broken, attempt: _Attempt, end: int) -> None:
+        if self.on_error is not None:
+            first, frame = attempt.senders[0], attempt.frames[0]
+            self.on_error(ErrorFrame(broken, frame, first, attempt.begin, end))
+
+    def break_off(self, now: int) -> None:
+        """Cut off what is on the bus: its sender is gone."""
+        attempt = self._going
+        if attempt is None:
+            return
+        self._going = None
+        sent = (now - attempt.begin) * self.bitrate // _NS_PER_S
+        broken = Broken(ErrorKind.STUFF, sent, sent + 2 * FLAG + AFTER_FLAGS)
+        self._free_at = attempt.begin + self.bits(broken.length)
+        self.busy += self._free_at - attempt.begin
+        self.failed += 1
+        for station in attempt.senders:
+            station.take_back()
+            self._enter(station)
+        for station in self._listeners.copy():
+            if station not in attempt.senders:
+                self._count(station, partial(station.fail_to_receive, 1))
+        self._report(broken, attempt, self._free_at)
+        self._schedule()
+
+    # Counters and states
+
+    def _count(self, station: Station, change: Callable[[], None]) -> None:
+        """Change the counters of a station, and tell what that leads to."""
+        was_passive = station.is_passive
+        change()
+        if station.tec or station.rec:
+            self._shaken.add(station)
+        else:
+            self._shaken.discard(station)
+        if station.tec >= BUS_OFF_FROM and not station.is_off:
+            self.switch_off(station)
+        elif station.is_passive != was_passive and not station.is_off:
+            self._tell(station, CanEvent.PASSIVE if station.is_passive else CanEvent.ACTIVE)
+
+    def switch_off(self, station: Station) -> None:
+        """Make a station bus-off."""
+        station.is_off = True
+        asked_at = self._free_at + self._recovery
+        self._off[station] = Absence(asked_at)
+        self._shaken.discard(station)
+        self._take_stock()
+        self._tell(station, CanEvent.BUS_OFF)
+
+    def force_off(self, station: Station, now: int) -> None:
+        """Make a station bus-off until `let_recover` [ns]."""
+        station.held_off += 1
+        self._free_at = max(self._free_at, now) if self._going is None else self._free_at
+        if not station.is_off:
+            if self._going is not None and station in self._going.senders:
+                self.break_off(now)
+            station.tec = BUS_OFF_FROM
+            self.switch_off(station)
+
+    def let_recover(self, station: Station, now: int) -> None:
+        """Let a station that was made bus-off recover from now on [ns]."""
+        station.held_off -= 1
+        if not station.held_off and station.is_off:
+            self._off[station] = Absence(now)
+            if self._going is None:
+                self._schedule()
+
+    def _recover(self, now: int) -> None:
+        for station, absence in [*self._off.items()]:
+            if station.held_off or absence.back_at(self._free_at, self.bits) > now:
+                continue
+            del self._off[station]
+            station.is_off = False
+            station.tec = station.rec = 0
+            self._take_stock()
+            self._enter(station)
+            self._tell(station, CanEvent.RECOVERED)
+
+    def _tell(self, station: Station, event: CanEvent) -> None:
+        if self.on_event is not None:
+            self.on_event(station, event)
+
+    # Stuck dominant
+
+    def stick(self, now: int) -> None:
+        """Let the bus be dominant from now on [ns]."""
+        if self._stuck_since is not None:
+            return
+        self._stuck_since = now
+        attempt, self._going = self._going, None
+        self._stuck_sender = attempt.senders[0] if attempt else None
+        for station in attempt.senders if attempt else ():
+            station.take_back()
+            self._enter(station)
+        if attempt is not None:
+            self.failed += 1
+            self.busy += now - attempt.begin
+            sent = (now - attempt.begin) * self.bitrate // _NS_PER_S
+            self._report(Broken(ErrorKind.DOMINANT, sent, sent), attempt, now)
+        self._stuck_counts = {each: (each.tec, each.rec) for each in self._listeners}
+        self.due = NEVER
+
+    def unstick(self, now: int) -> None:
+        """Let the bus be free again; eight recessive bits and the intermission come first."""
+        if self._stuck_since is None:
+            return
+        self._count_stuck(now)
+        self.busy += now - self._stuck_since
+        self._stuck_since = None
+        self._free_at = now + self.bits(AFTER_FLAGS)
+        for absence in self._off.values():
+            absence.begin_anew(now)
+        self._schedule()
+
+    def _count_stuck(self, now: int) -> None:
+        """Count errors of a dominant bus (ISO 11898-1, rules a, b, d and f)."""
+        bits = (now - (self._stuck_since or 0)) * self.bitrate // _NS_PER_S
+        for station, (tec, rec) in self._stuck_counts.items():
+            if station.is_off:
+                continue
+            if station is self._stuck_sender:
+                errors = tec + dominant_errors(bits, is_sender=True)
+                self._count(station, partial(station.count_to, errors, station.rec))
+            else:
+                errors = rec + dominant_errors(bits, is_sender=False)
+                self._count(station, partial(station.count_to, station.tec, errors))
+
+
+def _clash(sent: list[tuple[list[int], Station]]) -> Broken | None:
+    """Return how different frames of one identifier break each other, None where none does.
+
+    Who sends a recessive bit and reads a dominant one notices. An error-passive one cannot break
+    the other's frame, and falls out.
+
+    Args:
+        sent: the bits of each sender, those of the winner first.
+    """
+    winner = sent[0][0]
+    for own, station in sent[1:]:
+        if not station.is_passive:
+            for place, (bit, other) in enumerate(zip(own, winner, strict=False)):
+                if bit != other:
+                    return disturbed(own, place, is_passive=False, has_active_others=True)
+    return None
+
+
+def _share(rules: Iterable[Rule], frame: Frame) -> float | None:
+    for rule in rules:
+        share = rule(frame)
+        if share is not None:
+            return share
+    return None

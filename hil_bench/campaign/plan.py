@@ -11,12 +11,14 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.campaign.distributions import Distribution, Normal, Uniform
 from hil_bench.campaign.identity import case_digest, firmware_digest, run_key
 from hil_bench.campaign.records import Campaign, Case, RunSpec
-from hil_bench.campaign.sampling import Point, Sampler, grid_size, sample
+from hil_bench.campaign.sampling import Point, Sampler, sample, size_of_sample
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Controller, Parameter, Scenario
 from hil_bench.scenario.run import prepare
+
+_FEWEST_BLOCKS = 8  # of Saltelli's design: fewer say nothing
 
 Space = dict[str, Distribution]
 """The distribution of each parameter."""
@@ -50,33 +52,42 @@ class Plan:
     """
 
     def __init__(self, campaign: Campaign) -> None:
+        _check_design(campaign)
         self.campaign = campaign
         self.firmware: dict[str, str] = {}
         self.groups = tuple(self._groups())
 
     def __len__(self) -> int:
-        return sum(self._points(group) for group in self.groups) * max(len(self.campaign.seeds), 1)
+        campaign = self.campaign
+        points = sum(
+            size_of_sample(
+                list(self._varied(group).values()), campaign.sampler, campaign.runs, campaign.levels
+            )
+            for group in self.groups
+        )
+        return points * max(len(campaign.seeds), 1)
 
     def __iter__(self) -> Iterator[RunSpec]:
-        campaign = self.campaign
-        for case, space in self.groups:
-            whole = {**space, **campaign.tolerances}
-            points = sample(
-                whole, campaign.sampler, campaign.runs, campaign.seed, levels=campaign.levels
-            )
-            for number, point in enumerate(points):
-                seeds = (number,) if campaign.seed_each else campaign.seeds or (None,)
-                for seed in seeds:
-                    yield make_spec(case, point, space, seed, campaign.timeout)
+        for group in self.groups:
+            yield from self.runs_of(group)
 
-    def _points(self, group: Group) -> int:
+    def runs_of(self, group: Group) -> Iterator[RunSpec]:
+        """Yield the runs of a case."""
         campaign = self.campaign
-        whole = {**group.space, **campaign.tolerances}
-        if not whole:
-            return 1
-        if campaign.sampler is Sampler.GRID:
-            return grid_size(list(whole.values()), campaign.levels)
-        return campaign.runs
+        points = sample(
+            self._varied(group),
+            campaign.sampler,
+            campaign.runs,
+            campaign.seed,
+            levels=campaign.levels,
+        )
+        for number, point in enumerate(points):
+            seeds = (number,) if campaign.seed_each else campaign.seeds or (None,)
+            for seed in seeds:
+                yield make_spec(group.case, point, group.space, seed, campaign.timeout)
+
+    def _varied(self, group: Group) -> Space:
+        return {**group.space, **self.campaign.tolerances}
 
     def _groups(self) -> Iterator[Group]:
         campaign = self.campaign
@@ -199,6 +210,26 @@ def _within(found: Distribution, parameter: Parameter, scenario: Scenario) -> Di
         right = "stay in it, or widen the range of the scenario"
         raise ConfigError(f"{scenario.path}: parameters.{parameter.name}: {wrong}; {right}")
     return found
+
+
+def _check_design(campaign: Campaign) -> None:
+    """Refuse what Saltelli's design cannot be made of, or not be read from.
+
+    Raises:
+        ConfigError: the number of points is no power of two, or a point has several seeds.
+    """
+    if campaign.sampler is not Sampler.SALTELLI:
+        return
+    runs = campaign.runs
+    if runs & (runs - 1) or runs < _FEWEST_BLOCKS:
+        near = max(1 << runs.bit_length(), _FEWEST_BLOCKS)
+        wrong = (
+            f"runs = {runs}: the sampler saltelli needs a power of two, {_FEWEST_BLOCKS} or more"
+        )
+        raise ConfigError(f"{campaign.path}: {wrong}; give {near}")
+    if campaign.seed_each or len(campaign.seeds) > 1:
+        wrong = "the sampler saltelli compares a point with its neighbours"
+        raise ConfigError(f"{campaign.path}: seeds: {wrong}; give one seed, or none")
 
 
 def _check_names(campaign: Campaign, scenarios: Mapping[Path, Scenario]) -> None:

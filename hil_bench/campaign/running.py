@@ -9,8 +9,7 @@ from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.scenario.judgement import WORST_FIRST
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.results import reason_of
-from hil_bench.scenario.run import play as play_prepared
-from hil_bench.scenario.run import prepare
+from hil_bench.scenario.run import PLAIN, PlayOptions, Run, play, prepare
 
 _LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
 
@@ -22,10 +21,7 @@ def perform(spec: RunSpec) -> RunResult:
     """
     _check_case(spec.case)
     try:
-        tables = nested(spec.tolerances)
-        run = play_prepared(
-            prepare(spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables)
-        )
+        run = play_spec(spec)
     except HilBenchError as error:
         return failed_run(spec, RunOutcome.CRASHED, str(error))
     except Exception as error:
@@ -33,8 +29,25 @@ def perform(spec: RunSpec) -> RunResult:
     outcomes = {finding.judgement.outcome for finding in run.findings}
     worst = next(each for each in WORST_FIRST if each in outcomes)
     return failed_run(spec, RunOutcome(worst), run.ending)._replace(
-        duration=run.duration, verdicts=tuple(_verdict(each) for each in run.findings)
+        duration=run.duration, verdicts=verdicts_of(run)
     )
+
+
+def play_spec(spec: RunSpec, options: PlayOptions = PLAIN) -> Run:
+    """Play the scenario of a run; `HilBenchError` says what fails.
+
+    Args:
+        spec: the run.
+        options: how to play.
+    """
+    tables = nested(spec.tolerances)
+    prepared = prepare(spec.case.scenario, spec.parameters, seed=spec.seed, tables=tables)
+    return play(prepared, options)
+
+
+def verdicts_of(run: Run) -> tuple[Verdict, ...]:
+    """Return what a run says of each requirement."""
+    return tuple(_verdict(each) for each in run.findings)
 
 
 def failed_run(spec: RunSpec, outcome: RunOutcome, problem: str) -> RunResult:

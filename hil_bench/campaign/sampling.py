@@ -1,5 +1,6 @@
-"""Points of a space: grid, Sobol, Latin hypercube, Monte Carlo."""
+"""Points of a space: grid, Sobol, Latin hypercube, Monte Carlo, Saltelli."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from itertools import product
@@ -21,6 +22,7 @@ class Sampler(StrEnum):
     SOBOL = "sobol"
     LATIN_HYPERCUBE = "latin_hypercube"
     MONTE_CARLO = "monte_carlo"
+    SALTELLI = "saltelli"
 
 
 def sample(
@@ -28,12 +30,12 @@ def sample(
 ) -> Iterator[Point]:
     """Yield points of a space, the same ones for the same arguments.
 
-    The first points of a longer Sobol or Monte Carlo sample are those of a shorter one.
+    The first points of a longer Sobol, Monte Carlo or Saltelli sample are those of a shorter one.
 
     Args:
         space: the distribution of each parameter.
         sampler: how points are chosen.
-        count: how many; a grid has as many as it has.
+        count: how many; a grid has as many as it has, Saltelli's design `size_of_sample`.
         seed: of the random generator.
         levels: of a grid, values a parameter.
     """
@@ -44,9 +46,10 @@ def sample(
         axes = [space[name].levels(levels).tolist() for name in names]
         for values in product(*axes):
             yield dict(zip(names, values, strict=True))
+    elif sampler is Sampler.SALTELLI:
+        yield from points_at(space, _saltelli_points(count, len(names), seed))
     else:
-        shares = unit_points(sampler, count, len(names), seed)
-        yield from points_at(space, shares)
+        yield from points_at(space, unit_points(sampler, count, len(names), seed))
 
 
 def points_at(space: Mapping[str, Distribution], shares: Floats) -> Iterator[Point]:
@@ -65,7 +68,7 @@ def unit_points(sampler: Sampler, count: int, dimensions: int, seed: int) -> Flo
     """Return points of the unit cube, shape (count, dimensions).
 
     Args:
-        sampler: any but the grid.
+        sampler: Sobol, Latin hypercube or Monte Carlo.
         count: how many.
         dimensions: of the cube.
         seed: of the random generator.
@@ -82,9 +85,31 @@ def unit_points(sampler: Sampler, count: int, dimensions: int, seed: int) -> Flo
     return np.asarray(engine.random_base2(power))[:count]
 
 
-def grid_size(space: Sequence[Distribution], levels: int) -> int:
-    """Return how many points a grid has."""
-    size = 1
-    for each in space:
-        size *= len(each.levels(levels))
-    return size
+def size_of_sample(space: Sequence[Distribution], sampler: Sampler, count: int, levels: int) -> int:
+    """Return how many points `sample` yields."""
+    if not space:
+        return 1
+    match sampler:
+        case Sampler.GRID:
+            return math.prod(len(each.levels(levels)) for each in space)
+        case Sampler.SALTELLI:
+            return count * (len(space) + 2)
+        case _:
+            return count
+
+
+def _saltelli_points(count: int, dimensions: int, seed: int) -> Floats:
+    """Return the design of Saltelli et al. (2010) for Sobol indices.
+
+    Each of `count` blocks has a point A, a point B, and for each parameter A with that of B.
+
+    Returns:
+        Points of the unit cube, shape (count * (dimensions + 2), dimensions).
+    """
+    pairs = unit_points(Sampler.SOBOL, count, 2 * dimensions, seed)
+    first, second = pairs[:, :dimensions], pairs[:, dimensions:]
+    blocks = np.repeat(first[:, np.newaxis, :], dimensions + 2, axis=1)
+    blocks[:, 1, :] = second
+    for place in range(dimensions):
+        blocks[:, place + 2, place] = second[:, place]
+    return blocks.reshape(-1, dimensions)

@@ -17,6 +17,7 @@ from hil_bench.campaign.records import RunOutcome, RunResult
 from hil_bench.campaign.reports.campaign_report import write_campaign_report
 from hil_bench.campaign.running import perform
 from hil_bench.campaign.sampling import Sampler
+from hil_bench.campaign.sensitivity import sobol_indices
 from hil_bench.campaign.store import Store
 from hil_bench.campaign.summary import (
     bounds_of,
@@ -165,6 +166,7 @@ def _lines(plan: Plan, outcome: Outcome, changes: list[Change]) -> Iterator[str]
     for summary in summarise(outcome.results):
         yield f"  {summary.line()}"
     yield from (f"  {line}" for line in bounds_of(plan, outcome.results))
+    yield from (f"  {line}" for line in sobol_indices(plan, outcome.results).lines())
     yield from (f"  {change.line()}" for change in changes)
     failed = [each for each in outcome.results if each.outcome.is_failure]
     for result in worst_runs(failed, _SHOWN):
@@ -190,6 +192,7 @@ def _content(plan: Plan, outcome: Outcome, changes: list[Change]) -> dict[str, o
             for each in summarise(outcome.results)
         ],
         "bounds": list(bounds_of(plan, outcome.results)),
+        "sobol_indices": [each.content() for each in sobol_indices(plan, outcome.results).indices],
         "worst": [
             {**each._asdict(), "command": command_of(plan, each)}
             for each in worst_runs(outcome.results)

@@ -99,7 +99,7 @@ def _test_virtually(
     """Play scenarios on the virtual bench, and write the report where one is asked for."""
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     reader = FrameText if args.report else None
-    options = PlayOptions(stops_at_failure=args.stop_at_failure, reader=reader)
+    options = PlayOptions(args.stop_at_failure, keeps_evidence=bool(args.report), reader=reader)
     results, chapters = [], []
     for each in chosen:
         result = play_for_result(each, options)

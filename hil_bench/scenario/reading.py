@@ -220,7 +220,7 @@ class StepReader:
     def _read_course(self, table: str, found: Settings) -> list[Step]:
         name = found["table"].value
         try:
-            points = read_course(self._base / name)
+            points = read_course(self._base / name, self._parameters)
         except ConfigError as error:
             self._problems.add(self._problems.place(table, "table"), error)
             return []

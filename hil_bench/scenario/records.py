@@ -80,7 +80,7 @@ class SetStep:
     value: Amount
     over: Amount = 0.0
     table: str = ""
-    points: tuple[tuple[float, float], ...] = ()
+    points: tuple[tuple[float, Amount], ...] = ()
     place: str = field(default="", compare=False)
 
 

@@ -179,7 +179,9 @@ class _Resolver:
         """Return what a step does."""
         match step:
             case SetStep():
-                course = tuple((self.ticks(time), value) for time, value in step.points)
+                course = tuple(
+                    (self.ticks(time), self._number(amount)) for time, amount in step.points
+                )
                 value = self._number(step.value)
                 return SetAction(step.target, value, self.ticks(step.over), course)
             case FaultStep():

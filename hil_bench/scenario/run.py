@@ -49,12 +49,14 @@ class PlayOptions(NamedTuple):
     Attributes:
         stops_at_failure: whether a run ends when the first requirement has failed.
         record: what to record in files.
-        reader: makes what reads the frames of the bench; with it, the run keeps its evidence.
+        keeps_evidence: whether the run keeps what a report shows.
+        reader: makes what reads the frames of the bench, as a part of the evidence.
         beside: open while the run goes on; given the bench, and what ends the run.
     """
 
     stops_at_failure: bool = False
     record: RecordingWish = NO_RECORDING
+    keeps_evidence: bool = False
     reader: Callable[[VirtualBench], FrameReader] | None = None
     beside: Callable[[VirtualBench, Callable[[], None]], AbstractContextManager[object]] = _alone
 
@@ -154,7 +156,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
             ending = driver.drive(stage.director, last_tick)
         witness = stage.witness
         evidence = None
-        if options.reader is not None:
+        if options.keeps_evidence:
             evidence = Evidence(
                 bench.signals[: witness.ticks],
                 witness.columns(),
@@ -162,7 +164,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
                 config.tick_ns,
                 tuple(fault_spans(bench)),
                 tuple(bench.frames),
-                options.reader(bench),
+                options.reader(bench) if options.reader is not None else None,
             )
     findings = stage.judge()
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9
@@ -171,9 +173,8 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
 
 def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBench:
     config = prepared.config
-    kept, frames = 0.001, 0
-    if options.reader is not None:
-        kept, frames = (prepared.last_tick + 1) * config.tick_ns * 1e-9, MOST_FRAMES
+    kept = (prepared.last_tick + 1) * config.tick_ns * 1e-9 if options.keeps_evidence else 0.001
+    frames = MOST_FRAMES if options.reader is not None else 0
     return VirtualBench(config, recorded_time=kept, logged_frames=frames, record=options.record)
 
 

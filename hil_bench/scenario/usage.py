@@ -6,7 +6,7 @@ from dataclasses import fields
 
 from hil_bench.config.values import find_nearest
 from hil_bench.scenario.controllers import ControllerSettings
-from hil_bench.scenario.records import FaultStep, Reference, Scenario
+from hil_bench.scenario.records import FaultStep, Reference, Scenario, SetStep
 
 _WORD = re.compile(r"\w+")
 
@@ -44,4 +44,6 @@ def _names_in_steps(scenario: Scenario) -> Iterator[str]:
         values = [getattr(step, field.name) for field in fields(step)]
         if isinstance(step, FaultStep):
             values += [value for _, value in step.values]
+        if isinstance(step, SetStep):
+            values += [value for _, value in step.points]
         yield from (value.name for value in values if isinstance(value, Reference))

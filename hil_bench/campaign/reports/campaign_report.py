@@ -6,8 +6,11 @@ from pathlib import Path
 from hil_bench.campaign.comparison import Change
 from hil_bench.campaign.executing import Outcome
 from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.records import RunResult
+from hil_bench.campaign.replay import Replay, replay
 from hil_bench.campaign.reports.figures import margin_figure
 from hil_bench.campaign.reports.page import write_page
+from hil_bench.campaign.sensitivity import sobol_indices
 from hil_bench.campaign.summary import (
     bounds_of,
     command_of,
@@ -48,6 +51,8 @@ def write_campaign_report(
         }
         for each in summarise(results)
     ]
+    worst_results = worst_runs(results)
+    pictures = _pictures(plan, worst_results)
     worst = [
         {
             "result": each,
@@ -55,8 +60,9 @@ def write_campaign_report(
             "point": show_point(each.values),
             "reasons": [one for one in each.verdicts if one.outcome != "passed"],
             "command": command_of(plan, each),
+            "replay": pictures[each.key],
         }
-        for each in worst_runs(results)
+        for each in worst_results
     ]
     content = {
         "title": campaign.title or campaign.path.name,
@@ -65,8 +71,14 @@ def write_campaign_report(
         "outcome": outcome,
         "requirements": requirements,
         "correlations": correlations(results)[:_SHOWN],
+        "sensitivity": sobol_indices(plan, results),
         "bounds": list(bounds_of(plan, results)),
         "worst": worst,
         "changes": changes,
     }
     write_page(path, "campaign.html", content)
+
+
+def _pictures(plan: Plan, results: Sequence[RunResult]) -> dict[str, Replay]:
+    wanted = {each.key: each for each in results}
+    return {spec.key: replay(spec, wanted[spec.key]) for spec in plan if spec.key in wanted}

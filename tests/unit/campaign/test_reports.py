@@ -1,5 +1,7 @@
 """Reports: whole without a network, whatever a title or a firmware says."""
 
+import base64
+import json
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 
@@ -7,6 +9,11 @@ import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
+from hil_bench.campaign.plan import Plan
+from hil_bench.campaign.reading import read_campaign
+from hil_bench.campaign.records import RunOutcome
+from hil_bench.campaign.replay import replay
+from hil_bench.campaign.running import perform
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")
@@ -40,7 +47,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
     assert cli.main(words) == 1
     html = (tmp_path / "report.html").read_text()
     page = Page(html)
-    assert page.loaded == []
+    assert all(each.startswith("data:") for each in page.loaded)
     assert "script" not in page.tags
     assert HOSTILE in page.words
     for part in html.split("<svg")[1:]:
@@ -64,3 +71,39 @@ def test_a_report_that_cannot_be_written_is_said(tmp_path, capsys):
     words = ["campaign", str(path), "--runs=1", "--jobs=0", "--report", str(tmp_path / "no" / "r")]
     assert cli.main(words) == 2
     assert "cannot be written: No such file or directory" in capsys.readouterr().err
+
+
+def test_the_worst_runs_are_drawn(tmp_path):
+    path = write_rest(tmp_path, CLOSE)
+    report = tmp_path / "report.html"
+    cli.main(["campaign", str(path), "--runs=2", "--jobs=0", "--report", str(report)])
+    page = Page(report.read_text())
+    assert len(page.loaded) == 2
+    for each in page.loaded:
+        picture = base64.b64decode(each.removeprefix("data:image/svg+xml;base64,"))
+        assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314 - our own
+        assert b"axis1.P_A" in picture  # R-1, whose margin is the smaller one
+
+
+def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):
+    plan = Plan(read_campaign(write_rest(tmp_path, CLOSE)))
+    spec = next(iter(plan))
+    result = perform(spec)
+    other = result._replace(verdicts=result.verdicts[:1])
+    assert "not deterministic" in replay(spec, other).problem
+    cut_off = result._replace(outcome=RunOutcome.TIMED_OUT)
+    assert replay(spec, cut_off) == (b"", "it did not come to its end, so it is not drawn")
+    assert replay(spec, result).picture.startswith(b"<?xml")
+
+
+def test_the_sobol_indices_are_in_report_and_json(tmp_path, capsys):
+    path = write_rest(tmp_path, CLOSE)
+    report = tmp_path / "report.html"
+    words = ["campaign", str(path), "--runs=8", "--sampler=saltelli", "--jobs=0", "--json"]
+    cli.main([*words, "--report", str(report)])
+    found = json.loads(capsys.readouterr().out)["sobol_indices"]
+    # The margin of R-1 comes from the limit; a load of 1 N has one tick to
+    # act.
+    of_load = next(each for each in found if each["parameter"] == "load_n")
+    assert max(of_load["total"].values()) < 1e-9
+    assert "How much of a margin comes from which parameter" in Page(report.read_text()).words

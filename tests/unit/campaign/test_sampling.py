@@ -14,9 +14,10 @@ from hil_bench.campaign.distributions import (
     Uniform,
     read_distribution,
 )
-from hil_bench.campaign.sampling import Sampler, sample, unit_points
+from hil_bench.campaign.sampling import Sampler, sample, size_of_sample, unit_points
 from hil_bench.errors import ConfigError
 
+SALTELLI = Sampler.SALTELLI
 SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 
 
@@ -100,3 +101,14 @@ def test_bounds_are_those_of_clopper_and_pearson():
     bound = failure_bound(1, 10)
     assert (1 - bound) ** 10 + 10 * bound * (1 - bound) ** 9 == pytest.approx(0.05)
     assert failure_bound(7, 7) == 1.0
+
+
+def test_each_block_of_saltellis_design_changes_one_parameter_at_a_time():
+    space = {name: Uniform(0.0, 1.0) for name in "abc"}
+    points = list(sample(space, SALTELLI, 16, seed=3))
+    assert len(points) == 16 * (3 + 2) == size_of_sample(list(space.values()), SALTELLI, 16, 5)
+    for start in range(0, len(points), 5):
+        first, second, *mixed = points[start : start + 5]
+        for name, point in zip("abc", mixed, strict=True):
+            assert point == {**first, name: second[name]}
+    assert list(sample(space, SALTELLI, 8, seed=3)) == points[:40]

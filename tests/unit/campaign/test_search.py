@@ -60,6 +60,29 @@ def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
 
 
 @pytest.mark.slow  # tens of runs of a scenario
+def test_the_points_of_a_course_are_searched(tmp_path):
+    (tmp_path / "load.csv").write_text("0,0\n0.004,peak_n\n0.008,0\n")
+    course = """\
+title = "Load"
+duration_s = 0.02
+[parameters]
+peak_n = { value = 0.0, range = [-60000.0, 60000.0] }
+[[step]]
+at_s = 0.001
+set = "axis1.load"
+table = "load.csv"
+[[expect]]
+id = "R-1"
+that = "always axis1.P_A < 55 bar"
+"""
+    found = search(write_rest(tmp_path, course), tmp_path / "failures", 16, (Method.SOBOL,))
+    (failure,) = found.failures
+    # At rest P_A is 48.5 bar: without a load the requirement holds.
+    assert abs(failure.shrunk.scenario.parameters[0].value) > 100.0
+    assert 'table = "../load.csv"' in failure.files.scenario.read_text()
+
+
+@pytest.mark.slow  # tens of runs of a scenario
 def test_the_written_test_fails_under_pytest(tmp_path):
     found = search(write_rest(tmp_path, NARROW), tmp_path / "out", methods=(Method.CMA_ES,))
     lines = found.failures[0].files.test.read_text().splitlines()

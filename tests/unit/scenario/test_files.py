@@ -30,6 +30,7 @@ from hil_bench.scenario.resolve import (
     parameter_values,
     resolve_steps,
 )
+from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.vocabulary import Vocabulary
 from hil_bench.scenario.writing import to_csv, to_toml, write_scenario
 
@@ -137,6 +138,25 @@ def test_a_course_comes_from_a_table(tmp_path):
     scenario = load(tmp_path, HEAD + step + EXPECT)
     action = resolve_steps(scenario, MS, {})[0].action
     assert action == SetAction("valve.spool_setpoint", 0.25, 0, ((0, 0.0), (500, 0.25)))
+
+
+def test_a_course_may_name_parameters(tmp_path):
+    (tmp_path / "profile.csv").write_text("time_s,value\n0,0\n0.5,peak_bar\n1,0\n")
+    step = '[[step]]\nat_s = 1\nset = "io.0x6401.01"\ntable = "profile.csv"\n'
+    head = HEAD + "[parameters]\npeak_bar = { value = 3.0, range = [1.0, 9.0] }\n"
+    scenario = load(tmp_path, head + step + EXPECT)
+    assert list(usage_problems(scenario)) == []
+    action = resolve_steps(scenario, MS, parameter_values(scenario, {"peak_bar": 5.0}))[0].action
+    assert action.course == ((0, 0.0), (500, 5e5), (1000, 0.0))
+
+
+def test_a_course_with_an_unknown_name_is_refused(tmp_path):
+    (tmp_path / "profile.csv").write_text("0,0\n0.5,peek_bar\n")
+    step = '[[step]]\nat_s = 1\nset = "io.0x6401.01"\ntable = "profile.csv"\n'
+    head = HEAD + "[parameters]\npeak_bar = 3.0\n"
+    message = r"profile.csv:2:5: 'peek_bar' is no number; give one such as 0.5 or one of peak_bar"
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path, head + step + EXPECT)
 
 
 INSIDE = "axis1.position +- 1 mm within 200 ms"

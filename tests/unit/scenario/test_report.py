@@ -213,7 +213,7 @@ def test_a_picture_shades_fault_and_violation_and_marks_the_instant(tmp_path):
     step = '[[step]]\nat_s = 0.004\nfault = "drop_supply"\ntarget = "axis1"\npressure_bar = 20\n'
     text = "always from 10 ms to 12 ms axis1.P_A < 0 bar"
     path = scenario(tmp_path, ("R1", text), more=f"{step}for_s = 0.003\n")
-    found = play(prepare(load_scenario(path)), PlayOptions(reader=lambda _bench: None))
+    found = play(prepare(load_scenario(path)), PlayOptions(keeps_evidence=True))
     (finding,) = found.findings
     examination = Examination(
         finding.requirement.condition, found.evidence.columns, found.evidence.ticks, TICK

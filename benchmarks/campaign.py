@@ -2,21 +2,29 @@
 
     python benchmarks/campaign.py                       # the shortest run there is
     python benchmarks/campaign.py --runs 10000 --scenario examples/scenarios/settling.scenario.toml
+    python benchmarks/campaign.py --dask
 
 The digests of one process, of two, of three parts in another order, and of a campaign that was
-killed half-way and went on must be the same.
+killed half-way and went on must be the same. `--dask` adds a cluster of two workers, one of which
+is killed half-way.
 """
 
 import argparse
+import json
+import os
 import resource
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
+from time import sleep
 
+from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import Backend, Pool
@@ -106,11 +114,60 @@ def killed(plan: Plan, folder: Path, scenario: Path) -> str:
     return collect(plan, store).digest
 
 
+def on_dask(plan: Plan, folder: Path) -> str:
+    """Do a campaign on two workers, of which one is killed half-way; return the digest."""
+    os.environ["DASK_DISTRIBUTED__WORKER__DAEMON"] = "False"
+    where = folder / "scheduler.json"
+    start = [sys.executable, "-m"]
+    file = f"--scheduler-file={where}"
+    words = [[*start, "distributed.cli.dask_scheduler", file, "--port=0", "--no-dashboard"]]
+    words += [[*start, "distributed.cli.dask_worker", file, "--nthreads=1", "--no-nanny"]] * 2
+    with ExitStack() as stack:
+        programs = []
+        for each in words:
+            program = subprocess.Popen(each, stderr=subprocess.DEVNULL)  # noqa: S603 - our own
+            stack.callback(program.wait)
+            stack.callback(program.kill)
+            programs.append(program)
+        address = wait_for_address(where)
+        backend = stack.enter_context(DaskBackend(address, task_runs=20))
+        memory = [scheduler_mb(programs[0])]
+        seen = count()
+
+        def note(_result: RunResult | None) -> None:
+            if next(seen) == len(plan) // 2:
+                memory.append(scheduler_mb(programs[0]))
+                programs[1].kill()
+
+        store = Store(folder / "dask", plan.firmware)
+        execute(plan, store, backend, note=note)
+        memory.append(scheduler_mb(programs[0]))
+    shown = ", ".join(f"{each:.0f}" for each in memory)
+    print(f"scheduler's memory at the start, half-way and at the end: {shown} MB")
+    return collect(plan, store).digest
+
+
+def wait_for_address(path: Path) -> str:
+    """Return the address that a scheduler writes down once it listens."""
+    while not path.exists() or not path.read_text(encoding="utf-8").strip():
+        sleep(0.1)
+    address: str = json.loads(path.read_text(encoding="utf-8"))["address"]
+    return address
+
+
+def scheduler_mb(program: "subprocess.Popen[bytes]") -> float:
+    """Return what a process holds in memory [MB]."""
+    text = Path(f"/proc/{program.pid}/status").read_text(encoding="utf-8")
+    fields = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
+    return int(fields["VmRSS"].split()[0]) / 1024
+
+
 def main() -> None:
     """Run the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=600)
     parser.add_argument("--scenario", type=Path, help="the shortest there is, without it")
+    parser.add_argument("--dask", action="store_true", help="a cluster of two workers, too")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
         folder = Path(name)
@@ -124,6 +181,8 @@ def main() -> None:
             "3 parts": in_parts(plan, folder / "parts"),
             "killed": killed(plan, folder / "killed", scenario),
         }
+        if options.dask:
+            digests["Dask"] = on_dask(plan, folder)
     for how, digest in digests.items():
         print(f"{how:12} {digest[:16]}")
     sys.exit(len(set(digests.values())) - 1)

@@ -154,7 +154,7 @@ class _Worker:
         """Return what came of its run; None where that is open.
 
         Raises:
-            ConfigError: the files are not those of the campaign.
+            ConfigError: the files are not those of the campaign, or no process can start.
         """
         if self._task is None:
             return None
@@ -170,6 +170,11 @@ class _Worker:
         except EOFError:
             self.kill()
             ending = self._process.ending()
+            if not self._is_ready:
+                right = 'a script needs `if __name__ == "__main__":`; jobs=0 needs no process'
+                raise ConfigError(
+                    f"a process for runs {ending} before its first run; {right}"
+                ) from None
             return failed_run(spec, RunOutcome.CRASHED, f"its process {ending}")
         if isinstance(answer, str):
             raise ConfigError(answer)

@@ -1,5 +1,6 @@
 """Campaigns of a scenario with margins in closed form: keys, resuming, merging, processes."""
 
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -280,3 +281,13 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert [each.values["x"] for each in change.broken] == [1.0]
     assert [each.values["x"] for each in change.mended] == [2.0]
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
+
+
+def test_a_script_without_a_guard_is_said_at_once(tmp_path):
+    path = write_rest(tmp_path)
+    program = tmp_path / "script.py"
+    program.write_text(f"import hil_bench\nhil_bench.run_campaign({str(path)!r}, runs=2, jobs=1)\n")
+    words = [sys.executable, str(program)]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603
+    last = ended.stderr.strip().splitlines()[-1]
+    assert last.endswith('a script needs `if __name__ == "__main__":`; jobs=0 needs no process')

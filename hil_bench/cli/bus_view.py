@@ -10,7 +10,7 @@ from hil_bench.eyes.bus_state import EXTENDED, BusState, HeldValue, Stream
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.sight import Sight
 from hil_bench.outside.transports.bus_load import bitrate_text
-from hil_bench.outside.transports.listener import Listener
+from hil_bench.outside.transports.listener import Listener, loss_words
 
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
@@ -26,14 +26,12 @@ class BusView:
     """Draws a bus.
 
     Args:
-        what: the bus in words.
         bitrate: that its load refers to [bit/s].
         listener: hears it.
         state: what was heard.
     """
 
-    def __init__(self, what: str, bitrate: int, listener: Listener, state: BusState) -> None:
-        self._what = what
+    def __init__(self, bitrate: int, listener: Listener, state: BusState) -> None:
         self._bitrate = bitrate
         self._listener = listener
         self._state = state
@@ -57,8 +55,8 @@ class BusView:
 
         state = self._state
         load = f"load {state.load * 100.0:.1f} % of {bitrate_text(self._bitrate)}"
-        facts = [f"{state.frames} frames", load, *self._listener.losses]
-        text = Text(f"bus    {printable(self._what)}, {', '.join(facts)}")
+        facts = [f"{state.frames} frames", load, *loss_words(self._listener.losses)]
+        text = Text(f"bus    {printable(self._listener.description)}, {', '.join(facts)}")
         if state.silence > SILENCE or not state.frames:
             so_far = "no frame for" if state.frames else "no frame yet, after"
             text.append(f"   {so_far} {state.silence:.1f} s", style="bold yellow")

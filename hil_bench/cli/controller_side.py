@@ -118,9 +118,7 @@ def open_network(args: argparse.Namespace, config: BenchConfig) -> Iterator[Open
         elif getattr(args, "lockstep", False):
             opened = stack.enter_context(_open_lockstep(seen))
         else:
-            bus, what = open_can_bus(
-                seen.bus.interface, seen.bus.channel, seen.bus.bitrate, seen.bus.options
-            )
+            bus, what = open_can_bus(*seen.bus.address)
             stack.enter_context(bus)
             opened = OpenNetwork(stack.enter_context(Network(bus)), what, None)
         try:
@@ -136,8 +134,7 @@ def _open_lockstep(config: BenchConfig) -> Iterator[OpenNetwork]:
     Yields:
         The open network.
     """
-    bus = config.bus
-    transport = open_transport(bus.interface, bus.channel, bus.bitrate, bus.options)
+    transport = open_transport(*config.bus.address)
     with contextlib.closing(transport):
         producer = LockStepController(transport, [node.node_id for node in config.nodes])
         producer.join()

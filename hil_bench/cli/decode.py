@@ -1,17 +1,17 @@
 """`hil-bench decode`: a log of frames in words, as channels, as a DBC."""
 
 import argparse
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import (
-    add_eds_argument,
     add_filter_arguments,
+    add_log_arguments,
     check_nodes,
     known_nodes,
+    print_losses,
 )
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
@@ -19,11 +19,10 @@ from hil_bench.errors import ConfigError
 from hil_bench.eyes.channels import PdoChannels
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_node import KnownNode, PdoOwner
-from hil_bench.eyes.sight import Sight
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
 from hil_bench.outside.recording.inline_recorder import InlineRecorder
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 from hil_bench.outside.recording.recorder import RecordingPlan
 
 _EXAMPLES = """\
@@ -45,11 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "log", type=Path, metavar="FILE", help="the log: .log of candump, .asc, .blf or .mf4"
-    )
-    add_bench_arguments(parser)
-    add_eds_argument(parser)
+    add_log_arguments(parser)
     parser.add_argument(
         "-o",
         "--output",
@@ -86,33 +81,8 @@ def run(args: argparse.Namespace) -> int:
         count = _write(args, decoder, list(frames))
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
-    for text in () if args.quiet else losses(args.log, left_out):
-        print(f"hil-bench: {text}", file=sys.stderr)
+    print_losses(args, left_out)
     return ExitCode.DONE
-
-
-def from_first(frames: Iterator[LoggedFrame]) -> Iterator[LoggedFrame]:
-    """Count times from the first frame: logs of real buses have the date.
-
-    Yields:
-        The frames.
-    """
-    first: int | None = None
-    for logged in frames:
-        first = logged.now if first is None else first
-        yield logged._replace(now=logged.now - first)
-
-
-def losses(path: Path, left_out: LeftOut) -> list[str]:
-    """Return what of a log was not decoded, a line each."""
-    lines = []
-    if left_out.error_frames:
-        lines.append(f"{path}: {left_out.error_frames} error frames, which say nothing of a node")
-    if left_out.fd_frames:
-        lines.append(f"{path}: {left_out.fd_frames} CAN FD frames left out")
-    if left_out.ending:
-        lines.append(f"{path}: ends early: {left_out.ending}")
-    return lines
 
 
 def _check_outputs(args: argparse.Namespace) -> None:
@@ -130,16 +100,10 @@ def _check_outputs(args: argparse.Namespace) -> None:
 def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
     """Print all lines, and return how many frames there were."""
     lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
-
-    def show(sights: list[Sight]) -> None:
-        for sight in sights:
-            if not args.quiet and (line := lines.of(sight)) is not None:
-                print(line)
-
     for logged in frames:
         count += 1
-        show(decoder.take(logged))
-    show(decoder.finish())
+        lines.show(decoder.take(logged))
+    lines.show(decoder.finish())
     return count
 
 

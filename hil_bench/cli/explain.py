@@ -1,14 +1,11 @@
 """`hil-bench explain`: what went wrong in a log, causes first."""
 
 import argparse
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
-from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.decode import losses
+from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import add_eds_argument, known_nodes
+from hil_bench.cli.eyes_arguments import add_log_arguments, known_nodes, print_losses
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.explain.explain import Explanation, explain
@@ -36,11 +33,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument(
-        "log", type=Path, metavar="FILE", help="the log: .log of candump, .asc, .blf or .mf4"
-    )
-    add_bench_arguments(parser)
-    add_eds_argument(parser)
+    add_log_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -58,8 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
     print_results(args, _lines(found, bitrate), _content(found))
-    for text in () if args.quiet else losses(args.log, left_out):
-        print(f"hil-bench: {text}", file=sys.stderr)
+    print_losses(args, left_out)
     return ExitCode.CHECK_FAILED if found.findings else ExitCode.DONE
 
 

@@ -2,7 +2,9 @@
 
 import argparse
 import os
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
@@ -12,6 +14,7 @@ from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.nodes import merge_nodes, node_of_eds, nodes_of
 from hil_bench.eyes.sight import Service
+from hil_bench.outside.recording.frames import LeftOut
 
 
 def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +25,15 @@ def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
     )
+    add_eds_argument(parser)
+
+
+def add_log_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the log of frames that is read, and which nodes are in it."""
+    parser.add_argument(
+        "log", type=Path, metavar="FILE", help="the log: .log of candump, .asc, .blf or .mf4"
+    )
+    add_bench_arguments(parser)
     add_eds_argument(parser)
 
 
@@ -86,3 +98,16 @@ def check_nodes(names: Sequence[str], decoder: Decoder) -> None:
         if not name.isdecimal() and name not in known:
             right = f"a node-ID or one of {', '.join(known)}" if known else "a node-ID"
             raise ConfigError(f"--node {name}: no node has this name; give {right}")
+
+
+def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
+    """Say on standard error what of a log was not read."""
+    found = []
+    if left_out.error_frames:
+        found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
+    if left_out.fd_frames:
+        found.append(f"{left_out.fd_frames} CAN FD frames left out")
+    if left_out.ending:
+        found.append(f"ends early: {left_out.ending}")
+    for what in () if args.quiet else found:
+        print(f"hil-bench: {args.log}: {what}", file=sys.stderr)

@@ -1,26 +1,32 @@
 """`hil-bench record`: the frames and decoded values of any bus in a file, without a bench."""
 
 import argparse
-import math
-import time
 from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import add_listening_arguments, known_nodes
-from hil_bench.cli.interruption import interruption
-from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.cli.listening import (
+    add_duration_argument,
+    check_duration,
+    heard,
+    open_listener,
+)
+from hil_bench.cli.recording_arguments import (
+    add_trigger_arguments,
+    check_pre_trigger,
+    report_lines,
+)
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.channels import PdoChannels
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
-from hil_bench.outside.transports.listener import Listener
-from hil_bench.outside.transports.opening import open_can_bus
+from hil_bench.outside.transports.listener import loss_words
 
-_POLL = 0.1
+_UNMAPPED = "values of objects that were mapped only later, without a channel"
 
 _EXAMPLES = """\
 examples:
@@ -43,26 +49,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
     add_listening_arguments(parser)
-    parser.add_argument(
-        "--duration",
-        type=float,
-        default=math.inf,
-        metavar="S",
-        help="time to record; until Ctrl-C by default",
-    )
-    parser.add_argument(
-        "--trigger",
-        default="",
-        metavar="CONDITION",
-        help="begin recording when a channel is beyond a level",
-    )
-    parser.add_argument(
-        "--pre-trigger",
-        type=float,
-        default=1.0,
-        metavar="S",
-        help="time before the trigger that is recorded too (1 s)",
-    )
+    add_duration_argument(parser, "record")
+    add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -73,10 +61,8 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: an option cannot be meant.
     """
-    if not args.duration > 0.0:
-        raise ConfigError(f"--duration {args.duration:g}: more than 0 is right")
-    if not 0 <= args.pre_trigger <= 3600:
-        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
+    check_duration(args)
+    check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
     decoder = Decoder(known_nodes(args, config))
     channels = PdoChannels(owner for owners in decoder.pdos.values() for owner in owners)
@@ -87,50 +73,24 @@ def run(args: argparse.Namespace) -> int:
         (args.file,), tuple(channels.channels), trigger=args.trigger, pre_trigger=args.pre_trigger
     )
     plan.check()
-    settings = config.bus
-    bus, what = open_can_bus(
-        settings.interface, settings.channel, settings.bitrate, settings.options
-    )
-    with bus:
-        listener = Listener(bus, what)
+    with open_listener(config.bus) as listener:
         if not is_silent(args):
             names = f"{len(channels.channels)} channels" if channels.channels else "frames alone"
+            what = listener.description
             print(f"{what}: recording {names} to {args.file}; Ctrl-C ends it", flush=True)
         recorder = RecorderProcess(plan)
         recorder.start()
         try:
-            _listen(args.duration, listener, decoder, channels, recorder)
+            for logged in heard(listener, args.duration):
+                recorder.append_frames([logged.frame], logged.now, is_received=True)
+                if sum(map(channels.take, decoder.take(logged))):
+                    recorder.append_row(channels.row(logged.now))
         finally:
             recorder.stop()
-        dropped = listener.dropped
+        losses, dropped = listener.losses, listener.dropped
     report = recorder.report
-    facts = (
-        (listener.error_frames, "error frames"),
-        (listener.fd_frames, "CAN FD frames left out"),
-        (dropped, "frames lost by the kernel"),
-        (channels.missed, "values of objects that were mapped only later, without a channel"),
-    )
-    lines = [*report_lines(report), *(f"{count} {text}" for count, text in facts if count)]
-    content = {"report": report, **{text: count for count, text in facts}}
-    print_results(args, lines, content)
+    losses[_UNMAPPED] = channels.missed
+    print_results(args, [*report_lines(report), *loss_words(losses)], {"report": report, **losses})
     if not report.is_complete or dropped:
         return ExitCode.LOST
     return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE
-
-
-def _listen(
-    duration: float,
-    listener: Listener,
-    decoder: Decoder,
-    channels: PdoChannels,
-    recorder: RecorderProcess,
-) -> None:
-    end = time.monotonic() + duration
-    with interruption() as interrupted:
-        while not interrupted.requested and (left := end - time.monotonic()) > 0.0:
-            logged = listener.hear(min(_POLL, left))
-            if logged is None:
-                continue
-            recorder.append_frames([logged.frame], logged.now, is_received=True)
-            if sum(map(channels.take, decoder.take(logged))):
-                recorder.append_row(channels.row(logged.now))

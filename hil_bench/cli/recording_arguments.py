@@ -22,13 +22,14 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
         help="record while the bench runs, in the format of the suffix: .mf4 signals and frames, "
         ".csv signals, .blf .asc .log frames; again for another file",
     )
-    group.add_argument(
-        "--trigger",
-        default="",
-        metavar="CONDITION",
-        help='begin recording when a signal is beyond a level: "axis1.P_A > 80 bar"',
-    )
-    group.add_argument(
+    right = 'begin recording when a signal is beyond a level: "axis1.P_A > 80 bar"'
+    add_trigger_arguments(group, right)
+
+
+def add_trigger_arguments(parser: "argparse._ActionsContainer", right: str) -> None:
+    """Add --trigger, with its help, and --pre-trigger."""
+    parser.add_argument("--trigger", default="", metavar="CONDITION", help=right)
+    parser.add_argument(
         "--pre-trigger",
         type=float,
         default=1.0,
@@ -45,12 +46,21 @@ def check_recording_arguments(args: argparse.Namespace) -> None:
     """
     if args.trigger and not args.record:
         raise ConfigError("--trigger: begins a recording; give --record FILE too")
-    if not 0 <= args.pre_trigger <= 3600:
-        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
+    check_pre_trigger(args)
     for path in args.record:
         check_suffix(path)
     if len(set(args.record)) < len(args.record):
         raise ConfigError(f"--record {args.record[-1]}: is there twice; give each file once")
+
+
+def check_pre_trigger(args: argparse.Namespace) -> None:
+    """Refuse a time before the trigger that cannot be meant.
+
+    Raises:
+        ConfigError: it is negative, or beyond an hour.
+    """
+    if not 0 <= args.pre_trigger <= 3600:
+        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
 
 
 def recording_wish(args: argparse.Namespace) -> RecordingWish:

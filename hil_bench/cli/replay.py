@@ -114,10 +114,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
-        settings = config.bus
-        bus, what = open_can_bus(
-            settings.interface, settings.channel, settings.bitrate, settings.options
-        )
+        bus, what = open_can_bus(*config.bus.address)
         stack.enter_context(bus)
         try:
             report = play_frames(

@@ -215,9 +215,7 @@ def _bus(config: BenchConfig) -> Source:
     Raises:
         BusError: the bus is lost.
     """
-    bus, what = open_can_bus(
-        config.bus.interface, config.bus.channel, config.bus.bitrate, config.bus.options
-    )
+    bus, what = open_can_bus(*config.bus.address)
     with bus, interruption() as interrupted:
         start = time.monotonic()
         while not interrupted.requested:

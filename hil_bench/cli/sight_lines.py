@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from hil_bench.eyes.codes import is_error_reset
 from hil_bench.eyes.sight import Service, Sight
@@ -26,7 +26,7 @@ class SightLines:
     """Chooses which sights are shown, and writes each as a line.
 
     Args:
-        args: of the command line, as `add_filter_arguments` has them, and `json`.
+        args: of the command line, as `add_filter_arguments` has them, `json` and `quiet`.
         buses: how many buses the frames are of.
     """
 
@@ -39,9 +39,17 @@ class SightLines:
         self._has_raw = args.raw
         self._is_json = args.json
         self._buses = buses
+        self._is_quiet = args.quiet
         self._last: dict[tuple[int, int, str], str] = {}
         is_terminal = sys.stdout.isatty() and "NO_COLOR" not in os.environ
         self._is_coloured = args.colour == "always" or (args.colour == "auto" and is_terminal)
+
+    def show(self, sights: Iterable[Sight]) -> None:
+        """Print the lines of sights, unless nothing is to be printed."""
+        for sight in () if self._is_quiet else sights:
+            line = self.of(sight)
+            if line is not None:
+                print(line)
 
     def of(self, sight: Sight) -> str | None:
         """Return the line of a sight; None where it is not shown."""

@@ -11,13 +11,13 @@ from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import known_nodes
 from hil_bench.cli.interruption import interruption
+from hil_bench.cli.listening import open_listener
 from hil_bench.cli.watch_view import REFRESH
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.bus_state import BusState
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.transports.listener import Listener
-from hil_bench.outside.transports.opening import open_can_bus
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -48,15 +48,10 @@ def watch_bus(args: argparse.Namespace, console: "Console") -> int:
     from rich.live import Live  # noqa: PLC0415 - it is an extra
 
     config = seen_from_bus(args, load_bench_config(args))
-    settings = config.bus
-    bitrate = settings.bitrate or USUAL_BITRATE
+    bitrate = config.bus.bitrate or USUAL_BITRATE
     state = BusState(Decoder(known_nodes(args, config)), bitrate)
-    bus, what = open_can_bus(
-        settings.interface, settings.channel, settings.bitrate, settings.options
-    )
-    with bus, interruption() as interrupted:
-        listener = Listener(bus, what)
-        view = BusView(what, bitrate, listener, state)
+    with open_listener(config.bus) as listener, interruption() as interrupted:
+        view = BusView(bitrate, listener, state)
         moments = hear(listener, state, monotonic)
         if args.once:
             for passed in moments:

@@ -37,6 +37,11 @@ class BusConfig:
     options: Mapping[str, str | int | float | bool] = field(default_factory=dict)
     wire: WireConfig | None = None
 
+    @property
+    def address(self) -> tuple[str | None, str | int | None, int | None, Mapping[str, object]]:
+        """What opens it: interface, channel, bit rate and options."""
+        return self.interface, self.channel, self.bitrate, self.options
+
 
 @dataclass(frozen=True, slots=True)
 class ModbusUnitConfig:

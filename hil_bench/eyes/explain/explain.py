@@ -11,7 +11,7 @@ from hil_bench.eyes.explain.presence import Presence
 from hil_bench.eyes.explain.process_data import ProcessData
 from hil_bench.eyes.explain.transfers import Transfers
 from hil_bench.eyes.known_node import KnownNode
-from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 
 _ORDER = {cause: number for number, cause in enumerate(Cause)}
 
@@ -53,14 +53,12 @@ def explain(frames: Iterable[LoggedFrame], known: Iterable[KnownNode], bitrate: 
         Syncs(),
         Emergencies(),
     )
-    first: int | None = None
     now = count = 0
-    for logged in frames:
-        first = logged.now if first is None else first
-        now, count = logged.now - first, count + 1
+    for logged in from_first(frames):
+        now, count = logged.now, count + 1
         frame = logged.frame
         load.count(now, len(frame.data), is_extended=frame.is_extended)
-        for sight in decoder.take(logged._replace(now=now)):
+        for sight in decoder.take(logged):
             for watch in watches:
                 watch.hear(sight)
     for sight in decoder.finish():

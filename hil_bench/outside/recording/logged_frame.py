@@ -1,5 +1,6 @@
 """A frame as a recording holds it."""
 
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from hil_bench.canopen_device.frame import Frame
@@ -18,3 +19,15 @@ class LoggedFrame(NamedTuple):
     frame: Frame
     now: int
     is_received: bool | None
+
+
+def from_first(frames: Iterable[LoggedFrame]) -> Iterator[LoggedFrame]:
+    """Count times from the first frame: logs of real buses have the date.
+
+    Yields:
+        The frames.
+    """
+    first: int | None = None
+    for logged in frames:
+        first = logged.now if first is None else first
+        yield logged._replace(now=logged.now - first)

@@ -3,6 +3,7 @@
 import select
 import socket
 import struct
+from collections.abc import Mapping
 from typing import Final
 
 import can
@@ -24,6 +25,7 @@ class Listener:
         description: the bus in words, for messages.
 
     Attributes:
+        description: as passed in.
         frames: data and remote frames so far.
         error_frames: reported by the adapter.
         fd_frames: CAN FD frames, which are left out.
@@ -34,7 +36,7 @@ class Listener:
         self.error_frames = 0
         self.fd_frames = 0
         self._bus = bus
-        self._description = description
+        self.description = description
         self._origin: float | None = None
         self._last = 0
 
@@ -55,7 +57,7 @@ class Listener:
                 self._check_connection()
                 return None
         except (can.CanError, OSError, ValueError) as error:
-            raise BusError(f"{self._description}: bus lost: {error}") from error
+            raise BusError(f"{self.description}: bus lost: {error}") from error
         if message.is_error_frame or message.is_fd:
             self.error_frames += message.is_error_frame
             self.fd_frames += not message.is_error_frame
@@ -78,20 +80,24 @@ class Listener:
             raise ConnectionResetError("socketcand has closed the connection")
 
     @property
-    def losses(self) -> list[str]:
-        """What was on the bus and could not be read, in words; the bus is still open."""
-        counts = (
-            (self.error_frames, "error frames"),
-            (self.fd_frames, "CAN FD frames left out"),
-            (self.dropped, "frames lost by the kernel"),
-        )
-        return [f"{count} {name}" for count, name in counts if count]
+    def losses(self) -> dict[str, int]:
+        """What was on the bus and could not be read, by its name; the bus is still open."""
+        return {
+            "error frames": self.error_frames,
+            "CAN FD frames left out": self.fd_frames,
+            "frames lost by the kernel": self.dropped,
+        }
 
     @property
     def dropped(self) -> int:
         """Frames that the kernel lost because nobody read in time, as far as it says so."""
         own = getattr(self._bus, "socket", None)
         return dropped_by_kernel(own) if isinstance(own, socket.socket) else 0
+
+
+def loss_words(losses: Mapping[str, int]) -> list[str]:
+    """Return losses in words, without those of which there are none."""
+    return [f"{count} {name}" for name, count in losses.items() if count]
 
 
 def is_closed_by_peer(own: socket.socket) -> bool:

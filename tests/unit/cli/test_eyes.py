@@ -12,7 +12,7 @@ import pytest
 from support.sdo_frames import MS, answer, heard, request, upload
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli import decode, main, monitor, record
+from hil_bench.cli import decode, listening, main
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, open_frame_file, read_frames
 from hil_bench.outside.transports.listener import Listener, dropped_by_kernel
@@ -77,8 +77,7 @@ def bus(monkeypatch):
         message.timestamp += 1.7e9  # as a driver has it: the date
     messages.insert(3, can.Message(timestamp=1.7e9, is_error_frame=True))
     messages.insert(3, can.Message(timestamp=1.7e9, is_fd=True, data=bytes(12)))
-    for module in (monitor, record):
-        monkeypatch.setattr(module, "open_can_bus", lambda *_: (ScriptedBus(messages), "can0"))
+    monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus(messages), "can0"))
 
 
 def lines(capsys):
@@ -207,7 +206,7 @@ def test_monitor_says_what_it_hears_until_ctrl_c(capsys):
 
 @pytest.mark.usefixtures("folder")
 def test_a_silent_bus_is_told_from_a_good_one(capsys, monkeypatch):
-    monkeypatch.setattr(monitor, "open_can_bus", lambda *_: (ScriptedBus([]), "can0"))
+    monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus([]), "can0"))
     assert main(["monitor", "-i", "socketcan", "-c", "can0"]) == 6
     assert capsys.readouterr().err.startswith("0 frames in 0.0 s on can0")
 

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.cli import main, watch_bus
+from hil_bench.cli import listening, main, watch_bus
 from hil_bench.cli.bus_view import BusView
 from hil_bench.eyes.bus_state import EXTENDED, BusState
 from hil_bench.eyes.decoder import Decoder
@@ -86,7 +86,7 @@ def watched(tmp_path, monkeypatch, capsys):
 
     def watch(frames, *words, bus=None):
         bus = bus or TimedBus(frames, math.inf)
-        monkeypatch.setattr(watch_bus, "open_can_bus", lambda *_: (bus, "can0"))
+        monkeypatch.setattr(listening, "open_can_bus", lambda *_: (bus, "can0"))
         monkeypatch.setattr(watch_bus, "monotonic", bus.clock)
         code = main(["watch", "-i", "socketcan", "-c", "can0", *words])
         shown = capsys.readouterr()
@@ -105,7 +105,7 @@ def state_of(*frames, step=100 * MS):
 
 def drawn(state):
     console = Console(width=150, markup=False, emoji=False, highlight=False)
-    view = BusView("can0", 1_000_000, Listener(None, "can0"), state)
+    view = BusView(1_000_000, Listener(None, "can0"), state)
     with console.capture() as capture:
         console.print(view.render())
     return [" ".join(line.split()) for line in capture.get().splitlines()]

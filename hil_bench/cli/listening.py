@@ -1,0 +1,77 @@
+"""What the verbs that listen to a bus share: opening it, for how long, and Ctrl-C."""
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from hil_bench.bench.configuration.records import BusConfig
+from hil_bench.cli.interruption import interruption
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.outside.transports.listener import Listener
+from hil_bench.outside.transports.opening import open_can_bus
+
+_POLL = 0.1
+
+
+def add_duration_argument(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add --duration.
+
+    Args:
+        parser: of the verb.
+        what: it does meanwhile, as in "listen".
+    """
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=math.inf,
+        metavar="S",
+        help=f"time to {what}; until Ctrl-C by default",
+    )
+
+
+def check_duration(args: argparse.Namespace) -> None:
+    """Refuse a duration that cannot be meant.
+
+    Raises:
+        ConfigError: it is not positive.
+    """
+    if not args.duration > 0.0:
+        raise ConfigError(f"--duration {args.duration:g}: more than 0 is right")
+
+
+@contextmanager
+def open_listener(settings: BusConfig) -> Iterator[Listener]:
+    """Open a bus to listen to it.
+
+    Yields:
+        Who hears it.
+    """
+    bus, what = open_can_bus(*settings.address)
+    with bus:
+        yield Listener(bus, what)
+
+
+def heard(
+    listener: Listener, duration: float, idle: Callable[[], object] = lambda: None
+) -> Iterator[LoggedFrame]:
+    """Hear a bus for a time, or until Ctrl-C.
+
+    Args:
+        listener: hears it.
+        duration: how long [s].
+        idle: is called now and then where nothing comes.
+
+    Yields:
+        Each frame.
+    """
+    end = time.monotonic() + duration
+    with interruption() as interrupted:
+        while not interrupted.requested and (left := end - time.monotonic()) > 0.0:
+            logged = listener.hear(min(_POLL, left))
+            if logged is None:
+                idle()
+            else:
+                yield logged

@@ -39,6 +39,7 @@ PRESSURE = '[nodes.pressure_a]\nprofile = "pressure_404"\nnode_id = 2\nsource = 
 BEGINNINGS = {
     "[nodes.valve.objects]": VALVE,
     "[nodes.pressure_a.chain]": VALVE + PRESSURE,
+    "[nodes.pressures]": VALVE,
     "[nodes.io.objects]": '[nodes.io]\nnode_id = 10\neds = "vendor.eds"\n',
 }
 """What a file has before the first table of a snippet that shows no whole one."""

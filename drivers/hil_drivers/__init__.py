@@ -36,13 +36,14 @@ from hil_drivers.position_control import (
     PositionController,
     PositionLoop,
 )
-from hil_drivers.pressure import PressureSensor
+from hil_drivers.pressure import PressureSensor, TemperatureSensor
 from hil_drivers.rotary import RotarySensor
-from hil_drivers.valve import ProportionalValve
+from hil_drivers.valve import ControlMode, ProportionalValve
 from hil_drivers.valve_state import ValveState
 
 __all__ = [
     "BusLostError",
+    "ControlMode",
     "ControllerParameters",
     "CycleRecord",
     "DeviceFaultError",
@@ -66,5 +67,6 @@ __all__ = [
     "RotarySensor",
     "SdoAbortError",
     "StaleValueError",
+    "TemperatureSensor",
     "ValveState",
 ]

@@ -51,7 +51,9 @@ class PositionSensor(Sensor):
         max_age: float = 0.1,
     ) -> None:
         super().__init__(network, node_id, eds, max_age=max_age)
-        candidates = [(_POSITION, 0), (_POSITION_MULTI_SENSOR, channel)]
+        candidates = [(_POSITION_MULTI_SENSOR, channel)]
+        if channel == 1:
+            candidates.insert(0, (_POSITION, 0))
         position, speed = self._first_mapped(candidates), (_SPEED, channel)
         inputs = self._add_inputs(self._carriers(PdoKind.TPDO, [position], [speed]))
         self._position = inputs[position]

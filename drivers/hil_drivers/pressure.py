@@ -1,6 +1,7 @@
-"""Driver for a pressure transducer (CiA 404)."""
+"""Drivers for the channels of a transducer (CiA 404): pressure and temperature."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from device_profiles import PRESSURE_404
@@ -17,12 +18,15 @@ PROCESS_VALUES = (0x6130, 0x9130, 0x8130, 0x7130)
 PASCAL_PER_UNIT = {0x22: 1.0, 0x4E: 1e5, 0xAB: 6894.757293168361}
 """Units of pressure by their code in CiA 303-2: pascal, bar, pound-force per square inch."""
 
+CELSIUS_PER_UNIT = {0x2D: (1.0, 0.0), 0xAC: (5.0 / 9.0, -160.0 / 9.0)}
+"""Units of temperature by their code: size [K] and zero [°C] of degree Celsius and Fahrenheit."""
+
 _UNIT, _DIGITS, _STATUS = 0x6131, 0x6132, 0x6150
 _NOT_VALID = 0x01
 
 
-class PressureSensor(Sensor):
-    """One channel of a pressure transducer.
+class _Channel(Sensor):
+    """One channel of a transducer.
 
     The process value may be a real number or a scaled integer, whichever the EDS maps into a TPDO;
     unit and decimal digits are read from the device.
@@ -58,7 +62,6 @@ class PressureSensor(Sensor):
         self._process_value = inputs[value]
         self._status = inputs.get(status)
         self._channel = channel
-        self._pascal_per_digit = math.nan
 
     @property
     def primary(self) -> Input:
@@ -66,25 +69,9 @@ class PressureSensor(Sensor):
         return self._process_value
 
     @property
-    def pressure(self) -> float:
-        """Pressure [Pa]; NaN while the device says that its value is not valid."""
-        value = self._value(self._process_value)
-        if not self._is_valid(value):
-            return math.nan
-        return value * self._pascal_per_digit
-
-    @property
     def is_valid(self) -> bool:
         """Whether the device says that its value is valid."""
         return self._is_valid(self._value(self._process_value))
-
-    @property
-    def reading(self) -> Reading:
-        """The pressure with unit, time and validity."""
-        return Reading(self.pressure, "Pa", self.received_at, self.is_valid)
-
-    def _read_scaling(self) -> None:
-        self._pascal_per_digit = self._read_unit() * self._read_resolution()
 
     def _is_valid(self, value: float) -> bool:
         if self._status is not None and int(self._value(self._status)) & _NOT_VALID:
@@ -92,26 +79,75 @@ class PressureSensor(Sensor):
         # Beyond its range a transducer sends NaN or the smallest integer (WIKA MH-4-CAN manual).
         return math.isfinite(value) and value != self._process_value.signal.lowest
 
-    def _read_unit(self) -> float:
-        """Return the unit that the device reports [Pa], from its code in CiA 303-2.
+    def _process(self) -> float:
+        """Return the process value as it stands in the PDO; NaN while it is not valid."""
+        value = self._value(self._process_value)
+        return value if self._is_valid(value) else math.nan
+
+    def _read_unit(self, known: Mapping[int, object], right: str) -> tuple[int, float]:
+        """Return the code of the unit that the device reports and its power of ten, by CiA 303-2.
 
         Raises:
-            DeviceMismatchError: it is no unit of pressure.
+            DeviceMismatchError: it is none that is known.
         """
         name = object_name(_UNIT, self._channel)
         code = self.node.read_integer(_UNIT, self._channel)
         exponent, numerator, denominator = code >> 24, code >> 16 & 0xFF, code >> 8 & 0xFF
-        if numerator not in PASCAL_PER_UNIT or denominator:
+        if numerator not in known or denominator:
             raise DeviceMismatchError(
-                f"{self.node}: {name} (physical unit) is 0x{code:08X}, which is no pressure; "
-                "0x00220000 (Pa), 0x004E0000 (bar) or 0x00AB0000 (psi) is right"
+                f"{self.node}: {name} (physical unit) is 0x{code:08X}, {right} is right"
             )
-        if exponent > 127:
-            exponent -= 256
-        return PASCAL_PER_UNIT[numerator] * 10.0**exponent
+        return numerator, 10.0 ** (exponent - 256 if exponent > 127 else exponent)
 
     def _read_resolution(self) -> float:
         """Return what one digit of the process value stands for, in the device's unit."""
         if self._process_value.signal.is_real:
             return 1.0
         return 10.0 ** -self.node.read_integer(_DIGITS, self._channel)
+
+
+class PressureSensor(_Channel):
+    """One channel of a transducer that measures a pressure.
+
+    Arguments and errors are those of every channel: the process value may be a real number or a
+    scaled integer, whichever the EDS maps into a TPDO; unit and digits are read from the device.
+    """
+
+    _pascal_per_digit = math.nan
+
+    @property
+    def pressure(self) -> float:
+        """Pressure [Pa]; NaN while the device says that its value is not valid."""
+        return self._process() * self._pascal_per_digit
+
+    @property
+    def reading(self) -> Reading:
+        """The pressure with unit, time and validity."""
+        return Reading(self.pressure, "Pa", self.received_at, self.is_valid)
+
+    def _read_scaling(self) -> None:
+        right = "which is no pressure; 0x00220000 (Pa), 0x004E0000 (bar) or 0x00AB0000 (psi)"
+        unit, power = self._read_unit(PASCAL_PER_UNIT, right)
+        self._pascal_per_digit = PASCAL_PER_UNIT[unit] * power * self._read_resolution()
+
+
+class TemperatureSensor(_Channel):
+    """One channel of a transducer that measures a temperature; arguments as of a pressure."""
+
+    _kelvin_per_digit = _zero = math.nan
+
+    @property
+    def temperature(self) -> float:
+        """Temperature [°C]; NaN while the device says that its value is not valid."""
+        return self._process() * self._kelvin_per_digit + self._zero
+
+    @property
+    def reading(self) -> Reading:
+        """The temperature with unit, time and validity."""
+        return Reading(self.temperature, "°C", self.received_at, self.is_valid)
+
+    def _read_scaling(self) -> None:
+        right = "which is no temperature; 0x002D0000 (°C) or 0x00AC0000 (°F)"
+        unit, power = self._read_unit(CELSIUS_PER_UNIT, right)
+        size, self._zero = CELSIUS_PER_UNIT[unit]
+        self._kelvin_per_digit = size * power * self._read_resolution()

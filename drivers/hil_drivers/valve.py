@@ -1,6 +1,7 @@
 """Driver for a proportional valve with spool position feedback (CiA 408)."""
 
 from collections.abc import Mapping
+from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +27,18 @@ _SET_POINT, _ACTUAL_VALUE = (0x6300, 1), (0x6301, 1)
 _REFERENCE = (0x6311, 1)
 _DEVICE_MODE = (0x6042, 0)
 _SET_POINT_BY_BUS = 1
+_CONTROL_MODE, _PRESSURE_SET_POINT = (0x6043, 0), (0x6380, 1)
+_PRESSURE_ACTUAL, _PRESSURE_REFERENCE = (0x6381, 1), (0x6391, 1)
+_PRESSURE_ACTIVE = 1 << 8
 _CONSUMER_HEARTBEAT = (0x1016, 1)
+
+
+class ControlMode(IntEnum):
+    """What a valve controls, by 0x6043."""
+
+    SPOOL = 2
+    PRESSURE = 4
+    PRESSURE_AND_FLOW = 5
 
 
 class Output(NamedTuple):
@@ -125,6 +137,31 @@ class ProportionalValve(ValveControl, Device):
     def spool_position(self) -> float:
         """Spool position as fraction of full opening [-], positive for P to A."""
         return self._value(self._actual) / self._reference
+
+    def set_control_mode(self, mode: ControlMode) -> None:
+        """Choose what the valve controls; `SdoAbortError` where it has no pressure sensor."""
+        self.node.write(*_CONTROL_MODE, mode)
+
+    def set_pressure(self, fraction: float) -> None:
+        """Give the pressure set-point as fraction of the valve's full pressure, by SDO.
+
+        Raises:
+            ValueError: it is not between 0 and 1.
+        """
+        if not 0.0 <= fraction <= 1.0:
+            raise ValueError(f"pressure {fraction}: 0 to 1 of the full pressure is right")
+        reference = self.node.read_integer(*_PRESSURE_REFERENCE)
+        self.node.write(*_PRESSURE_SET_POINT, round(fraction * reference))
+
+    def read_pressure(self) -> float:
+        """Return the pressure that the valve measures as fraction of its full pressure, by SDO."""
+        reference = self.node.read_integer(*_PRESSURE_REFERENCE)
+        return self.node.read_integer(*_PRESSURE_ACTUAL) / reference
+
+    @property
+    def is_limited_by_pressure(self) -> bool:
+        """Whether, in p/Q, the pressure controller holds back the spool set-point."""
+        return bool(self._status_word() & _PRESSURE_ACTIVE)
 
     def send(self) -> None:
         """Send control word and set-point as they are, again."""

@@ -69,29 +69,35 @@ class Filter:
 
 
 class AnalogueInput:
-    """The analogue input function block of one channel."""
+    """The analogue input function block of one channel.
 
-    def __init__(self, object_dictionary: ObjectDictionary) -> None:
-        """Bind the profile's objects; EdsError where one is of a wrong kind."""
+    Attributes:
+        field_value: 0x6100 of the channel, what is measured after the filter.
+        input_offset: 0x6124 of the channel.
+    """
+
+    def __init__(self, object_dictionary: ObjectDictionary, channel: int = 1) -> None:
+        """Bind the profile's objects of a channel; EdsError where one is of a wrong kind."""
         od = object_dictionary
+        self._channel = channel
         self._filter = Filter()
-        self._field_value = optional(od, 0x6100, 1, REAL32)
+        self.field_value = optional(od, 0x6100, channel, REAL32)
         self._points = tuple(self._bind(od, index) for index in range(0x6120, 0x6124))
         self.input_offset = self._bind(od, 0x6124)
         self._factor, self._offset = self._bind(od, 0x6126), self._bind(od, 0x6127)
         self._factor.default = self._factor.default or _UNITY
         self._factor.value = self._factor.value or _UNITY
         self._factor.add_check(_check_factor)
-        self._filter_type = optional(od, 0x61A0, 1, UNSIGNED8)
+        self._filter_type = optional(od, 0x61A0, channel, UNSIGNED8)
         self._filter_type.add_check(_check_filter_type)
         self._filter_type.add_hook(self.restart)
-        self._filter_constant = optional(od, 0x61A1, 1, UNSIGNED8, absent=1)
+        self._filter_constant = optional(od, 0x61A1, channel, UNSIGNED8, absent=1)
         self._filter_constant.add_check(_check_filter_constant)
         self._filter_constant.add_hook(self.restart)
         self.restart()
 
     def _bind(self, od: ObjectDictionary, index: int) -> Variable:
-        variable = optional(od, index, 1, REAL32)
+        variable = optional(od, index, self._channel, REAL32)
         variable.add_check(check_real32)
         variable.add_hook(self._configure)
         return variable
@@ -100,7 +106,7 @@ class AnalogueInput:
         """Take a new sample, and return the process value."""
         if self._filter.kind:
             sample = self._filter.pass_through(sample)
-        self._field_value.value = sample
+        self.field_value.value = sample
         return sample * self._scale + self._shift
 
     def restart(self, _written: int = 0) -> None:

@@ -51,6 +51,9 @@ POSITION_ERROR: Final = 1 << 0
 OVERSPEED: Final = 1 << 0
 """Bit of the warnings 0x6505 and 0x6506."""
 
+CHANNEL: Final = 1
+"""Of a device that has one: the source of its errors."""
+
 POSITION_EMCY: Final = 0x1000
 
 _END_OF_TIME: Final = 1 << 63
@@ -78,6 +81,7 @@ class EncoderDevice:
         self._last_position: float = 0.0
         self._last_speed: float = 0.0
         self._then = _END_OF_TIME
+        self._position_errors: set[int] = set()
         self._bind_position()
         self._bind_speed()
         self._bind_preset()
@@ -178,13 +182,16 @@ class EncoderDevice:
         if self._lowest <= steps <= self._highest:
             self._last_position = position
             self._show_position(round(measured) + self._offset)
-            if self._alarms.value:
-                self._end_position_error()
+            is_error = False
         else:
-            self._show_position_error(steps)
+            last = self._positions[0].value
+            self._show_position(saturate(steps, self._lowest, self._highest, unknown=last))
+            is_error = True
+        if is_error or self._position_errors:
+            self._tell_position_error(CHANNEL, is_present=is_error)
         shown = self._positions[0].value
         self._cams.switch(shown)
-        self._work_area.show(shown, is_out_of_range=bool(self._alarms.value))
+        self._work_area.show(shown, is_out_of_range=is_error)
 
     def _publish_speed(self, steps: float) -> None:
         if math.isnan(steps):
@@ -209,16 +216,17 @@ class EncoderDevice:
         for position in self._positions:
             position.value = steps
 
-    def _show_position_error(self, steps: float) -> None:
-        last = self._positions[0].value
-        self._show_position(saturate(steps, self._lowest, self._highest, unknown=last))
-        if not self._alarms.value:
-            self._alarms.value = POSITION_ERROR
-            self.node.emcy.raise_error(POSITION_EMCY, DEVICE_PROFILE)
-
-    def _end_position_error(self) -> None:
-        self._alarms.value = 0
-        self.node.emcy.clear_error(POSITION_EMCY)
+    def _tell_position_error(self, channel: int, *, is_present: bool) -> None:
+        """Raise or take back the alarm of a channel; the device has one as long as any has."""
+        if is_present is (channel in self._position_errors):
+            return
+        if is_present:
+            self._position_errors.add(channel)
+            self.node.emcy.raise_error(POSITION_EMCY, DEVICE_PROFILE, source=channel)
+        else:
+            self._position_errors.discard(channel)
+            self.node.emcy.clear_error(POSITION_EMCY, channel)
+        self._alarms.value = POSITION_ERROR if self._position_errors else 0
 
     def _hear_events(self) -> None:
         while self.node.events:

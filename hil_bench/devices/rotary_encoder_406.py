@@ -20,7 +20,7 @@ from typing import Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER32, UNSIGNED16, UNSIGNED32
-from hil_bench.devices.encoder_406 import EncoderDevice
+from hil_bench.devices.encoder_406 import CHANNEL, EncoderDevice
 from hil_bench.devices.profile_objects import optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.errors import SdoAbort
@@ -63,8 +63,7 @@ class RotaryEncoderDevice(EncoderDevice):
             return
         self._last_position = position
         self._show_position((self._measured() + self._offset) % self._total)
-        if self._alarms.value:
-            self._end_position_error()
+        self._tell_position_error(CHANNEL, is_present=False)
         shown = self._positions[0].value
         self._cams.switch(shown)
         self._work_area.show(shown, is_out_of_range=False)

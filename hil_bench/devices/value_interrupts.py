@@ -18,17 +18,20 @@ from hil_bench.devices.profile_objects import TpdoTrigger, optional
 class ValueInterrupts:
     """The interrupts of one channel."""
 
-    def __init__(self, object_dictionary: ObjectDictionary, trigger: TpdoTrigger) -> None:
+    def __init__(
+        self, object_dictionary: ObjectDictionary, trigger: TpdoTrigger, channel: int = 1
+    ) -> None:
         """Bind the profile's objects; EdsError where one is of a wrong kind.
 
         Args:
             object_dictionary: that of the sensor.
             trigger: sends the TPDOs that carry the value.
+            channel: sub-index of the objects.
         """
         self._trigger = trigger
-        self._delta = optional(object_dictionary, 0x6133, 1, REAL32)
-        self._lower = optional(object_dictionary, 0x6134, 1, REAL32)
-        self._upper = optional(object_dictionary, 0x6135, 1, REAL32)
+        self._delta = optional(object_dictionary, 0x6133, channel, REAL32)
+        self._lower = optional(object_dictionary, 0x6134, channel, REAL32)
+        self._upper = optional(object_dictionary, 0x6135, channel, REAL32)
         for variable in (self._delta, self._lower, self._upper):
             variable.add_check(check_real32)
         self._last: float | None = None

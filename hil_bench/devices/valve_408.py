@@ -13,6 +13,9 @@ the node's services send the EMCY; so is a control deviation that lasts (`deviat
 error code 0x604E shows it until the fault is reset. A reset is not obeyed while the heartbeat or
 the guarding is still missing.
 
+A valve with a pressure sensor has the control modes pressure and p/Q (`pressure_control`): while
+it is ACTIVE and the bus rules, the controller gives the set-point. `dither` moves the spool.
+
 With 0x604F = 1 the local control word and set-point rule (`local_command`). Each change of 0x604F
 leads to INIT.
 """
@@ -28,7 +31,9 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.demand_generator import DemandGenerator
 from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
+from hil_bench.devices.dither import Dither
 from hil_bench.devices.local_command import LocalCommand
+from hil_bench.devices.pressure_control import SPOOL, PressureControl
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.devices.valve_state_machine import (
@@ -39,6 +44,8 @@ from hil_bench.devices.valve_state_machine import (
 )
 from hil_bench.errors import EdsError, ParameterError, SdoAbort
 
+PRESSURE_BIT: Final = 1 << 8
+"""Bit of the status word: in p/Q, the pressure controller has the spool."""
 LOCAL_BIT: Final = 1 << 4
 """Bit of the status word: the local control word rules."""
 RAMP_BIT: Final = 1 << 9
@@ -72,6 +79,7 @@ class ValveDevice:
         node: the node that carries it on the bus.
         full_opening: spool position of 100 % [m].
         local: what commands it while 0x604F is 1.
+        pressure_control: what commands it in the control modes pressure and p/Q.
         enable_input: whether the input that lets the valve be more than DISABLED is on.
     """
 
@@ -98,6 +106,8 @@ class ValveDevice:
         self._bind_control()
         self._bind_spool()
         self._generator = DemandGenerator(node.object_dictionary, self._reference)
+        self.pressure_control = PressureControl(node.object_dictionary, self._reference)
+        self._dither = Dither(node.object_dictionary)
         self._monitor = DeviationMonitor(node.object_dictionary, node.emcy)
         self._status_trigger = TpdoTrigger(node, (0x6041, 0))
         self._start()
@@ -146,11 +156,17 @@ class ValveDevice:
             self._machine.deactivate()  # heard already, unless a flood pushed the event out
         if not self.enable_input:
             self._machine.disable()
-        demand = self._generator.generate(self._present_setpoint(), now)
+        demand = self._generator.generate(self._present_setpoint(now), now)
         if self._machine.state is ValveState.FAULT_REACTION:
             self._end_reaction()
         self._demand.value = demand
+        if self._dither.type.value and self._machine.state is ValveState.ACTIVE:
+            return (demand + self._dither.swing(now)) * self._metres
         return demand * self._metres
+
+    def measure_pressure(self, pressure: float, now: int) -> None:  # noqa: ARG002 - no delay
+        """Take what the valve's pressure sensor measures [Pa] at `now` [ns]."""
+        self.pressure_control.measure(pressure)
 
     def publish(self, spool_position: float, now: int) -> None:
         """Put the measured spool position and the status word into the object dictionary.
@@ -185,6 +201,8 @@ class ValveDevice:
 
     def _present_status(self) -> int:
         status = STATUS_BITS[self._machine.state]
+        if self.pressure_control.is_active:
+            status |= PRESSURE_BIT
         if self._local.value:
             status |= LOCAL_BIT
         if self._generator.ramp.is_running:
@@ -202,12 +220,15 @@ class ValveDevice:
             if not self.enable_input:
                 self._machine.disable()
 
-    def _present_setpoint(self) -> int:
+    def _present_setpoint(self, now: int) -> int:
         if self._machine.state is ValveState.ACTIVE:
             if self._local.value:
                 return self.local.setpoint
             if self._mode.value == SETPOINT_BY_BUS:
+                if self.pressure_control.mode.value != SPOOL:
+                    return self.pressure_control.control(self._setpoint.value, now)
                 return int(self._setpoint.value)
+        self.pressure_control.restart()
         return int(self._hold_setpoint.value)
 
     def receive_local(self, control_word: int | None, setpoint: float | None, now: int) -> None:
@@ -245,6 +266,16 @@ class ValveDevice:
         self._scale(self._reference.value)
         self._generator.restart()
         self._monitor.restart()
+        self.pressure_control.restart()
+        self._show_identity()
+
+    def _show_identity(self) -> None:
+        """Show what 0x6052 and 0x605F take from the device itself."""
+        od = self.node.object_dictionary
+        if (serial_number := od.find(0x6052)) is not None:
+            serial_number.value = f"{od.number(0x1018, 4):08X}"
+        if (capability := od.find(0x605F)) is not None:
+            capability.value = sum(1 << mode for mode in self.pressure_control.modes)
 
     def _scale(self, reference: int) -> None:
         self._metres = self.full_opening / reference

@@ -1,8 +1,9 @@
 """The linear position sensor of CiA 406 as a kind of device."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 from device_profiles import ENCODER_406, REGISTERS
@@ -36,7 +37,7 @@ class EncoderKind(DeviceKind[EncoderConfig]):
     name = "encoder_406"
     record = EncoderConfig
     eds = ENCODER_406
-    registers = REGISTERS / "encoder_406.toml"
+    registers: Path | None = REGISTERS / "encoder_406.toml"
     chain_unit = "m"
     driver = "hil_drivers:PositionSensor"
 
@@ -54,21 +55,40 @@ class EncoderKind(DeviceKind[EncoderConfig]):
 
     def fit(self, config: EncoderConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the sensor, behind its chain if any."""
-        chain = surroundings.chain(config.chain, config.name)
-        axis = surroundings.axes[str(config.axis)]
-        device = EncoderDevice(node, axis.limits(_POSITION))
-        by_name = axis.kind.by_name
-        measurement = Measurement(
-            device.publish,
-            by_name[_POSITION],
-            () if chain is None else (chain.measure,),
-            name=config.name,
-            rate=Rate("speed", by_name[_SPEED], () if chain is None else (chain.speed,)),
-        )
+        device = EncoderDevice(node, self.stroke(config, surroundings))
+        return self.dress(config, device, surroundings)
+
+    def stroke(self, config: EncoderConfig, surroundings: Surroundings) -> tuple[float, float]:
+        """Return the positions at the ends of the axis [m]."""
+        return surroundings.axes[str(config.axis)].limits(_POSITION)
+
+    def dress(
+        self, config: EncoderConfig, device: EncoderDevice, surroundings: Surroundings
+    ) -> Fitting:
+        """Return what a built sensor does on the bench."""
+        measurement = measure_motion(config, config.name, device.publish, surroundings)
         return Fitting(
             sensors=((str(config.axis), measurement),),
-            registers=partial(encoder_quantities, node.object_dictionary),
+            registers=partial(encoder_quantities, device.node.object_dictionary),
         )
+
+
+def measure_motion(
+    config: EncoderConfig,
+    name: str,
+    publish: Callable[[float, float, int], None],
+    surroundings: Surroundings,
+) -> Measurement:
+    """Return what hands position and speed of the axis on, by the chain of that name if any."""
+    chain = surroundings.chain(config.chain, name)
+    by_name = surroundings.axes[str(config.axis)].kind.by_name
+    return Measurement(
+        publish,
+        by_name[_POSITION],
+        () if chain is None else (chain.measure,),
+        name=name,
+        rate=Rate("speed", by_name[_SPEED], () if chain is None else (chain.speed,)),
+    )
 
 
 ENCODER: Final = EncoderKind()

@@ -53,14 +53,7 @@ class PressureKind(DeviceKind[PressureConfig]):
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a source that is no pressure of the plant."""
-        if "source" not in node:
-            return  # it is missing, which is noted already
-        source = node["source"].value
-        known = [quantity.name for quantity in axis.kind.outputs_in(_UNIT)]
-        if source not in known:
-            names = ", ".join(f'"{name}"' for name in known)
-            right = f"give one of {names}" if names else f"a {axis.kind.name} has no pressure"
-            problems.add(problems.place(table, "source"), f"{describe(source)} is unknown; {right}")
+        check_pressure(table, "source", node, axis, problems)
 
     def measured(self, config: PressureConfig) -> str:
         """Return the pressure that it measures."""
@@ -81,6 +74,20 @@ class PressureKind(DeviceKind[PressureConfig]):
             sensors=((str(config.axis), measurement),),
             registers=partial(pressure_quantities, node.object_dictionary),
         )
+
+
+def check_pressure(
+    table: str, key: str, node: Settings, axis: AxisSettings, problems: Problems
+) -> None:
+    """Note a key that names no pressure of the plant."""
+    if key not in node:
+        return  # it is missing, which is noted already
+    source = node[key].value
+    known = [quantity.name for quantity in axis.kind.outputs_in(_UNIT)]
+    if source not in known:
+        names = ", ".join(f'"{name}"' for name in known)
+        right = f"give one of {names}" if names else f"a {axis.kind.name} has no pressure"
+        problems.add(problems.place(table, key), f"{describe(source)} is unknown; {right}")
 
 
 PRESSURE: Final = PressureKind()

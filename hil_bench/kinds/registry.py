@@ -6,14 +6,16 @@ from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chains import CHAIN_TABLE
 from hil_bench.kinds.encoder_406 import ENCODER
+from hil_bench.kinds.encoder_redundant_406 import REDUNDANT_ENCODER
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
 from hil_bench.kinds.pressure_404 import PRESSURE
 from hil_bench.kinds.rotary_encoder_406 import ROTARY_ENCODER
+from hil_bench.kinds.transducer_404 import TRANSDUCER
 from hil_bench.kinds.valve_408 import VALVE
 from hil_bench.registry import Registry, find_twice
 
-__all__ = ["ENCODER", "GENERIC", "KINDS", "PRESSURE", "VALVE", "kind_name", "kind_of"]
+__all__ = ["ENCODER", "GENERIC", "KINDS", "PRESSURE", "TRANSDUCER", "VALVE", "kind_name", "kind_of"]
 
 _COMMON_KEYS = (
     *("profile", "node_id", "bus", "axis", "eds", "storage", "serial_number", "objects"),
@@ -34,7 +36,13 @@ def _find_fault(kind: DeviceKind[Any]) -> str:
 KINDS: Final = Registry[DeviceKind[Any]](
     "hil_bench.kinds",
     DeviceKind,  # type: ignore[type-abstract]
-    {kind.name: kind for kind in (VALVE, PRESSURE, ENCODER, ROTARY_ENCODER, GENERIC)},
+    {
+        kind.name: kind
+        for kind in (
+            *(VALVE, PRESSURE, TRANSDUCER, ENCODER),
+            *(REDUNDANT_ENCODER, ROTARY_ENCODER, GENERIC),
+        )
+    },
     _find_fault,
 )
 

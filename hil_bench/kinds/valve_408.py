@@ -8,15 +8,17 @@ from typing import Final
 from device_profiles import REGISTERS, VALVE_408
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
-from hil_bench.config.values import number
-from hil_bench.devices.axis import Drive, Fitting
+from hil_bench.config.values import number, text
+from hil_bench.devices.axis import Drive, Fitting, Measurement
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
+from hil_bench.kinds.pressure_404 import check_pressure
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.units import MILLIMETRE
+from hil_bench.units import BAR, MILLIMETRE
 
+_PASCAL, _PRESSURE = "Pa", "pressure_source"
 _COMMANDS, _SHOWS = "spool_setpoint", "spool_position"
 
 
@@ -26,9 +28,13 @@ class ValveConfig(NodeConfig):
 
     Attributes:
         full_opening: spool position at a set-point of 100 % [m].
+        pressure_source: the pressure that its own sensor measures; None for a valve without one.
+        pressure: what stands for 100 % of pressure, the end of that sensor's range [Pa].
     """
 
     full_opening: float
+    pressure_source: str | None
+    pressure: float
 
 
 class ValveKind(DeviceKind[ValveConfig]):
@@ -37,7 +43,11 @@ class ValveKind(DeviceKind[ValveConfig]):
     name = "valve_408"
     record = ValveConfig
     eds = VALVE_408
-    keys = (Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),)
+    keys = (
+        Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
+        Key(_PRESSURE, text),
+        Key("pressure_bar", number(BAR, low=1.0, high=1e4), 250.0, BAR, "pressure"),
+    )
     registers = REGISTERS / "valve_408.toml"
     is_drive = has_enable_input = True
     driver = "hil_drivers:ProportionalValve"
@@ -45,6 +55,8 @@ class ValveKind(DeviceKind[ValveConfig]):
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant without a spool."""
         require_quantities(problems.place(table, "axis"), (_COMMANDS, _SHOWS), axis, problems)
+        if node[_PRESSURE].value is not None:
+            check_pressure(table, _PRESSURE, node, axis, problems)
 
     def resolve(self, node: Settings, axis: AxisSettings) -> None:
         """Take the full opening from the orifices where the table does not give it."""
@@ -52,6 +64,10 @@ class ValveKind(DeviceKind[ValveConfig]):
         if opening.value is None:
             full = axis.kind.full_scale(axis.settings)
             node["full_opening_mm"] = opening._replace(value=full)
+
+    def signals(self, name: str, node: Settings) -> Mapping[str, str]:
+        """Return the pressure of its own sensor."""
+        return {f"{name}.pressure": _PASCAL} if node[_PRESSURE].value is not None else {}
 
     def watched(self, config: ValveConfig) -> Mapping[str, str]:
         """Return the spool position."""
@@ -64,8 +80,19 @@ class ValveKind(DeviceKind[ValveConfig]):
     def fit(self, config: ValveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the valve."""
         device = ValveDevice(node, config.full_opening)
+        axis = str(config.axis)
+        sensors: tuple[tuple[str, Measurement], ...] = ()
+        if config.pressure_source is not None:
+            kind = surroundings.axes[axis].kind
+            first = kind.outputs_in(_PASCAL)[0].name  # port A: a positive spool fills it
+            sense = 1 if config.pressure_source == first else -1
+            device.pressure_control.fit_sensor(config.pressure, sense)
+            quantity = kind.by_name[config.pressure_source]
+            sensor = Measurement(device.measure_pressure, quantity, name=f"{config.name}.pressure")
+            sensors = ((axis, sensor),)
         return Fitting(
-            drives=(Drive(config.name, str(config.axis), device, device),),
+            drives=(Drive(config.name, axis, device, device),),
+            sensors=sensors,
             registers=partial(valve_quantities, device),
             state=lambda: device.state.value,
         )

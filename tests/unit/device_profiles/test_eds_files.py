@@ -13,9 +13,11 @@ from dcf.parse import parse_file
 
 from device_profiles import (
     ENCODER_406,
+    ENCODER_REDUNDANT_406,
     IMITATIONS,
     PRESSURE_404,
     ROTARY_ENCODER_406,
+    TRANSDUCER_404,
     VALVE_408,
 )
 from hil_bench.canopen_device.datatypes import REAL32
@@ -23,12 +25,20 @@ from hil_bench.canopen_device.eds import load_eds
 
 NODE_ID = 5
 IMITATED = sorted(IMITATIONS.glob("*.eds"))
-FILES = [VALVE_408, PRESSURE_404, ENCODER_406, ROTARY_ENCODER_406, *IMITATED]
+FILES = [
+    VALVE_408,
+    PRESSURE_404,
+    TRANSDUCER_404,
+    ENCODER_406,
+    ENCODER_REDUNDANT_406,
+    ROTARY_ENCODER_406,
+    *IMITATED,
+]
 DOCUMENT = Path(__file__).parents[3] / "docs" / "devices.md"
 
 OBJECT = re.compile(r"([0-9A-F]{4})")
 ENTRY = re.compile(r"([0-9A-F]{4})sub([0-9A-F]+)")
-BITS = {0x2: 8, 0x3: 16, 0x4: 32, 0x5: 8, 0x6: 16, 0x7: 32, 0x8: 32}
+BITS = {0x2: 8, 0x3: 16, 0x4: 32, 0x5: 8, 0x6: 16, 0x7: 32, 0x8: 32, 0x10: 24}
 
 
 @pytest.fixture(params=FILES, ids=lambda path: path.stem)
@@ -160,8 +170,10 @@ def test_identifiers_follow_the_node_id(path, node_id):
     [
         (VALVE_408, 0x00000198, 0x408),
         (PRESSURE_404, 0x00020194, 0x404),
+        (TRANSDUCER_404, 0x00020194, 0x414),
         (ENCODER_406, 0x00080196, 0x406),
         (ROTARY_ENCODER_406, 0x00020196, 0x407),
+        (ENCODER_REDUNDANT_406, 0x000A0196, 0x416),
     ],
 )
 def test_identity(path, device_type, product_code):
@@ -197,8 +209,12 @@ def pdo(dictionary, communication):
         (VALVE_408, 0x1400, (0x205, 255, 0, [0x60400010, 0x63000110])),
         (VALVE_408, 0x1800, (0x40000185, 255, 10, [0x60410010, 0x63010110])),
         (PRESSURE_404, 0x1800, (0x40000185, 254, 10, [0x61300120, 0x61500108])),
+        (TRANSDUCER_404, 0x1801, (0x40000285, 254, 10, [0x61300220, 0x61500208])),
+        (TRANSDUCER_404, 0x1802, (0x40000385, 254, 100, [0x61300320, 0x61500308])),
         (ENCODER_406, 0x1800, (0x40000185, 254, 10, [0x60040020, 0x60300110])),
         (ENCODER_406, 0x1801, (0xC0000285, 1, 0, [0x60040020, 0x60300110])),
+        (ENCODER_REDUNDANT_406, 0x1800, (0x40000185, 254, 10, [0x60200120, 0x60300110])),
+        (ENCODER_REDUNDANT_406, 0x1801, (0x40000285, 254, 10, [0x60200220, 0x60300210])),
         # "Imitated devices" there.
         (
             IMITATIONS / "encoder_multi_sensor.eds",

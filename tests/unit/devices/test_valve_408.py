@@ -207,11 +207,13 @@ def test_setpoints_beyond_100_percent_need_wider_limits(active):
         (0x6042, 0, 0, 1, 0x06090032),
         (0x6042, 0, 3, 1, 0x06090031),
         (0x6043, 0, 1, 1, 0x06090032),  # spool position open loop
+        (0x6043, 0, 4, 1, 0x06090030),  # pressure, without a sensor
         (0x6043, 0, 9, 1, 0x06090031),  # axis position control
         (0x604F, 0, 2, 1, 0x06090031),
         (0x6041, 0, 0, 2, 0x06010002),
         (0x6301, 1, 0, 2, 0x06010002),
-        (0x6311, 1, 10000, 2, 0x06010002),
+        (0x6311, 1, 0, 2, 0x06090032),
+        (0x6311, 1, 10000, 2, None),
         (0x6314, 1, 100, 2, None),
         (0x6320, 1, -16384, 2, None),  # both limits equal is no contradiction
     ],

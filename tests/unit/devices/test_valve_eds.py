@@ -45,8 +45,9 @@ def edited_eds(tmp_path):
 
 REFERENCE = (
     "[6311sub1]\nParameterName=Spool reference value\n"
-    "ObjectType=0x7\nDataType=0x0003\nAccessType=ro\n"
+    "ObjectType=0x7\nDataType=0x0003\nAccessType=rw\nLowLimit=1\nHighLimit=32767\n"
 )
+UNLIMITED = REFERENCE[: REFERENCE.index("LowLimit")]
 
 
 def test_another_reference_value_scales_setpoint_and_actual_value(make_rig, edited_eds):
@@ -59,13 +60,13 @@ def test_another_reference_value_scales_setpoint_and_actual_value(make_rig, edit
 
 
 def test_a_reference_value_of_zero_is_refused(make_rig, edited_eds):
-    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{REFERENCE}DefaultValue=0")
+    eds = edited_eds(f"{REFERENCE}DefaultValue=16384", f"{UNLIMITED}DefaultValue=0")
     with pytest.raises(EdsError, match=r"object 0x6311\.01"):
         ValveDevice(make_rig(eds).node, FULL_OPENING)
 
 
-def test_a_reference_value_may_be_written_where_the_eds_allows_it(make_rig, edited_eds):
-    eds = edited_eds(REFERENCE, REFERENCE.replace("=ro", "=rw"))
+def test_a_reference_value_has_a_limit_where_the_eds_gives_none(make_rig, edited_eds):
+    eds = edited_eds(REFERENCE, UNLIMITED)
     rig = fit_valve(make_rig(eds))
     rig.nmt(rig.START)
     assert rig.write(0x6311, 1, 0, 2) == 0x06090032

@@ -1,0 +1,61 @@
+"""A transducer of two pressures and a temperature on a bench, read by the drivers.
+
+The default cylinder rests with both chambers under pressure; a pressure_404 beside each channel
+tells what is right.
+"""
+
+import pytest
+
+from device_profiles import PRESSURE_404, TRANSDUCER_404
+from hil_bench.bench.assembly import embedded_bus
+from hil_bench.bench.configuration import load_config
+from hil_bench.errors import ConfigError
+from hil_drivers import Network, PressureSensor, TemperatureSensor
+from hil_drivers.errors import DeviceMismatchError
+
+VALVE = '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
+TRANSDUCER = '[nodes.t]\nprofile = "transducer_404"\nnode_id = 2\ntemperature_c = 55.0\n'
+SINGLES = "".join(
+    f'[nodes.{name}]\nprofile = "pressure_404"\nnode_id = {node}\nsource = "{source}"\n'
+    for name, node, source in (("a", 3, "P_A"), ("b", 4, "P_B"))
+)
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load(text):
+        path = tmp_path / "bench.toml"
+        path.write_text(VALVE + text, encoding="utf-8")
+        return load_config(path)
+
+    return load
+
+
+def test_the_drivers_read_every_channel(load):
+    with embedded_bus(load(TRANSDUCER + SINGLES)) as bus, Network(bus) as network:
+        channels = [PressureSensor(network, 2, TRANSDUCER_404, channel=n) for n in (1, 2)]
+        singles = [PressureSensor(network, node, PRESSURE_404) for node in (3, 4)]
+        temperature = TemperatureSensor(network, 2, TRANSDUCER_404, channel=3)
+        for sensor in (*channels, *singles, temperature):
+            sensor.setup()
+        network.start_node()
+        network.sync()
+        network.pump(0.01)
+        assert temperature.temperature == pytest.approx(55.0)
+        assert temperature.reading.unit == "°C"
+        found = [sensor.pressure for sensor in channels]
+        assert found == pytest.approx([sensor.pressure for sensor in singles])
+        assert found[0] > 1e6
+        assert found[0] != pytest.approx(found[1])
+
+
+def test_a_pressure_driver_on_the_temperature_says_so(load):
+    with embedded_bus(load(TRANSDUCER)) as bus, Network(bus) as network:
+        sensor = PressureSensor(network, 2, TRANSDUCER_404, channel=3)
+        with pytest.raises(DeviceMismatchError, match=r"0x6131\.03.*no pressure"):
+            sensor.setup()
+
+
+def test_an_unknown_second_source_is_one_line(load):
+    with pytest.raises(ConfigError, match=r'second_source: "oil" is unknown; give one of "P_A"'):
+        load(TRANSDUCER + 'second_source = "oil"\n')

@@ -22,6 +22,7 @@ import numpy as np
 
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
+    CounterbalanceValve,
     Cushion,
     EntrainedAir,
     FullOrderPlant,
@@ -35,6 +36,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Solver,
     SpringLoad,
     SupplyUnit,
+    VariablePump,
     balanced_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import pack
@@ -68,6 +70,20 @@ EXTENSIONS = {
     "pressure compensator": {"compensator_margin": 1e6},
     "cushions": {"cushion_a": CUSHION, "cushion_b": CUSHION},
     "supply unit": {"supply": SupplyUnit()},
+}
+MOVING = {
+    "counterbalance valves": {
+        "counterbalance": CounterbalanceValve(
+            in_line_a=True, in_line_b=True, setting=1e7, pilot_ratio=3.0, conductance=1e-6
+        )
+    },
+    "load-sensing pump": {
+        "supply": SupplyUnit(
+            accumulator_volume=0.0,
+            precharge_pressure=0.0,
+            variable=VariablePump(senses_load=True),
+        )
+    },
 }
 EXTENSIONS["all of them"] = {
     name: value for extension in EXTENSIONS.values() for name, value in extension.items()
@@ -182,9 +198,16 @@ def print_extensions() -> None:
         for name, change in EXTENSIONS.items()
         for solver in Solver
     } | {("reduced model", solver): reduced_plant(solver) for solver in Solver}
+    default = Solver.LINEARLY_IMPLICIT_MIDPOINT
+    variants |= {
+        (name, default): bench_plant(default, replace(PlantOptions.bench(), **change))
+        for name, change in MOVING.items()
+    }
     cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE)
     for name in (*EXTENSIONS, "reduced model"):
         print(f"| {name} | {' | '.join(f'{cost[name, solver]:.1f}' for solver in Solver)} |")
+    for name in MOVING:
+        print(f"| {name} | - | {cost[name, default]:.1f} | - |")
 
 
 def machine() -> str:

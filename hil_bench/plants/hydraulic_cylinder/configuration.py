@@ -12,6 +12,8 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     CAVITATION_KEYS,
     COMPENSATOR_KEY,
     CONSTANT_LOAD_KEYS,
+    COUNTERBALANCE_KEYS,
+    COUNTERBALANCE_RATING,
     CUSHION_KEYS,
     DELAY_KEY,
     END_STOP_KEYS,
@@ -19,21 +21,26 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     LOAD_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
+    PUMP_KEYS,
     SERIES_KEY,
     SLOPE_KEYS,
     SPRING_KEYS,
     SUPPLY_KEYS,
     Friction,
+    Lines,
+    PumpControl,
     Supply,
 )
-from hil_bench.plants.hydraulic_cylinder.model.checks import check_full_model
+from hil_bench.plants.hydraulic_cylinder.model.checks import check_components, check_full_model
 from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    CounterbalanceValve,
     Cushion,
     EntrainedAir,
     LuGreFriction,
     MeteringLands,
     SupplyUnit,
+    VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
@@ -47,6 +54,7 @@ from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOpti
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import check_delay, check_reduced_model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, Solver, shortcoming
+from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
 from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.quantity import SUPPLY, Influence
@@ -79,6 +87,9 @@ _PHYSICAL_KEYS = {
         *BRISTLE_KEYS,
         *LAND_KEYS,
         COMPENSATOR_KEY,
+        *COUNTERBALANCE_KEYS,
+        *COUNTERBALANCE_RATING,
+        *PUMP_KEYS,
         *SUPPLY_KEYS,
         *LOAD_KEYS,
         DELAY_KEY,
@@ -88,6 +99,8 @@ _PHYSICAL_KEYS = {
     "supply_unit": "supply",
     "lands": "flow_saturation",
     "the cushion": "cushion_a_length_mm",
+    "pump_control": "pump_control",
+    "counterbalance": "counterbalance",
 }
 """The key of each symbol that `ParameterError` names."""
 
@@ -206,6 +219,7 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
         )
     else:
         check_full_model(record.parameters, record.options)
+        check_components(record.options, record.solver)
     return record
 
 
@@ -232,6 +246,8 @@ def hydraulic_options(axis: Settings) -> dict[str, Any]:
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return options
+    "pump_control": "pump_control",
+    "counterbalance": "counterbalance",
 
 
 def _build_cushion(axis: Settings, end: str) -> Cushion | None:
@@ -250,6 +266,38 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
             f"{given[0]} says no cushion by itself: give {other} too", "the cushion"
         )
     return Cushion(**convert(axis, keys))
+
+
+def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
+    """Return the counterbalance valves.
+
+    Raises:
+        ParameterError: one of their data is missing.
+    """
+    lines = axis["counterbalance"].value
+    if lines is Lines.NONE:
+        return None
+    for key in (COUNTERBALANCE_KEYS[0], *COUNTERBALANCE_RATING):
+        if axis[key.name].value is None:
+            raise ParameterError(
+                f"counterbalance says no valve by itself: give {key.name} too", "counterbalance"
+            )
+    flow, drop = convert(axis, COUNTERBALANCE_RATING).values()
+    for key, value in zip(COUNTERBALANCE_RATING, (flow, drop), strict=True):
+        require_positive(key.name, value, "")
+    return CounterbalanceValve(
+        in_line_a=lines in {Lines.A, Lines.BOTH},
+        in_line_b=lines in {Lines.B, Lines.BOTH},
+        conductance=flow / math.sqrt(drop),
+        **convert(axis, COUNTERBALANCE_KEYS),
+    )
+
+
+def _build_pump(axis: Settings) -> VariablePump | None:
+    control = axis["pump_control"].value
+    if control is PumpControl.FIXED:
+        return None
+    return VariablePump(senses_load=control is PumpControl.LOAD, **convert(axis, PUMP_KEYS))
 
 
 def _build_loads(axis: Settings) -> tuple[Load, ...]:

@@ -52,6 +52,23 @@ class Supply(StrEnum):
     UNIT = "unit"
 
 
+class PumpControl(StrEnum):
+    """What a pump holds."""
+
+    FIXED = "fixed"
+    PRESSURE = "pressure-compensated"
+    LOAD = "load-sensing"
+
+
+class Lines(StrEnum):
+    """The lines between valve and cylinder that have a counterbalance valve."""
+
+    NONE = "none"
+    A = "a"
+    B = "b"
+    BOTH = "both"
+
+
 def _quantity(name: str, default: float, unit: Unit, field: str) -> Key:
     return Key(name, number(unit), default, unit, field)
 
@@ -134,6 +151,24 @@ CUSHION_KEYS = {
     for end in ("cushion_a", "cushion_b")
 }
 
+COUNTERBALANCE_KEYS = (
+    Key("counterbalance_setting_bar", number(BAR), None, BAR, "setting"),
+    _quantity("counterbalance_pilot_ratio", 3.0, ONE, "pilot_ratio"),
+    _quantity("counterbalance_opening_bar", 30.0, BAR, "span"),
+    _quantity("counterbalance_time_ms", 10.0, MILLISECOND, "time_constant"),
+)
+
+COUNTERBALANCE_RATING = (
+    Key("counterbalance_rated_flow_l_min", number(LITRE_PER_MINUTE), None, LITRE_PER_MINUTE),
+    Key("counterbalance_rated_drop_bar", number(BAR), None, BAR),
+)
+
+PUMP_KEYS = (
+    _quantity("pump_margin_bar", 20.0, BAR, "margin"),
+    _quantity("pump_swivel_time_ms", 100.0, MILLISECOND, "swivel_time"),
+    _quantity("pump_leakage_l_min_bar", 0.012, LITRE_PER_MINUTE_BAR, "leakage"),
+)
+
 SUPPLY_KEYS = (
     _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
     _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
@@ -179,8 +214,13 @@ AXIS_KEYS = (
     COMPENSATOR_KEY,
     *CUSHION_KEYS["cushion_a"],
     *CUSHION_KEYS["cushion_b"],
+    Key("counterbalance", choice(Lines), Lines.NONE),
+    *COUNTERBALANCE_KEYS,
+    *COUNTERBALANCE_RATING,
     Key("supply", choice(Supply), Supply.CONSTANT),
     *SUPPLY_KEYS,
+    Key("pump_control", choice(PumpControl), PumpControl.FIXED),
+    *PUMP_KEYS,
     *LOAD_KEYS,
     _quantity("position_mm", 0.0, MILLIMETRE, "position"),
     Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),

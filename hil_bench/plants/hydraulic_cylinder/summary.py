@@ -100,7 +100,7 @@ def _note(motion: SteadyMotion) -> str:
     if motion.is_pump_limited:
         return "limited by the pump"
     if motion.is_compensated:
-        return "held by the pressure compensator"
+        return "held by the margin of compensator or pump"
     return "valve wide open, with friction and load"
 
 

@@ -128,8 +128,9 @@ def midpoint_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple
     constants, extension = unpack(row), unpack_extended(row)
 
     def attempt(cylinder, spool, shortened):
-        moved, _, _, error = try_extended(
-            cylinder, spool, plant_input.F_L, 0.0, p.P_S, shortened, extension
+        others = (0.0, p.P_S, (0.0, 0.0, 0.0))
+        moved, _, error = try_extended(
+            cylinder, spool, plant_input.F_L, others, shortened, extension
         )
         return moved, error
 

@@ -2,11 +2,13 @@
 
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    CounterbalanceValve,
     Cushion,
     EntrainedAir,
     LuGreFriction,
     MeteringLands,
     SupplyUnit,
+    VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
@@ -30,6 +32,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant, Solver
 
 __all__ = [
     "ConstantLoad",
+    "CounterbalanceValve",
     "Cushion",
     "EndStop",
     "EntrainedAir",
@@ -51,6 +54,7 @@ __all__ = [
     "Solver",
     "SpringLoad",
     "SupplyUnit",
+    "VariablePump",
     "balanced_state",
     "paper_parameters",
     "spool_delay",

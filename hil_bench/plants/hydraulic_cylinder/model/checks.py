@@ -7,6 +7,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import Extensi
 from hil_bench.plants.hydraulic_cylinder.model.options import VACUUM_PRESSURE, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, require_finite_state
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_finite, require_kind
 
 _HARDEST = 10.0
@@ -40,6 +41,22 @@ def check_full_model(parameters: PlantParameters, options: PlantOptions) -> None
             "F_c",
             "F_s",
         )
+
+
+def check_components(options: PlantOptions, solver: Solver) -> None:
+    """Refuse components with states of their own where the solver has none of them.
+
+    Raises:
+        ParameterError: for a solver other than the bench's.
+    """
+    if not options.has_moving_components or solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return
+    symbol = "pump_control" if options.counterbalance is None else "counterbalance"
+    raise ParameterError(
+        f"{symbol}: {solver.value} has no counterbalance valve and no pump that swivels; "
+        f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value} is right",
+        symbol,
+    )
 
 
 def _check_edges(parameters: PlantParameters, options: PlantOptions) -> None:
@@ -171,7 +188,7 @@ def check_extension(
         return ExtensionState(0.0, 0.0, parameters.P_S)
     require_kind("extension", extension, ExtensionState)
     for symbol, value, unit in zip(
-        ExtensionState._fields, extension, ("s", "m", "Pa"), strict=True
+        ExtensionState._fields, extension, ("s", "m", "Pa", "", "", "m³/s"), strict=True
     ):
         require_finite(symbol, value, unit)
     floor = VACUUM_PRESSURE if options.cavitation_floor is None else options.cavitation_floor

@@ -18,6 +18,17 @@ from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 CounterbalanceConstants = tuple[float, float, float, float, float, float, float]
 """(in line A, in line B, P_set [Pa], R, 1 / span [1/Pa], full opening [m], 1 / tau [1/s])."""
 
+Shares = tuple[float, float]
+"""By how much the valves in line A and in line B are open [-]."""
+
+
+@kernel
+def within(share: float) -> float:
+    """Return a share that is no less than 0 and no more than 1 [-]."""
+    if share < 0.0:
+        return 0.0
+    return 1.0 if share > 1.0 else share
+
 
 @kernel
 def opening_target(
@@ -32,30 +43,60 @@ def opening_target(
         ratio: of the pilot area to that of the load [-].
         per_span: inverse of the pressure from the first opening to the full one [1/Pa].
     """
-    share = (pressure + ratio * pilot - P_set) * per_span
-    if share < 0.0:
-        return 0.0
-    return 1.0 if share > 1.0 else share
+    return within((pressure + ratio * pilot - P_set) * per_span)
 
 
 @kernel
-def counterbalance_resistance(share: float, is_there: float, full_opening: float) -> float:
-    """Return what oil has to pass in a counterbalance valve [1/m]; infinite while it is shut."""
+def behind(resistance: float, share: float, is_there: float, full_opening: float) -> float:
+    """Return a resistance [1/m] with a counterbalance valve in series; infinite while it is shut.
+
+    Args:
+        resistance: of what else oil has to pass [1/m].
+        share: by how much the valve is open [-].
+        is_there: 0 for no valve.
+        full_opening: of the valve [m].
+    """
     if is_there == 0.0:
-        return 0.0
+        return resistance
     if share <= 0.0:
         return math.inf
-    return 1.0 / (share * full_opening)
+    own = 1.0 / (share * full_opening)
+    return math.sqrt(resistance * resistance + own * own)
 
 
 @kernel
-def move_counterbalance(share: float, target: float, k: float) -> tuple[float, float]:
+def lag(share: float, target: float, k: float) -> tuple[float, float]:
     """Return the share of the opening in the middle and at the end of a step [-].
 
     Args:
         share: at the start of the step [-].
-        target: in its middle [-].
+        target: of the step [-].
         k: dt / (2 tau) [-].
     """
     middle = (share + k * target) / (1.0 + k)
     return middle, middle + middle - share
+
+
+@kernel
+def move_valves(
+    shares: Shares, pressures: tuple[float, float], dt: float, valve: CounterbalanceConstants
+) -> tuple[Shares, Shares]:
+    """Return the shares of both openings in the middle and at the end of a step.
+
+    Args:
+        shares: at the start of the step.
+        pressures: P_A and P_B that open the valves in the step [Pa].
+        dt: step [s].
+        valve: the constants.
+    """
+    in_A, in_B, P_set, ratio, per_span, _, rate = valve
+    k = 0.5 * dt * rate
+    middle_A = end_A = middle_B = end_B = 0.0
+    if in_A != 0.0:
+        target = opening_target(pressures[0], pressures[1], P_set, ratio, per_span)
+        middle_A, end_A = lag(shares[0], target, k)
+    if in_B != 0.0:
+        target = opening_target(pressures[1], pressures[0], P_set, ratio, per_span)
+        middle_B, end_B = lag(shares[1], target, k)
+    # The midpoint rule overshoots a target that it cannot follow.
+    return (middle_A, middle_B), (within(end_A), within(end_B))

@@ -7,12 +7,15 @@ from typing import NamedTuple
 from hil_bench.plants.hydraulic_cylinder.model.bristles import BristleConstants
 from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack
+from hil_bench.plants.hydraulic_cylinder.model.counterbalance import CounterbalanceConstants
 from hil_bench.plants.hydraulic_cylinder.model.cushion import CushionConstants
 from hil_bench.plants.hydraulic_cylinder.model.edges import EdgeConstants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
+    CounterbalanceValve,
     Cushion,
     MeteringLands,
+    SupplyUnit,
 )
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.lands import LandConstants
@@ -25,6 +28,7 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.pump import PumpConstants
 from hil_bench.plants.hydraulic_cylinder.model.supply import SupplyConstants
 
 CompensatorConstants = tuple[float]
@@ -43,11 +47,13 @@ ExtendedConstants = tuple[
     EdgeConstants,
     CompensatorConstants,
     CushionConstants,
+    CounterbalanceConstants,
+    PumpConstants,
 ]
 
 # Where the extension begins in the row, after the paper's constants, and where the load series.
 _EXTENSION = ROW
-SERIES = _EXTENSION + 34
+SERIES = _EXTENSION + 45
 
 RELIEF_PRESSURE = _EXTENSION + 11
 """Place of the relief valve's setting in the row: the third of the supply's constants."""
@@ -60,11 +66,17 @@ class ExtensionState(NamedTuple):
         t: time, for the load series [s].
         z_f: deflection of the bristles, LuGre friction [m].
         P_S: supply pressure [Pa].
+        Y_A: share by which the counterbalance valve at A is open [-].
+        Y_B: the same at B.
+        Q_P: flow of a pump that swivels [m³/s].
     """
 
     t: float
     z_f: float
     P_S: float
+    Y_A: float = 0.0
+    Y_B: float = 0.0
+    Q_P: float = 0.0
 
 
 def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
@@ -79,6 +91,8 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
         edge_constants(parameters, options),
         (math.inf if options.compensator_margin is None else options.compensator_margin,),
         _cushion_constants(parameters, options),
+        _counterbalance_constants(parameters, options.counterbalance),
+        _pump_constants(options.supply),
     )
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
@@ -155,6 +169,32 @@ def _cushion_constants(parameters: PlantParameters, options: PlantOptions) -> Cu
     return *one(options.cushion_a), *one(options.cushion_b)
 
 
+def _counterbalance_constants(
+    parameters: PlantParameters, valve: CounterbalanceValve | None
+) -> CounterbalanceConstants:
+    """Return the constants of the counterbalance valves; the first two 0 for none."""
+    if valve is None:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return (
+        float(valve.in_line_a),
+        float(valve.in_line_b),
+        valve.setting,
+        valve.pilot_ratio,
+        1.0 / valve.span,
+        valve.conductance / parameters.K,
+        1.0 / valve.time_constant,
+    )
+
+
+def _pump_constants(unit: SupplyUnit | None) -> PumpConstants:
+    """Return the constants of a pump that swivels; 0 first for one of constant flow."""
+    pump = None if unit is None else unit.variable
+    if unit is None or pump is None:
+        return 0.0, 0.0, 0.0, 0.0
+    rate = unit.pump_flow / pump.swivel_time
+    return rate, pump.margin, pump.leakage, float(pump.senses_load)
+
+
 @kernel
 def unpack_extended(row: Floats) -> ExtendedConstants:
     """Return the constants of the extensions in their groups."""
@@ -168,4 +208,6 @@ def unpack_extended(row: Floats) -> ExtendedConstants:
         (row[56], row[57], row[58], row[59], row[60], row[61], row[62], row[63]),
         (row[64],),
         (row[65], row[66], row[67], row[68]),
+        (row[69], row[70], row[71], row[72], row[73], row[74], row[75]),
+        (row[76], row[77], row[78], row[79]),
     )

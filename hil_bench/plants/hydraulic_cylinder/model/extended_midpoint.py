@@ -23,9 +23,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     unpack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_oil import (
+    Inner,
     charged_pressure,
     compress_oil,
     compress_through_edges,
+    move_inner,
 )
 from hil_bench.plants.hydraulic_cylinder.model.following import (
     NO_DRAG,
@@ -46,12 +48,16 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import (
 from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     EXTRA,
+    INNER,
     POINT,
     STEPS,
     Seen,
     keep_extended,
     read_states,
 )
+
+Others = tuple[float, float, Inner]
+"""Bristle deflection [m], supply pressure [Pa], states of the components."""
 
 
 @kernel
@@ -89,31 +95,33 @@ def try_extended(
     cylinder: Cylinder,
     spool: Spool,
     F_L: float,
-    z_f: float,
-    P_S: float,
+    others: Others,
     constants: Constants,
     extension: ExtendedConstants,
-) -> tuple[Cylinder, float, float, float]:
-    """Return the cylinder, z_f and P_S one step later, and what the velocity is off by.
+) -> tuple[Cylinder, Others, float]:
+    """Return the cylinder and the other states one step later, and what the velocity is off by.
 
     Args:
         cylinder: at the start of the step.
         spool: its way over the step.
         F_L: external load in the middle of the step, without the spring's [N].
-        z_f: bristle deflection at the start of the step [m].
-        P_S: supply pressure at the start of the step [Pa].
+        others: bristles, supply and components at the start of the step.
         constants: in their groups.
         extension: those of the extensions.
     """
     (dt, m, _, floor), _, opening, _, _, chambers, friction, _ = constants
     _, _, bristles, (_, spring, rest) = extension[:4]
     x, v, P_A, P_B, _, _ = cylinder
+    z_f, P_S, inner = others
     nu = 0.5 * (spool[0] + spool[1])
     z = orifice_state(nu, opening)
     if extension[6][0] == 0.0:
         oil, ports, feeding = compress_oil(cylinder, z, P_S, constants, extension)
     else:
-        oil, ports, feeding = compress_through_edges(cylinder, nu, P_S, constants, extension)
+        middle, _ = move_inner(inner, nu, (P_A, P_B, P_S), dt, constants, extension)
+        oil, ports, feeding = compress_through_edges(
+            cylinder, nu, P_S, middle, constants, extension
+        )
 
     load = F_L + spring * (x + 0.5 * dt * v - rest)
     drive = P_A * chambers[2] - P_B * chambers[3]
@@ -134,8 +142,11 @@ def try_extended(
 
     rises = (moved[2] - P_A, moved[3] - P_B)
     error += oil_error(rises, ports, spool, z, constants)
-    P_S = charged_pressure(P_S, feeding, rises)
-    return moved, z_f, floor if P_S < floor else P_S, error
+    charged = charged_pressure(P_S, feeding, rises)
+    if extension[6][0] != 0.0:
+        means = (P_A + 0.5 * rises[0], P_B + 0.5 * rises[1], 0.5 * (P_S + charged))
+        _, inner = move_inner(inner, nu, means, dt, constants, extension)
+    return moved, (z_f, floor if charged < floor else charged, inner), error
 
 
 @kernel
@@ -158,6 +169,7 @@ def advance_extended_midpoint(
     dt = groups[0][0]
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = read_states(state)
     cylinder = (x, v, P_A, P_B, V_CA, V_CB)
+    others = (z_f, P_S, (state[INNER], state[INNER + 1], state[INNER + 2]))
     point, last = SERIES + int(state[POINT]), len(constants) - 2
     F_L += extension[3][0]
     extra = -steps
@@ -172,15 +184,17 @@ def advance_extended_midpoint(
             middle = (state[STEPS] + step + (done + 0.5 * size) / PARTS) * dt
             reached = find_point(constants, point, last, middle)
             load = F_L + series_force(constants, reached, last, middle)
-            moved, bent, supplied, error = try_extended(
-                cylinder, way, load, z_f, P_S, shorten(groups, size), extension
+            moved, reached_others, error = try_extended(
+                cylinder, way, load, others, shorten(groups, size), extension
             )
             if error > TOLERANCE and size > 1:
                 size //= RATIO
             else:
-                cylinder, z_f, P_S, point, done = moved, bent, supplied, reached, done + size
+                cylinder, others, point, done = moved, reached_others, reached, done + size
                 size = largest_part(done, size)
     x, v, P_A, P_B, V_CA, V_CB = cylinder
+    z_f, P_S, inner = others
+    state[INNER], state[INNER + 1], state[INNER + 2] = inner
     states = (x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S)
     state[EXTRA] += extra
     return keep_extended(state, states, steps, point, groups, extension)

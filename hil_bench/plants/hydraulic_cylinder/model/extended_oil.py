@@ -11,6 +11,7 @@ from hil_bench.plants.hydraulic_cylinder.model.bulk_modulus import AirConstants,
 from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil
 from hil_bench.plants.hydraulic_cylinder.model.chamber import chamber_volumes, net_flows
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
+from hil_bench.plants.hydraulic_cylinder.model.counterbalance import behind, move_valves
 from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
 from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtendedConstants
@@ -20,6 +21,7 @@ from hil_bench.plants.hydraulic_cylinder.model.kernel import kernel
 from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import linearise_flow
 from hil_bench.plants.hydraulic_cylinder.model.parts import Ports
+from hil_bench.plants.hydraulic_cylinder.model.pump import sensed_pressure, swivel
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
     relief_flow,
@@ -31,6 +33,9 @@ Charge = tuple[float, float]
 
 Feeding = tuple[float, float, float, float]
 """Its charge, and the shares of the edges that feed A and B [m³/(s Pa)]."""
+
+Inner = tuple[float, float, float]
+"""Shares by which the counterbalance valves at A and B are open [-], flow of the pump [m³/s]."""
 
 
 @kernel
@@ -145,7 +150,12 @@ def compress_oil(
 
 @kernel
 def compress_through_edges(
-    cylinder: Cylinder, nu: float, P_S: float, constants: Constants, extension: ExtendedConstants
+    cylinder: Cylinder,
+    nu: float,
+    P_S: float,
+    inner: Inner,
+    constants: Constants,
+    extension: ExtendedConstants,
 ) -> tuple[Oil, Ports, Feeding]:
     """Return what `compress_oil` does, for a valve both of whose edges at a port may pass oil.
 
@@ -153,17 +163,22 @@ def compress_through_edges(
         cylinder: at the start of the step.
         nu: spool position in the middle of the step [m].
         P_S: supply pressure at the start of the step [Pa].
+        inner: openings of counterbalance valves and flow of the pump in the middle of the step.
         constants: in their groups.
         extension: those of the extensions.
     """
     (dt, _, per_E_dt, _), _, _, _, (K, _, P_T, transition, signed), chambers, _, _ = constants
-    (C_LA, C_LB), air, _, _, supply, lands, edges, margin, cushions = extension
+    (C_LA, C_LB), air, _, _, supply, lands, edges, margin, cushions, valve, pump = extension
     E, C_L, _, _, _, _, h = chambers
     x, v, P_A, P_B, _, _ = cylinder
     middle = x + 0.5 * dt * v
 
     orifice = (K, P_S, P_T, transition, signed)
-    resistances = cushion_resistances(middle, h, cushions)
+    cushion_A, cushion_B = cushion_resistances(middle, h, cushions)
+    resistances = (
+        behind(cushion_A, inner[0], valve[0], valve[5]),
+        behind(cushion_B, inner[1], valve[1], valve[5]),
+    )
     PA, AT, PB, BT = flow_through_edges(
         nu, (P_A, P_B), resistances, margin[0], orifice, edges, lands
     )
@@ -174,7 +189,10 @@ def compress_through_edges(
     C_A = middle_compliance(P_A, net_A, secant_A, V_A * per_E_dt, E, air)
     C_B = middle_compliance(P_B, net_B, secant_B, V_B * per_E_dt, E, air)
 
-    net_S, capacity = charge_supply(P_S, PA[0] + PB[0], dt, supply)
+    given = inner[2] - pump[2] * (P_S - P_T)
+    unit = (supply[0], given, supply[2], supply[3], supply[4], supply[5], supply[6])
+    net_S, capacity = charge_supply(P_S, PA[0] + PB[0], dt, unit)
+    capacity += 0.5 * pump[2]
     fed_A = implicit_share(PA[1], PA[2], C_A / (1.0 + C_A / capacity))
     fed_B = implicit_share(PB[1], PB[2], C_B / (1.0 + C_B / capacity))
     drained_A = implicit_share(AT[1], AT[2], C_A)
@@ -189,6 +207,35 @@ def compress_through_edges(
     # Flows that a leaking edge passes on to the other one count by their size.
     ports = (secant_A, secant_B, abs(PA[0]) + abs(AT[0]), abs(PB[0]) + abs(BT[0]))
     return oil, ports, (net_S, capacity, fed_A, fed_B)
+
+
+@kernel
+def move_inner(
+    inner: Inner,
+    nu: float,
+    pressures: tuple[float, float, float],
+    dt: float,
+    constants: Constants,
+    extension: ExtendedConstants,
+) -> tuple[Inner, Inner]:
+    """Return the openings of counterbalance valves and the pump's flow in middle and end of a step.
+
+    Args:
+        inner: at the start of the step.
+        nu: spool position in the middle of the step [m].
+        pressures: P_A, P_B and P_S that move them [Pa].
+        dt: step [s].
+        constants: in their groups.
+        extension: those of the extensions.
+    """
+    supply, edges, valve, pump = extension[4], extension[6], extension[9], extension[10]
+    ports = (pressures[0], pressures[1])
+    middle, end = move_valves((inner[0], inner[1]), ports, dt, valve)
+    sensed = sensed_pressure(nu, ports, constants[4][2], edges)
+    return (
+        (middle[0], middle[1], swivel(inner[2], pressures[2], sensed, 0.5 * dt, pump, supply)),
+        (end[0], end[1], swivel(inner[2], pressures[2], sensed, dt, pump, supply)),
+    )
 
 
 @kernel

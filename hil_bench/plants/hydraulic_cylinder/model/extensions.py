@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from types import NoneType
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
+    require_kind,
     require_not_negative,
     require_positive,
 )
@@ -80,17 +82,45 @@ class LuGreFriction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SupplyUnit:
-    """A pump of constant flow, a relief valve and an accumulator behind port P.
+class VariablePump:
+    """A pump that swivels to hold a pressure.
 
     Attributes:
-        pump_flow: of the pump, whatever the pressure [m³/s].
+        senses_load: whether it holds its margin above the load's pressure, or the relief pressure.
+        margin: above the pressure of the load [Pa]; also the error at which it swivels as fast as
+            it can.
+        swivel_time: from no flow to all of it [s].
+        leakage: of the pump, from the supply to the tank [m³/(s Pa)].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    senses_load: bool
+    margin: float = 2e6
+    swivel_time: float = 0.1
+    leakage: float = 2e-12
+
+    def __post_init__(self) -> None:
+        require_kind("senses_load", self.senses_load, bool)
+        require_positive("margin", self.margin, "Pa", "the pump")
+        require_positive("swivel_time", self.swivel_time, "s", "the pump")
+        require_positive("leakage", self.leakage, "m³/(s Pa)", "the pump")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupplyUnit:
+    """A pump, a relief valve and an accumulator behind port P.
+
+    Attributes:
+        pump_flow: of the pump, whatever the pressure; the largest of one that swivels [m³/s].
         relief_pressure: at which the relief valve begins to open [Pa].
         relief_gradient: flow through the relief valve per pressure above that [m³/(s Pa)].
         line_volume: of the oil between pump and valve [m³].
         accumulator_volume: of the accumulator's gas when it holds no oil [m³]; 0 for none.
         precharge_pressure: of that gas, as gauge pressure [Pa].
         gas_exponent: polytropic exponent of the gas [-].
+        variable: how the pump swivels; None for one of constant flow.
 
     Raises:
         ParameterError: for a value that makes no physical sense.
@@ -103,8 +133,10 @@ class SupplyUnit:
     accumulator_volume: float = 1e-3
     precharge_pressure: float = 6e6
     gas_exponent: float = 1.4
+    variable: VariablePump | None = None
 
     def __post_init__(self) -> None:
+        require_kind("variable", self.variable, VariablePump, NoneType)
         require_not_negative("pump_flow", self.pump_flow, "m³/s")
         require_positive("relief_pressure", self.relief_pressure, "Pa")
         require_positive("relief_gradient", self.relief_gradient, "m³/(s Pa)")
@@ -118,6 +150,14 @@ class SupplyUnit:
                 f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills",
                 "precharge_pressure",
                 "relief_pressure",
+            )
+        if self.variable is None or not self.variable.senses_load:
+            return
+        if self.accumulator_volume:
+            raise ParameterError(
+                f"accumulator_volume = {self.accumulator_volume:g} m³: must be 0 with a "
+                "load-sensing pump, whose pressure it would hold",
+                "accumulator_volume",
             )
 
 
@@ -185,6 +225,44 @@ class MeteringLands:
     def bend(self, share: float) -> float:
         """Return the flow at a share of the opening, as a share of that of the wide open valve."""
         return share * math.sqrt((1.0 + self.saturation) / (1.0 + self.saturation * share * share))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CounterbalanceValve:
+    """What holds a load in a line of the cylinder until the other line's pressure opens it.
+
+    Attributes:
+        in_line_a: whether there is one between the valve and A.
+        in_line_b: whether there is one between the valve and B.
+        setting: pressure of the load that opens it without pilot [Pa].
+        pilot_ratio: R, of the pilot's area to that of the load [-].
+        span: pressure from the first opening to the full one [Pa].
+        conductance: flow of the open valve over the root of its drop [m³/(s sqrt(Pa))].
+        time_constant: of its spool with the damping nozzle [s].
+
+    Raises:
+        ParameterError: for a value that makes no physical sense.
+    """
+
+    in_line_a: bool = False
+    in_line_b: bool = False
+    setting: float
+    pilot_ratio: float
+    span: float = 3e6
+    conductance: float
+    time_constant: float = 0.01
+
+    def __post_init__(self) -> None:
+        if not (self.in_line_a or self.in_line_b):
+            raise ParameterError("in_line_a, in_line_b = False: must be in a line, or leave it out")
+        for name, unit in (
+            ("setting", "Pa"),
+            ("span", "Pa"),
+            ("conductance", "m³/(s Pa^0.5)"),
+            ("time_constant", "s"),
+        ):
+            require_positive(name, getattr(self, name), unit, "the counterbalance valve")
+        require_not_negative("pilot_ratio", self.pilot_ratio, "", "the counterbalance valve")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import find_point, series_force, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+    NO_VALVES,
     POINT,
     STEPS,
     Seen,
@@ -129,7 +130,7 @@ def advance_forward_euler(
     F_L += constant
     for step in range(steps):
         orifice = (K, P_S, P_T, width, signed)
-        Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), orifice, groups, extension)
+        Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), NO_VALVES, orifice, groups, extension)
         t = (state[STEPS] + step) * dt
         point = find_point(constants, point, last, t)
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)

@@ -4,6 +4,7 @@ import math
 from types import NoneType
 
 from hil_bench.plants.hydraulic_cylinder.model.checks import (
+    check_components,
     check_extension,
     check_full_model,
     check_state,
@@ -32,7 +33,13 @@ from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantState,
     balanced_state,
 )
-from hil_bench.plants.hydraulic_cylinder.model.state_row import EXTRA, PLAIN_EXTRA, STEPS, SUPPLY
+from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+    EXTRA,
+    INNER,
+    PLAIN_EXTRA,
+    STEPS,
+    SUPPLY,
+)
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     DEFAULT_STEP,
     Solver,
@@ -100,8 +107,9 @@ class FullOrderPlant:
         self.solver = solver = check_solver(solver)
         self.dt = dt
         check_full_model(parameters, self.options)
+        check_components(self.options, solver)
         check_step(dt, largest_step(parameters, self.options, solver), self.options, solver)
-        t, z_f, P_S = check_extension(extension, parameters, self.options)
+        t, z_f, P_S, *inner = check_extension(extension, parameters, self.options)
         F_L = self.options.load_at(0.0, t)
         start = balanced_state(parameters, F_L=F_L) if state is None else state
         check_state(start, parameters, self.options)
@@ -114,7 +122,7 @@ class FullOrderPlant:
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         self._state = make_row(
-            (*start, t / dt, z_f, P_S, 0.0, 0.0) if is_extended else (*start, 0.0)
+            (*start, t / dt, z_f, P_S, 0.0, 0.0, *inner) if is_extended else (*start, 0.0)
         )
         self._output = self._advance_by(0.0, 0.0, 0)
 
@@ -130,7 +138,10 @@ class FullOrderPlant:
         row = self._state
         if not self._is_extended:
             return ExtensionState(0.0, 0.0, self.parameters.P_S)
-        return ExtensionState(float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]))
+        inner = (float(row[place]) for place in range(INNER, len(row)))
+        return ExtensionState(
+            float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]), *inner
+        )
 
     @property
     def output(self) -> PlantOutput:
@@ -181,7 +192,7 @@ class FullOrderPlant:
             return
         P_S, states = self.supply_pressure, self.state
         extra = float(self._state[PLAIN_EXTRA])
-        self._state = make_row((*states, 0.0, 0.0, P_S, 0.0, extra))
+        self._state = make_row((*states, 0.0, 0.0, P_S, 0.0, extra, 0.0, 0.0, 0.0))
         self._advance = ready(_ADVANCE[self.solver, True])
         self._is_extended = True
 

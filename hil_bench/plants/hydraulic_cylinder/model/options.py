@@ -8,6 +8,7 @@ from typing import Self
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     ATMOSPHERE,
+    CounterbalanceValve,
     Cushion,
     EntrainedAir,
     LuGreFriction,
@@ -79,6 +80,7 @@ class PlantOptions:
             for no compensator.
         cushion_a: at the end at which A is empty; None for none.
         cushion_b: at the end at which B is empty; None for none.
+        counterbalance: what holds the load in line A, in line B or in both; None for nothing.
         supply: what holds P_S up; None for the constant P_S.
         loads: what acts on the rod besides the F_L of each step; one series at the most.
 
@@ -101,6 +103,7 @@ class PlantOptions:
     compensator_margin: float | None = None
     cushion_a: Cushion | None = None
     cushion_b: Cushion | None = None
+    counterbalance: CounterbalanceValve | None = None
     supply: SupplyUnit | None = None
     loads: tuple[Load, ...] = ()
 
@@ -138,6 +141,7 @@ class PlantOptions:
         require_kind("lands", self.lands, MeteringLands, NoneType)
         require_kind("cushion_a", self.cushion_a, Cushion, NoneType)
         require_kind("cushion_b", self.cushion_b, Cushion, NoneType)
+        require_kind("counterbalance", self.counterbalance, CounterbalanceValve, NoneType)
         require_kind("supply", self.supply, SupplyUnit, NoneType)
         require_kind("loads", self.loads, tuple)
         for load in self.loads:
@@ -156,7 +160,17 @@ class PlantOptions:
         """Whether each of the four edges of the valve is stepped for itself."""
         components = (self.compensator_margin, self.cushion_a, self.cushion_b)
         are_apart = self.lands is not None and self.lands.are_apart
-        return are_apart or any(component is not None for component in components)
+        return (
+            are_apart
+            or self.has_moving_components
+            or any(component is not None for component in components)
+        )
+
+    @property
+    def has_moving_components(self) -> bool:
+        """Whether there are valves or pumps with states of their own."""
+        is_variable = self.supply is not None and self.supply.variable is not None
+        return is_variable or self.counterbalance is not None
 
     @property
     def load_mass(self) -> float:

@@ -244,6 +244,7 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
         "air_fraction": options.air is not None,
         "bristles": options.bristles is not None,
         "lands": options.lands is not None,
+        "counterbalance": options.counterbalance is not None,
         "compensator_margin": options.compensator_margin is not None,
         "cushion": options.cushion_a is not None or options.cushion_b is not None,
         "supply_unit": options.supply is not None,

@@ -20,6 +20,7 @@ from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import step_loads, stop_force
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
+    NO_VALVES,
     POINT,
     STEPS,
     Seen,
@@ -146,7 +147,7 @@ def state_rates(
     E, C_L, A_A, A_B, _, _, _ = chambers
     x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = hold_pressures(states, constants, extension)
     fed = (K, P_S, P_T, transition, signed)
-    Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), fed, constants, extension)
+    Q_A, Q_B, drawn = valve_flows(x, nu, (P_A, P_B), NO_VALVES, fed, constants, extension)
     net_A, net_B = net_flows(Q_A, Q_B, v, C_L * (P_A - P_B), chambers)
     net_A, net_B = net_A - C_LA * (P_A - P_T), net_B - C_LB * (P_B - P_T)
     V_A, V_B = chamber_volumes(x, chambers)

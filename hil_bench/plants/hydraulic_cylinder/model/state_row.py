@@ -1,6 +1,7 @@
 """The row of states that a stepping kernel moves on: how it is read, written back and shown."""
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
+from hil_bench.plants.hydraulic_cylinder.model.counterbalance import Shares, behind
 from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
 from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES, ExtendedConstants
@@ -25,9 +26,12 @@ point of the load series after them.
 PLAIN_EXTRA = 8
 """Place of the extra evaluations in the row of a plant without extensions."""
 
-STEPS, SUPPLY, POINT, EXTRA = 8, 10, 11, 12
+STEPS, SUPPLY, POINT, EXTRA, INNER = 8, 10, 11, 12, 13
 """Places in the row of a plant with extensions: steps since time 0, P_S, point of the series,
-evaluations beyond one a step."""
+evaluations beyond one a step; openings of counterbalance valves and the pump's flow."""
+
+NO_VALVES: Shares = (0.0, 0.0)
+"""Of the solvers that have no counterbalance valves."""
 
 
 @kernel
@@ -67,6 +71,7 @@ def valve_flows(
     x: float,
     nu: float,
     pressures: tuple[float, float],
+    shares: Shares,
     orifice: OrificeConstants,
     constants: Constants,
     extension: ExtendedConstants,
@@ -77,18 +82,23 @@ def valve_flows(
         x: piston position [m].
         nu: spool position [m].
         pressures: P_A and P_B [Pa].
+        shares: by which the counterbalance valves are open.
         orifice: the constants, with the present P_S.
         constants: in their groups.
         extension: those of the extensions.
     """
-    lands, edges, margin, cushions = extension[5:9]
+    lands, edges, margin, cushions, valve = extension[5:10]
     if edges[0] == 0.0:
         z = orifice_state(nu, constants[2])
         open_A, open_B = meter_openings(z, constants[2], lands)
         Q_A = port_flow(open_A, pressures[0], orifice)
         Q_B = port_flow(open_B, pressures[1], orifice)
         return Q_A, Q_B, Q_A if z > 0.0 else Q_B
-    resistances = cushion_resistances(x, constants[5][6], cushions)
+    cushion_A, cushion_B = cushion_resistances(x, constants[5][6], cushions)
+    resistances = (
+        behind(cushion_A, shares[0], valve[0], valve[5]),
+        behind(cushion_B, shares[1], valve[1], valve[5]),
+    )
     PA, AT, PB, BT = flow_through_edges(
         nu, pressures, resistances, margin[0], orifice, edges, lands
     )
@@ -121,5 +131,6 @@ def keep_extended(
     K, _, P_T, transition, signed = constants[4]
     orifice = (K, P_S, P_T, transition, signed)
     z = orifice_state(nu, constants[2])
-    Q_A, Q_B, _ = valve_flows(x, nu, (P_A, P_B), orifice, constants, extension)
+    shares = (row[INNER], row[INNER + 1])
+    Q_A, Q_B, _ = valve_flows(x, nu, (P_A, P_B), shares, orifice, constants, extension)
     return x, v, P_A, P_B, nu, z, Q_A, Q_B

@@ -12,6 +12,8 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, Meteri
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 
+_SHUT = 1e-9  # share of its opening at which a counterbalance valve is as good as shut
+
 
 class SteadyMotion(NamedTuple):
     """A motion in which nothing changes but the position.
@@ -22,7 +24,7 @@ class SteadyMotion(NamedTuple):
         P_B: pressure in chamber B [Pa].
         supply_flow: what the valve draws [m³/s].
         is_pump_limited: whether the pump gives less than the valve would draw.
-        is_compensated: whether a pressure compensator holds the flow.
+        is_compensated: whether the margin of compensator or load-sensing pump holds the flow.
         is_cavitating: whether the load runs ahead of the oil.
     """
 
@@ -56,9 +58,9 @@ def steady_motion(
 
         P_floor A_1 - P_T A_2 - F - f(v) = v² A_2³ / (K z)².
 
-    A pressure compensator leaves its margin to the edge that feeds, so v is at most
-    K z sqrt(margin) / A_1. In a cushion, 1 / (K z)² of the edge that drains grows by that of the
-    throttle.
+    A pressure compensator, or a load-sensing pump, leaves its margin to the edge that feeds, so v
+    is at most K z sqrt(margin) / A_1. A counterbalance valve is in series with the edge that
+    drains, as far open as the pressures of the motion have it; so is the throttle of a cushion.
 
     Args:
         parameters: of the plant.
@@ -68,20 +70,62 @@ def steady_motion(
         load: against extension [N]; None for that of the options in mid-stroke.
         cushioned: whether the piston is in the cushion at its end of the stroke, if there is one.
     """
-    p = parameters
-    force = options.load_at(0.0) if load is None else load
-    P_S = p.P_S if options.supply is None else options.supply.relief_pressure
-    fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
-    feeding, draining = _conductances(p, options, z, extends=extends)
+    feeding, draining = _conductances(parameters, options, z, extends=extends)
     if cushioned:
-        draining = _throttle(p, draining, options.cushion_b if extends else options.cushion_a)
+        cushion = options.cushion_b if extends else options.cushion_a
+        draining = _throttle(parameters, draining, cushion)
+    force = options.load_at(0.0) if load is None else load
+    valve = options.counterbalance
+    if valve is None or not (valve.in_line_b if extends else valve.in_line_a):
+        return _move(parameters, options, feeding, draining, force, extends=extends)
+
+    def behind_valve(share: float) -> SteadyMotion:
+        own = share * valve.conductance
+        drain = 1.0 / math.hypot(1.0 / draining, 1.0 / own)
+        return _move(parameters, options, feeding, drain, force, extends=extends)
+
+    low, high = _SHUT, 1.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        motion = behind_valve(middle)
+        pressure, pilot = (motion.P_B, motion.P_A) if extends else (motion.P_A, motion.P_B)
+        target = (pressure + valve.pilot_ratio * pilot - valve.setting) / valve.span
+        if target > middle:
+            low = middle
+        else:
+            high = middle
+    return behind_valve(high)
+
+
+def _move(
+    parameters: PlantParameters,
+    options: PlantOptions,
+    feeding: float,
+    draining: float,
+    force: float,
+    *,
+    extends: bool,
+) -> SteadyMotion:
+    """Return the steady motion between two edges.
+
+    Args:
+        parameters: of the plant.
+        options: of the plant.
+        feeding: K z of the edge that feeds [m³/(s sqrt(Pa))].
+        draining: the same of what drains.
+        force: load against extension [N].
+        extends: which direction.
+    """
+    p, unit = parameters, options.supply
+    P_S = p.P_S if unit is None else unit.relief_pressure
+    fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
     drive = P_S * fed - p.P_T * other - against
     speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2)
-    margin = math.inf if options.compensator_margin is None else options.compensator_margin
+    margin = _margin(options)
     held = feeding * math.sqrt(margin)
     is_compensated = speed * fed > held
     speed = min(speed, held / fed)
-    pump = math.inf if options.supply is None else options.supply.pump_flow
+    pump = math.inf if unit is None else unit.pump_flow
     is_limited = speed * fed > pump
     speed = min(speed, pump / fed)
     P_2 = p.P_T + (other * speed / draining) ** 2
@@ -95,6 +139,13 @@ def steady_motion(
         flow = min(feeding * math.sqrt(min(P_S - floor, margin)), pump)
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
     return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_compensated, is_cavitating)
+
+
+def _margin(options: PlantOptions) -> float:
+    """Return what compensator and load-sensing pump let drop over the edge that feeds [Pa]."""
+    margin = math.inf if options.compensator_margin is None else options.compensator_margin
+    pump = None if options.supply is None else options.supply.variable
+    return min(margin, pump.margin) if pump is not None and pump.senses_load else margin
 
 
 def _conductances(

@@ -1,7 +1,7 @@
 """The table ``[plant.NAME]`` of a cylinder and the hydraulic side of its valve."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hil_bench.config.settings import Problems, Settings, convert
@@ -226,6 +226,10 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
 def _build_options(axis: Settings) -> PlantOptions:
     options = convert(axis, OPTION_KEYS) | hydraulic_options(axis)
     options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
+    options["counterbalance"] = _build_counterbalance(axis)
+    pump = _build_pump(axis)
+    if pump is not None:
+        options["supply"] = replace(options["supply"], variable=pump)
     if axis["end_stop"].value:
         options["end_stop"] = EndStop(**convert(axis, END_STOP_KEYS))
     if axis["friction"].value is Friction.LUGRE:
@@ -246,8 +250,6 @@ def hydraulic_options(axis: Settings) -> dict[str, Any]:
     if axis["supply"].value is Supply.UNIT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return options
-    "pump_control": "pump_control",
-    "counterbalance": "counterbalance",
 
 
 def _build_cushion(axis: Settings, end: str) -> Cushion | None:
@@ -269,7 +271,7 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
 
 
 def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
-    """Return the counterbalance valves.
+    """Return the counterbalance valves of an axis.
 
     Raises:
         ParameterError: one of their data is missing.
@@ -294,9 +296,18 @@ def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
 
 
 def _build_pump(axis: Settings) -> VariablePump | None:
+    """Return how the pump swivels.
+
+    Raises:
+        ParameterError: the supply has no pump.
+    """
     control = axis["pump_control"].value
     if control is PumpControl.FIXED:
         return None
+    if axis["supply"].value is not Supply.UNIT:
+        raise ParameterError(
+            'pump_control says no pump by itself: give supply = "unit" too', "pump_control"
+        )
     return VariablePump(senses_load=control is PumpControl.LOAD, **convert(axis, PUMP_KEYS))
 
 

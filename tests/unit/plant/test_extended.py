@@ -195,4 +195,4 @@ def test_refuses_a_senseless_extension_state(paper: PlantParameters) -> None:
 def test_without_extensions_there_is_their_start(paper: PlantParameters) -> None:
     plant = FullOrderPlant(paper)
     plant.step(PlantInput(1e-3), 100)
-    assert plant.extension == (0.0, 0.0, paper.P_S)
+    assert plant.extension == ExtensionState(0.0, 0.0, paper.P_S)

@@ -100,7 +100,7 @@ class Plan:
             if not space and not campaign.tolerances and not campaign.seeds:
                 raise ConfigError(no_range(scenario))
             for bench, controller in _variants(campaign, scenario):
-                changed = replace(scenario, bench=_absolute(bench or _own_bench(scenario)))
+                changed = replace(scenario, bench=_absolute(bench or scenario.bench_path))
                 changed = replace(changed, controller=controller[1])
                 self._note_firmware(controller)
                 name = benches[bench] if bench else ""
@@ -151,7 +151,7 @@ def make_spec(
 
 def own_case(scenario: Scenario) -> Case:
     """Return the case of a scenario as its file has it, on its own bench."""
-    bench = _absolute(_own_bench(scenario))
+    bench = _absolute(scenario.bench_path)
     return make_case(replace(scenario, bench=bench), short_names([scenario.path])[0])
 
 
@@ -275,10 +275,6 @@ def _check_storage(config: BenchConfig) -> None:
         if node.storage is not None:
             wrong = "a node that stores its parameters in files carries them from run to run"
             raise ConfigError(f"{node.place}.storage: {wrong}; take the key out for campaigns")
-
-
-def _own_bench(scenario: Scenario) -> Path | None:
-    return scenario.path.parent / scenario.bench if scenario.bench else None
 
 
 def _absolute(path: Path | None) -> str | None:

@@ -67,7 +67,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Compute the load of a bench's buses and the longest time that each PDO,\n"
         "SYNC and heartbeat may take, beside what a simulation shows.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     parser.add_argument(

@@ -59,7 +59,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "campaign",
         description="Run scenarios over parameters, benches and firmware, thousands of times.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "campaign", type=Path, metavar="FILE", help="campaign.toml, or a scenario with ranges"

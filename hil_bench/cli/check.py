@@ -43,7 +43,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "engineer checks first of each axis: speeds, forces, frequencies. No bus is opened but\n"
         "with --bus, which compares the devices on it with the bench, a line a difference.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_fault_arguments(parser)

@@ -47,7 +47,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "ctl",
         description="Look at a bench that hil-bench run runs on this machine, break it and set it.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, parser_class=Parser

@@ -42,7 +42,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Print the frames of a log in words, as 'hil-bench monitor' does of a bus; or\n"
         "write the values of its PDOs as channels of a recording, or their mapping as a DBC file.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_arguments(parser)
     parser.add_argument(

@@ -31,7 +31,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "who is missing, double or restarts, what was refused, what stayed out; each with its\n"
         "frames and its clause of CiA 301.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_log_arguments(parser)
     add_json_argument(parser)

@@ -36,7 +36,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Hold requirements against recordings, of the bench or of a machine: verdict,\n"
         "margin, and the comparison that decides.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("requirements", type=Path, metavar="REQUIREMENTS", help=".toml or .csv")
     parser.add_argument(

@@ -43,7 +43,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "units, an SDO transfer as one line. Nothing is sent. Nodes without an EDS file are named\n"
         "by what they say of themselves.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_listening_arguments(parser)
     add_duration_argument(parser, "listen")

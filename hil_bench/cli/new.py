@@ -142,7 +142,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "comes from, and print what an engineer checks first: speeds, forces, frequencies.\n"
         "What no option says is asked, where the input is a terminal.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "file", nargs="?", type=Path, default=Path("bench.toml"), help="to write (bench.toml)"

@@ -28,7 +28,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Serve a web page on which people watch a bench that runs on this machine,\n"
         "break it and set it, until Ctrl-C. A bench that ends is waited for.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_argument(parser)
     parser.add_argument(

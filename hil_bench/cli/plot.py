@@ -33,7 +33,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Draw a recording: the motion of its axes, chosen signals, or the traffic on\n"
         "the bus where it has no signals.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
     parser.add_argument(

@@ -45,7 +45,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Record what passes a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
         ".csv also the values of the PDOs of known nodes, in SI. Nothing is sent; no bench runs.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
     add_listening_arguments(parser)

@@ -54,7 +54,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Run the bench on a CAN bus, until Ctrl-C or --duration: in real time, or in\n"
         "lock-step with a controller, each SYNC of which moves the bench on by one period.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_arguments(parser)
     add_loop_arguments(parser)

@@ -54,7 +54,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Play scenarios on the virtual bench, or with -i and -c on a machine, and\n"
         "judge what they require: verdict, margin, and the comparison that decides.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "paths", nargs="+", type=Path, metavar="PATH", help=f"scenario, or folder of *{_SUFFIX}"

@@ -36,7 +36,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "on this machine, until Ctrl-C. A bench that ends is waited for. With -i, -c, --eds or a\n"
         "bench.toml, show a bus instead: nodes, values of PDOs, EMCY, load, who sends how often.",
         epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_bench_argument(parser)
     parser.add_argument(

@@ -133,14 +133,8 @@ class Director:
 
     def _course(self, action: SetAction, tick: int) -> Course:
         target = self._targets.find(action.target)
-        if action.course:
-            points = tuple((tick + after, value) for after, value in action.course)
-        elif action.over_ticks:
-            start = self._values.get(action.target, self._hand.present(target))
-            points = ((tick, start), (tick + action.over_ticks, action.value))
-        else:
-            points = ((tick, action.value),)
-        return Course(target, points)
+        start = self._values.get(action.target, self._hand.present(target))
+        return Course(target, action.points(tick, start))
 
     def _set(self, name: str, target: Target, value: float) -> Iterator[Frame]:
         self._values[name] = value

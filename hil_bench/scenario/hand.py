@@ -17,13 +17,14 @@ from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtState
 from hil_bench.canopen_device.nmt import NmtCommand as Command
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
 from hil_bench.scenario.records import NmtCommand, NmtStep
 from hil_bench.scenario.registers import RegisterTarget, WriteRegister
 from hil_bench.scenario.targets import ALL, ObjectTarget, PlantTarget, Target
 from hil_bench.session.commands import SetObject, SetPlant
 from hil_bench.session.session import Session
 
-_RPDO, _TO_MAPPING = range(0x1400, 0x1600), 0x200
+_TO_MAPPING = 0x200
 _COMMANDS: Mapping[NmtCommand, Command] = {
     NmtCommand.START: Command.START,
     NmtCommand.STOP: Command.STOP,
@@ -83,7 +84,7 @@ def _carriers(node: Node, target: ObjectTarget) -> Iterator[tuple[int, PdoMappin
     """Yield COB-ID and mapping of each RPDO that carries an object, and its place there [bit]."""
     objects = node.object_dictionary
     wanted = target.variable.index, target.variable.subindex
-    for index in objects.indices(_RPDO):
+    for index in objects.indices(COMMUNICATION_INDICES[Direction.RPDO]):
         identifier = can_id(objects.number(index, 1, absent=DISABLED))
         count = objects.number(index + _TO_MAPPING)
         if identifier is None or not count:

@@ -60,13 +60,7 @@ class SetPoints:
         self._tick = tick_ns * 1e-9
         self._courses: list[tuple[Sequence[float], Sequence[float]]] = []
         for tick, action in actions:
-            present = self._at(tick)
-            if action.course:
-                points = tuple((tick + after, value) for after, value in action.course)
-            elif action.over_ticks:
-                points = ((tick, present), (tick + action.over_ticks, action.value))
-            else:
-                points = ((tick, action.value),)
+            points = action.points(tick, self._at(tick))
             self._courses.append(([t for t, _ in points], [value for _, value in points]))
 
     def at(self, time: float) -> float:

@@ -46,6 +46,19 @@ class SetAction(NamedTuple):
     over_ticks: int = 0
     course: tuple[tuple[int, float], ...] = ()
 
+    def points(self, tick: int, present: float) -> tuple[tuple[int, float], ...]:
+        """Return ticks and values, straight lines between.
+
+        Args:
+            tick: that of the action.
+            present: the value then.
+        """
+        if self.course:
+            return tuple((tick + after, value) for after, value in self.course)
+        if self.over_ticks:
+            return (tick, present), (tick + self.over_ticks, self.value)
+        return ((tick, self.value),)
+
 
 Action = SetAction | FaultConfig | NmtStep | SyncStep | FirmwareStep
 

@@ -100,8 +100,7 @@ def prepare(
 
     A `ConfigError` has a line for each problem.
     """
-    bench = scenario.path.parent / scenario.bench if scenario.bench else None
-    config = load_config(bench, seed=seed, tables=tables)
+    config = load_config(scenario.bench_path, seed=seed, tables=tables)
     values = parameter_values(scenario, given)
     return prepare_on(config, scenario, values)
 

@@ -10,6 +10,7 @@ from typing import Protocol
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.node_objects import NodeObjects
 from hil_bench.canopen_device.datatypes import Value
+from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
@@ -105,13 +106,7 @@ class BeginFault:
         Raises:
             ConfigError: no such kind, target or argument; it says what would be right.
         """
-        try:
-            kind = FaultKind(self.kind)
-        except ValueError:
-            kinds = ", ".join(FaultKind)
-            raise ConfigError(
-                f'fault: there is no kind "{self.kind}"; give one of {kinds}'
-            ) from None
+        kind = find_kind(self.kind)
         controls.check_room(now)
         begin = getattr(controls.bench.faults, kind.value)
         try:

@@ -5,27 +5,20 @@ from typing import Any
 
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
 from hil_bench.config.settings import Given, Key, Origin, Problems, convert, read_table
+from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.units import BAR, DEGREE, MILLIMETRE
 
 
 def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the request for a fault.
+    """Return the fields of the request for a fault; where they are wrong, a `ConfigError` says so.
 
     Args:
         table: kind, target and the other keys of ``[[faults]]``.
         hello: what the bench says of itself.
-
-    Raises:
-        ConfigError: they are wrong.
     """
-    try:
-        kind = FaultKind(str(table["kind"]))
-    except ValueError:
-        raise ConfigError(
-            f'fault: there is no kind "{table["kind"]}"; give one of {", ".join(FaultKind)}'
-        ) from None
+    kind = find_kind(table["kind"])
     keys = (*COMMON_KEYS, *OWN_KEYS[kind])
     given = {
         key: Given(value, Origin.COMMAND_LINE, f"fault {kind} {key}")

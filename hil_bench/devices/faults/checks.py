@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import TypeVar
 
+from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 
 _Point = TypeVar("_Point")
@@ -14,6 +15,19 @@ _LARGEST = 1e15
 _LONGEST_S = 1e9
 _HIGHEST_CAN_ID = 0x7FF
 _NS_PER_S = 1_000_000_000
+
+
+def find_kind(name: object) -> FaultKind:
+    """Return the kind of fault that has a name.
+
+    Raises:
+        ConfigError: there is no such kind.
+    """
+    try:
+        return FaultKind(str(name))
+    except ValueError:
+        right = f"give one of {', '.join(FaultKind)}"
+        raise ConfigError(f'fault: there is no kind "{name}"; {right}') from None
 
 
 def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:

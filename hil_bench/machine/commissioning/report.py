@@ -2,7 +2,6 @@
 
 import base64
 import importlib.util
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -13,6 +12,7 @@ from hil_bench.machine.commissioning.identity import NodeDescription
 from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.machine.commissioning.report_plots import plot_step
 from hil_bench.machine.commissioning.session import Commissioning
+from hil_bench.machine.markdown import cell, plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,6 @@ class ReportHead:
 
 Row = Sequence[str]
 
-_MARKUP = re.compile(r"[\\`\[\]]")
-"""Characters of Markdown by which text becomes code or a link, and the one that escapes them."""
 
 _TITLES = {
     "communication": "Communication",
@@ -146,7 +144,7 @@ def _measure_row(measure: Measure) -> Row:
 
 
 def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) -> str:
-    lines = [f"# {_plain(head.title)}", "", f"**{verdict_of(found)}**", ""]
+    lines = [f"# {plain(head.title)}", "", f"**{verdict_of(found)}**", ""]
     lines += _markdown_table(("", ""), list(head.facts.items()))
     for finding in found.findings:
         lines += ["", f"- {_markdown_finding(finding)}"]
@@ -156,35 +154,23 @@ def _markdown(found: Commissioning, head: ReportHead, pictures: Mapping[str, Pat
         lines += ["", "## Settings", "", *_markdown_table(_SETTING_HEAD, rows)]
     for number, result in enumerate(found.results, start=1):
         lines += ["", f"## {number}. {_title(result)}: {result.verdict}", ""]
-        lines += [_plain(result.problem), ""] if result.problem else []
+        lines += [plain(result.problem), ""] if result.problem else []
         for finding in result.findings:
             lines += [_markdown_finding(finding), ""]
         if result.measures:
             lines += _markdown_table(_MEASURE_HEAD, [_measure_row(m) for m in result.measures])
-        lines += ["", *(f"- {_plain(note)}" for note in result.notes)] if result.notes else []
+        lines += ["", *(f"- {plain(note)}" for note in result.notes)] if result.notes else []
         if result.kind in pictures:
             lines += ["", f"![{_title(result)}]({pictures[result.kind].name})"]
     return "\n".join(lines) + "\n"
 
 
 def _markdown_table(head: Row, rows: Sequence[Row]) -> list[str]:
-    return [
-        f"| {' | '.join(map(_markdown_cell, row))} |" for row in (head, ["---"] * len(head), *rows)
-    ]
-
-
-def _markdown_cell(text: str) -> str:
-    return _plain(text).replace("|", "\\|")
+    return [f"| {' | '.join(map(cell, row))} |" for row in (head, ["---"] * len(head), *rows)]
 
 
 def _markdown_finding(finding: Diagnosis) -> str:
-    return f"**{_plain(finding.name)}**: {_plain(finding.evidence)}. {_plain(finding.mend)}."
-
-
-def _plain(text: str) -> str:
-    """Return text as Markdown that shows it as it is: what a device says is no HTML and no link."""
-    escaped = escape(" ".join(text.split()), quote=False)
-    return _MARKUP.sub(r"\\\g<0>", escaped)
+    return f"**{plain(finding.name)}**: {plain(finding.evidence)}. {plain(finding.mend)}."
 
 
 def _html(found: Commissioning, head: ReportHead, pictures: Mapping[str, Path]) -> str:

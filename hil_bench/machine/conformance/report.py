@@ -1,16 +1,14 @@
 """What a run of the suite found, for people and for programs."""
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from html import escape
 from itertools import groupby
 
 from hil_bench.machine.conformance.check import Impact
 from hil_bench.machine.conformance.eds_check import Finding
 from hil_bench.machine.conformance.suite import Outcome, Result
+from hil_bench.machine.markdown import cell, plain
 
-_MARKUP = re.compile(r"[\\`\[\]]")
 _MARKS = {Outcome.PASSED: "ok", Outcome.FAILED: "**FAILED**", Outcome.NOT_APPLICABLE: "–"}
 
 _SECTIONS = {
@@ -109,7 +107,7 @@ def _report(
 ) -> Iterator[str]:
     yield "# CANopen conformance report"
     yield ""
-    tested = f"{_plain(device)}; {_ALLOWED[allowed]}"
+    tested = f"{plain(device)}; {_ALLOWED[allowed]}"
     yield f"{tested}. Clauses without a document are those of CiA 301 (4.2.0)."
     yield _NO_CERTIFICATE
     yield ""
@@ -119,7 +117,7 @@ def _report(
     failed = failures(_sorted(results))
     if failed:
         yield from ("", "## What fails", "")
-        yield from (f"- {r.check.clause}: {r.check.text}. {_cell(r.detail)}" for r in failed)
+        yield from (f"- {r.check.clause}: {r.check.text}. {cell(r.detail)}" for r in failed)
     yield from ("", "## 1. Electronic data sheet", "")
     yield from _findings(eds)
     chapters = [(title, list(group)) for title, group in groupby(_sorted(results), _chapter)]
@@ -137,7 +135,7 @@ def _table(results: Sequence[Result]) -> Iterator[str]:
     yield from ("", "| clause | what is right | | found |", "|---|---|---|---|")
     for result in results:
         cells = result.check.clause, result.check.text, _MARKS[result.outcome], result.detail
-        yield f"| {' | '.join(map(_cell, cells))} |"
+        yield f"| {' | '.join(map(cell, cells))} |"
 
 
 def _findings(eds: Sequence[Finding]) -> Iterator[str]:
@@ -147,7 +145,7 @@ def _findings(eds: Sequence[Finding]) -> Iterator[str]:
     yield from ("| line | | section | found |", "|---|---|---|---|")
     for finding in eds:
         cells = str(finding.line), finding.severity.value, finding.section, finding.text
-        yield f"| {' | '.join(map(_cell, cells))} |"
+        yield f"| {' | '.join(map(cell, cells))} |"
 
 
 def _count_findings(eds: Sequence[Finding]) -> str:
@@ -166,13 +164,3 @@ def _sorted(results: Sequence[Result]) -> list[Result]:
 
 def _chapter(result: Result) -> str:
     return result.chapter
-
-
-def _cell(text: str) -> str:
-    """Return text that can stand in a table."""
-    return _plain(text).replace("|", "\\|")
-
-
-def _plain(text: str) -> str:
-    """Return text as Markdown that shows it as it is: what a device says is no HTML and no link."""
-    return _MARKUP.sub(r"\\\g<0>", escape(" ".join(text.split()), quote=False))

@@ -1,11 +1,19 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+import hil_bench.plants
 from hil_bench.errors import HilBenchError
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, kernel
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.kernel import (
+    IS_COMPILED,
+    digest_of_sources,
+    kernel,
+    ready,
+)
 
 RUN_AND_PRINT_BITS = """
 import dataclasses
@@ -56,10 +64,7 @@ def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
 @pytest.mark.slow
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
-    """One second through free motion, both stops, cavitation and overload.
-
-    A difference can also mean a stale cache of Numba: see `model.kernel`.
-    """
+    """One second through free motion, both stops, cavitation and overload."""
     compiled = run_plants(400, "0")
     assert compiled.count("\n") == 24
     in_parts = [int(line) for line in compiled.splitlines()[1::2]]
@@ -81,3 +86,33 @@ def test_numba_that_does_not_run_is_named(monkeypatch: pytest.MonkeyPatch) -> No
         HilBenchError, match=r"Numba is there but does not run.*NUMBA_DISABLE_JIT=1"
     ):
         late(1.0)
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing is cached")
+def test_machine_code_is_cached_by_the_sources_of_all_plants() -> None:
+    """A kernel that calls into an edited file would be stale: Numba looks at its own file only."""
+    statistics = ready(advance_implicit_midpoint).stats  # type: ignore[attr-defined]  # Numba's
+    plants = Path(hil_bench.plants.__file__).parent
+    assert f"kernels-{digest_of_sources(plants)}" in statistics.cache_path
+
+
+@pytest.mark.parametrize("change", ["text", "time", "name", "new"])
+def test_any_change_of_the_sources_has_a_cache_of_its_own(tmp_path: Path, change: str) -> None:
+    inner = tmp_path / "model"
+    inner.mkdir()
+    source = inner / "orifice.py"
+    source.write_text("C_d = 0.6")
+    os.utime(source, ns=(10**18, 10**18))
+    before = digest_of_sources(tmp_path)
+    assert digest_of_sources(tmp_path) == before
+    match change:
+        case "text":
+            source.write_text("C_d = 0.65")
+            os.utime(source, ns=(10**18, 10**18))
+        case "time":
+            os.utime(source, ns=(10**18, 10**18 + 1000))
+        case "name":
+            source.rename(inner / "edges.py")
+        case _:
+            (inner / "more.py").touch()
+    assert digest_of_sources(tmp_path) != before

@@ -7,15 +7,19 @@ where it is not, or where `NUMBA_DISABLE_JIT=1`, the very same source runs as Py
 as the interpreted one, so both give the same bits, and NaN and infinity keep their meaning.
 Numba is imported, and a kernel compiled, when the first plant is built: what builds none, as
 `hil-bench check`, starts without it. The machine code is cached on disk. Numba sees a change of
-the file that holds a kernel, but not of a file that this kernel calls into: after editing one,
-delete the `__pycache__` beside this file.
+the file that holds a kernel, but not of a file that this kernel calls into: so each state of the
+plants' sources has a cache of its own.
 """
 
 import functools
+import hashlib
 import importlib.util
 import os
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar, cast
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -28,6 +32,10 @@ IS_INSTALLED = importlib.util.find_spec("numba") is not None
 
 IS_COMPILED = IS_INSTALLED and os.environ.get("NUMBA_DISABLE_JIT", "0") in {"", "0"}
 """Whether kernels become machine code."""
+
+
+_SOURCES: Final = Path(__file__).parents[2]
+_KEPT: Final = 3  # caches of other states of the sources
 
 
 class Floats(Protocol):
@@ -65,7 +73,8 @@ class _Late:
             raise HilBenchError(f"Numba is there but does not run: {error}; {remedy}") from error
         compile_with = functools.partial(numba.njit, error_model="numpy", **self._options)
         try:
-            return cast("Callable[..., Any]", compile_with(cache=True)(self._function))
+            with _cached_by_sources(numba.config):
+                return cast("Callable[..., Any]", compile_with(cache=True)(self._function))
         except RuntimeError:  # no directory to cache in: a read-only or zipped installation
             return cast("Callable[..., Any]", compile_with()(self._function))
 
@@ -75,6 +84,50 @@ class _Late:
 
     def __call__(self, *values: Any) -> Any:  # noqa: ANN401 - whatever the kernel takes
         return self.compiled(*values)
+
+
+@contextmanager
+def _cached_by_sources(config: Any) -> Iterator[None]:  # noqa: ANN401 - Numba's, without types
+    """Let Numba cache what is decorated meanwhile in a directory of these very sources.
+
+    Yields:
+        Nothing.
+    """
+    given = config.CACHE_DIR
+    config.CACHE_DIR = _cache_directory(given)
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = given
+
+
+@functools.cache
+def _cache_directory(given: str) -> str:
+    """Return where machine code of the plants as they are now is kept; empty where Numba chooses.
+
+    Args:
+        given: NUMBA_CACHE_DIR; empty for none.
+    """
+    if not _SOURCES.is_dir():  # in a ZIP file
+        return given
+    parent = Path(given) if given else Path(__file__).parent / "__pycache__"
+    directory = parent / f"kernels-{digest_of_sources(_SOURCES)}"
+    if not directory.exists():
+        others = sorted(parent.glob("kernels-*"), key=lambda each: each.stat().st_mtime)
+        for other in others[:-_KEPT]:
+            shutil.rmtree(other, ignore_errors=True)
+    return str(directory)
+
+
+def digest_of_sources(folder: Path) -> str:
+    """Return a digest of names, sizes and times of all sources in a folder."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        status = path.stat()
+        digest.update(
+            f"{path.relative_to(folder)} {status.st_size} {status.st_mtime_ns}\n".encode()
+        )
+    return digest.hexdigest()[:16]
 
 
 def kernel(function: _Kernel) -> _Kernel:

@@ -3,6 +3,10 @@
 A bench of two axes (18 channels at 1 kHz) runs in real time with a panel in front of it. In turns,
 nobody looks at it and three WebSocket clients do, of which one never reads; lateness comes from the
 loop's own histograms. Then a browser (chromium by playwright) shows all channels in the scope.
+
+``--memory-minutes 60`` does something else: a bench of one axis runs with one page on the scope,
+which draws five pictures a second to leave the machine to others, and each minute has its line of
+memory.
 """
 
 import argparse
@@ -27,6 +31,7 @@ from hil_bench.outside.feed.client import connect
 
 ROOT = Path(__file__).parents[1]
 BENCH = ROOT / "examples" / "two_axes.toml"
+ONE_AXIS = ROOT / "examples" / "one_axis.toml"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 CLICKS = 20
 
@@ -66,9 +71,9 @@ class Client:
 class Stand:
     """The processes of a run, and what they have used so far."""
 
-    def __init__(self, stack: contextlib.ExitStack, realtime: str) -> None:
-        words = ("-i", "virtual", "-c", "bench", "--quiet", "--realtime", realtime)
-        self.run = _start(stack, "run", str(BENCH), *words)
+    def __init__(self, stack: contextlib.ExitStack, bench: Path, realtime: str) -> None:
+        words = ("-i", "virtual", "-c", "bench", "--realtime", realtime)
+        self.run = _start(stack, "run", str(bench), *words)
         self.panel = _start(stack, "panel", "--port", "0")
         line = self.panel.stdout.readline()
         self.address = re.search(rb"http\S+", line)[0].decode()
@@ -80,12 +85,22 @@ class Stand:
 
     def seconds(self) -> dict[str, float]:
         """Return the processor time of loop, feed and panel [s]."""
-        feeds = [pid for pid in _children(self.run.pid) if "multiprocessing" in _words(pid)]
         return {
             "loop": _seconds(self.run.pid),
-            "feed": sum(map(_seconds, feeds)),
+            "feed": sum(map(_seconds, self._feeds())),
             "panel": _seconds(self.panel.pid),
         }
+
+    def memory(self) -> dict[str, float]:
+        """Return the resident memory of loop, feed and panel [MB]."""
+        return {
+            "loop": _resident(self.run.pid),
+            "feed": sum(map(_resident, self._feeds())),
+            "panel": _resident(self.panel.pid),
+        }
+
+    def _feeds(self) -> list[int]:
+        return [pid for pid in _children(self.run.pid) if "multiprocessing" in _words(pid)]
 
 
 def main() -> None:
@@ -95,11 +110,16 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="of a turn")
     parser.add_argument("--browser-seconds", type=float, default=30.0)
     parser.add_argument("--realtime", default="off", help="as of hil-bench run")
+    parser.add_argument("--memory-minutes", type=int, help="watch memory, and nothing else")
     options = parser.parse_args()
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
         os.environ["XDG_RUNTIME_DIR"] = folder
-        stand = Stand(stack, options.realtime)
+        if options.memory_minutes:
+            stand = Stand(stack, ONE_AXIS, options.realtime)
+            watch_memory(stand, options.memory_minutes)
+            return
+        stand = Stand(stack, BENCH, options.realtime)
         time.sleep(2.0)
         compare_loop(stand, options)
         look_by_browser(stand, options.browser_seconds)
@@ -168,6 +188,37 @@ def look_by_browser(stand: Stand, seconds: float) -> None:
     print(f"panel {panel_before:.1f} to {panel_after:.1f} MB")
 
 
+def watch_memory(stand: Stand, minutes: int) -> None:
+    """Print each minute how much memory the page and the processes use."""
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - the rest runs without it
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path="/usr/bin/chromium", args=["--no-sandbox"]
+        )
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.add_init_script(SLOW_PICTURES)
+        page.goto(stand.address)
+        page.wait_for_selector("#clock:not(:text('–'))")
+        page.click("#tab-scope")
+        for box in page.locator(".channel input").all():
+            box.check()
+        page.evaluate("() => hilBench.link.request('want', { frames: true })")
+        print("| minute | rows held | script of the page [MB] | page [MB] | loop | feed | panel |")
+        print("|---|---|---|---|---|---|---|")
+        for minute in range(minutes + 1):
+            rows = page.evaluate("() => hilBench.model.store.count")
+            script, whole = _state(page), _renderer_memory(page)
+            rest = " | ".join(f"{each:.1f}" for each in stand.memory().values())
+            print(f"| {minute} | {rows} | {script:.2f} | {whole:.1f} | {rest} |", flush=True)
+            if minute < minutes:
+                page.wait_for_timeout(60_000)
+        browser.close()
+
+
+SLOW_PICTURES = """window.requestAnimationFrame = (draw) =>
+  setTimeout(() => draw(performance.now()), 200);"""
+
 COUNT_FRAMES = """async (length) => {
   const begin = performance.now();
   let count = 0;
@@ -234,6 +285,13 @@ def _state(page: Any) -> float:  # noqa: ANN401 - a page of playwright
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
     return session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
+
+
+def _renderer_memory(page: Any) -> float:  # noqa: ANN401 - a page of playwright
+    """Return the resident memory of the largest process that draws pages [MB]."""
+    session = page.context.browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    return max(_resident(each["id"]) for each in processes if each["type"] == "renderer")
 
 
 def _page_seconds(session: Any) -> float:  # noqa: ANN401 - a session of playwright

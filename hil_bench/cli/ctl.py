@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from hil_bench.cli.exit_codes import ExitCode
@@ -37,6 +38,7 @@ examples:
   hil-bench ctl set valve.0x1017=500
   hil-bench ctl get valve.0x1017 --bench bench-2
   hil-bench ctl mark "the wire was pulled here"
+  hil-bench ctl record run.mf4                   and to end it: hil-bench ctl record --stop
   hil-bench ctl stop
 """
 
@@ -76,6 +78,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     marking = _add(actions, "mark", mark, "mark this moment for all who watch")
     marking.add_argument("text", help="what for, in words")
+    recording = _add(actions, "record", record, "begin or end a recording")
+    which = recording.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "file",
+        nargs="?",
+        type=Path,
+        metavar="FILE",
+        help="where to; the suffix is the format, as of hil-bench run --record",
+    )
+    which.add_argument("--stop", action="store_true", help="end the one that was begun so")
     _add(actions, "stop", stop, "end the run in order, as --duration does")
     getting = _add(actions, "get", get_values, "read objects of nodes")
     getting.add_argument("objects", nargs="+", metavar="NODE.OBJECT", help="as in valve.0x1017")
@@ -178,6 +190,27 @@ def mark(client: FeedClient, args: argparse.Namespace) -> None:
     print_results(args, [printable(f"marked: {args.text}")], {"mark": args.text})
 
 
+def record(client: FeedClient, args: argparse.Namespace) -> None:
+    """Begin a recording, or end it and print what its file holds.
+
+    Raises:
+        BusError: the file is not complete.
+    """
+    if not args.stop:
+        path = args.file.absolute()
+        begun = client.request("start_recording", path=str(path))
+        line = printable(f"{args.file}: recording since {begun['begins']:.3f} s")
+        print_results(args, [line], begun)
+        return
+    found = client.request("stop_recording")
+    parts = [f"{found[each]} {each}" for each in ("rows", "frames") if found[each] is not None]
+    line = printable(f"{found['path']}: {', '.join(parts)}, until {found['end']:.3f} s")
+    print_results(args, [line], found)
+    if found["problem"] or found["lost"]:
+        lost = f"{found['lost']} messages left out" if found["lost"] else ""
+        raise BusError("; ".join(filter(None, [found["problem"], lost])))
+
+
 def stop(client: FeedClient, args: argparse.Namespace) -> None:
     """End the run."""
     client.request("stop")
@@ -212,6 +245,8 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         yield f"fault  {fault['number']}  {fault_text(fault)}"
     if not state["faults"]:
         yield "fault  none"
+    if recording := state.get("recording"):
+        yield printable(f"record {recording['path']} since {recording['begins']:.3f} s")
     yield f"loop   {health_text(status['health'])}"
 
 

@@ -21,8 +21,11 @@ from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
 from hil_bench.outside.feed.server import FeedPlan
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import TickStatistics
+from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.session.feed import Feed, Health
+from hil_bench.session.live_recording import LiveRecording
+from hil_bench.session.recording import RecordingWish, open_sink
 from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)
@@ -83,7 +86,18 @@ def open_feed(
         SharedRing(MOST_COMMANDS),
         statistics,
     )
-    feed = Feed(session, FeedProcess(place.listener, plan), plan, health=health)
+
+    def open_file(path: Path) -> RecordingSink:
+        wish = RecordingWish((path,))
+        return open_sink(session, wish, config, is_real_time=statistics is not None)
+
+    feed = Feed(
+        session,
+        FeedProcess(place.listener, plan),
+        plan,
+        health=health,
+        recording=LiveRecording(session, open_file),
+    )
     panel = _start_panel(place.name) if args.panel else None
     try:
         yield feed

@@ -52,7 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=Path,
         default=Path(),
         metavar="FOLDER",
-        help='folder in which "Record as a test" writes scenarios (default: this one)',
+        help='folder for scenarios of "Record as a test", and for recordings (default: this one)',
     )
     parser.add_argument(
         "--once",

@@ -8,14 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
-from starlette.routing import Mount, WebSocketRoute
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import encode
 from hil_bench.panel.desk import Desk
-from hil_bench.panel.guard import App, Guard, Secret
+from hil_bench.panel.export import MOST_BYTES, make_mf4
+from hil_bench.panel.guard import EXPORT, App, Guard, Secret
 from hil_bench.panel.hub import Hub
 from hil_bench.panel.viewer import Viewer
 
@@ -56,6 +60,7 @@ class Panel:
         """
         routes = [
             WebSocketRoute("/feed", self.serve),
+            Route(EXPORT, self.export, methods=["POST"]),
             Mount("/", StaticFiles(directory=STATIC, html=True)),
         ]
         return Guard(Starlette(routes=routes), port, is_local=is_local)
@@ -75,6 +80,22 @@ class Panel:
                     await self._follow(browser, viewer)
                 finally:
                     self._hub.leave(viewer)
+
+    async def export(self, request: Request) -> Response:
+        """Return the rows that a page sends as an MF4 file."""
+        scheme, _, secret = request.headers.get("authorization", "").partition(" ")
+        if scheme != "Bearer" or not self._secret.fits(secret):
+            await asyncio.sleep(_PENANCE)
+            return PlainTextResponse("the secret is not this panel's", 401)
+        try:
+            return Response(
+                await run_in_threadpool(make_mf4, await _body(request)),
+                media_type="application/octet-stream",
+            )
+        except ConfigError as error:
+            return PlainTextResponse(str(error), 400)
+        except ClientDisconnect:
+            return Response(status_code=400)
 
     async def _has_secret(self, browser: WebSocket) -> bool:
         """Return whether the first message is the secret."""
@@ -151,6 +172,20 @@ async def _hear(browser: WebSocket) -> str:
     if message["type"] != "websocket.receive" or not isinstance(text, str):
         raise WebSocketDisconnect(1003)
     return text
+
+
+async def _body(request: Request) -> bytes:
+    """Return what a request brings.
+
+    Raises:
+        ConfigError: it is too long.
+    """
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > MOST_BYTES:
+            raise ConfigError(f"mf4: more than {MOST_BYTES >> 20} MiB; zoom in, or choose less")
+    return bytes(body)
 
 
 async def _dismiss(browser: WebSocket, code: int, words: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from hil_bench.errors import BusError, ConfigError, ControllerError, WaitTimeoutError, printable
 from hil_bench.outside.feed.client import TIMEOUT
-from hil_bench.outside.feed.messages import VERSION, encode
+from hil_bench.outside.feed.messages import PATIENCE, VERSION, encode
 from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
 
 _MOST_LINE = 1 << 24
@@ -95,13 +95,14 @@ class BenchLink:
         number = next(self._numbers)
         future: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._open[number] = future
+        timeout = max(self._timeout, PATIENCE.get(action, 0.0))
         self._writer.write(encode({"id": number, "do": action, **fields}))
         try:
-            async with asyncio.timeout(self._timeout):
+            async with asyncio.timeout(timeout):
                 answer = await future
         except TimeoutError:
             raise WaitTimeoutError(
-                f"no answer in {self._timeout:g} s; the bench's time stands still, or it is too "
+                f"no answer in {timeout:g} s; the bench's time stands still, or it is too "
                 "busy. The command acts when time goes on"
             ) from None
         finally:

@@ -1,6 +1,7 @@
 """What a page may ask for: checked, then done by the panel itself or by the bench."""
 
 import contextlib
+import re
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,11 @@ _FORM: Mapping[str, Any] = {
     "that": TEXT,
 }
 
-_BY_BENCH = ("histograms", "journal", "mark", "stop", "clear_fault", "get_object", "set_object")
+_BY_BENCH = (
+    *("histograms", "journal", "mark", "stop", "stop_recording"),
+    *("clear_fault", "get_object", "set_object"),
+)
+_RECORDING = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,60}\.mf4")
 
 PAGE_ACTIONS: Actions = {
     **{name: ACTIONS[name] for name in (*_BY_BENCH, "set_plant")},
@@ -44,6 +49,7 @@ PAGE_ACTIONS: Actions = {
     "choose": {"bench": TEXT},
     "objects": {"node": TEXT},
     "pdos": {},
+    "record": {"file": TEXT},
     "preview": _FORM,
     "test": {**_FORM, "replaces": SWITCH},
 }
@@ -57,7 +63,7 @@ class Desk:
 
     Args:
         hub: leads to the bench.
-        folder: where tests are written.
+        folder: where tests and recordings are written.
     """
 
     def __init__(self, hub: Hub, folder: Path) -> None:
@@ -69,6 +75,7 @@ class Desk:
             "choose": self._choose,
             "objects": self._objects,
             "pdos": self._pdos,
+            "record": self._record,
             "preview": self._preview,
             "test": self._test,
         }
@@ -116,6 +123,20 @@ class Desk:
             return None
 
         return await list_pdos(bench.hello, get)
+
+    async def _record(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
+        """Have the bench begin a recording.
+
+        Raises:
+            ConfigError: the name of its file cannot be, or is there already.
+        """
+        name = fields["file"]
+        if not _RECORDING.fullmatch(name):
+            raise ConfigError(f"file {name!a}: give up to 61 letters, digits, _ or -, and .mf4")
+        path = self._folder / name
+        if path.exists():
+            raise ConfigError(f"{path} is there already; give another name")
+        return await self._hub.bench.request("start_recording", path=str(path))
 
     async def _preview(self, _viewer: Viewer, fields: dict[str, Any]) -> object:
         scenario, remarks = await self._scenario(fields)

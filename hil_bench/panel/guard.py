@@ -30,6 +30,9 @@ _HEADERS = [
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cache-control", b"no-store"),
 ]
+EXPORT = "/mf4"
+"""The one path that takes a POST, from our own page only."""
+
 _LOCAL = frozenset({"127.0.0.1", "localhost", "::1"})
 
 
@@ -74,8 +77,8 @@ class Guard:
             await _refuse(scope, send, 421, "this panel has another address")
         elif not self._is_origin(scope, headers):
             await _refuse(scope, send, 403, "a page of another address may not come here")
-        elif scope["type"] == "http" and scope["method"] not in {"GET", "HEAD"}:
-            await _refuse(scope, send, 405, "GET and HEAD only")
+        elif not _is_allowed(scope):
+            await _refuse(scope, send, 405, "this path takes another method")
         else:
             await self._app(scope, receive, _with_headers(send))
 
@@ -84,10 +87,10 @@ class Guard:
         return len(given) == 1 and self._is_ours(f"//{given[0].decode('latin-1')}")
 
     def _is_origin(self, scope: Scope, headers: dict[bytes, list[bytes]]) -> bool:
-        """Return whether it comes from our page; a WebSocket must say so."""
+        """Return whether it comes from our page; what is no mere look must say so."""
         given = headers.get(b"origin", [])
         if not given:
-            return bool(scope["type"] == "http")
+            return bool(scope["type"] == "http" and scope["method"] != "POST")
         origin = given[0].decode("latin-1")
         host = headers[b"host"][0].decode("latin-1")
         return len(given) == 1 and origin == f"http://{host}" and self._is_ours(origin)
@@ -101,6 +104,13 @@ class Guard:
         if (80 if port is None else port) != self._port or parts.username is not None:
             return False
         return host in _LOCAL or (not self._is_local and _is_of_machine(host))
+
+
+def _is_allowed(scope: Scope) -> bool:
+    """Return whether its method is one that its path takes."""
+    if scope["type"] != "http":
+        return True
+    return scope["method"] in ({"POST"} if scope["path"] == EXPORT else {"GET", "HEAD"})
 
 
 def _is_of_machine(host: str) -> bool:

@@ -35,7 +35,7 @@ class PanelPlan(NamedTuple):
         address: that it listens on.
         port: likewise; None for the usual one or, where that is in use, any.
         password: of those who come from elsewhere; empty for a token in the address.
-        folder: where tests are written.
+        folder: where tests and recordings are written.
         is_once: whether it ends with the bench.
     """
 

@@ -7,6 +7,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, Self
 
 from hil_bench.canopen_device.datatypes import Value
@@ -128,6 +129,36 @@ class AttachedObjects:
         self._client.request("set_object", **fields)
 
 
+class AttachedRecording:
+    """A recording that was begun from here; as a context manager it ends with the block.
+
+    Args:
+        client: the connection to its bench.
+        path: of the file.
+
+    Attributes:
+        path: as passed in.
+        content: once it has ended: rows, frames, end [s], problem, and lost messages.
+    """
+
+    def __init__(self, client: FeedClient, path: Path) -> None:
+        self.path = path
+        self.content: dict[str, Any] | None = None
+        self._client = client
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> dict[str, Any]:
+        """End it, and return what its file holds."""
+        if self.content is None:
+            self.content = self._client.request("stop_recording")
+        return self.content
+
+
 class AttachedBench:
     """A bench that runs in another process.
 
@@ -195,6 +226,16 @@ class AttachedBench:
     def mark(self, text: str) -> None:
         """Mark this moment in the journal, for who watches."""
         self._client.request("mark", text=text)
+
+    def record(self, path: Path | str) -> AttachedRecording:
+        """Begin a recording, until its `stop` or the end of the bench.
+
+        Args:
+            path: its suffix is its format, as of ``hil-bench run --record``.
+        """
+        absolute = Path(path).absolute()
+        self._client.request("start_recording", path=str(absolute))
+        return AttachedRecording(self._client, absolute)
 
     def journal(self) -> list[dict[str, Any]]:
         """Return which commands have acted, the oldest first; see docs/watching.md."""

@@ -7,6 +7,7 @@ come and go with its clients.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,7 @@ from hil_bench.session.commands import (
     Stop,
 )
 from hil_bench.session.journal import ACTIONS
+from hil_bench.session.live_recording import LiveRecording
 from hil_bench.session.session import Session
 
 if TYPE_CHECKING:
@@ -69,6 +71,7 @@ class Feed:
         process: of the server.
         plan: that of the server.
         health: asked ten times a second while somebody watches.
+        recording: records on request; None where nobody may ask for it.
         clock: says when to look [ns].
     """
 
@@ -79,9 +82,11 @@ class Feed:
         plan: FeedPlan,
         *,
         health: Health = dict,
+        recording: LiveRecording | None = None,
         clock: Callable[[], int] = monotonic_ns,
     ) -> None:
         self._health = health
+        self._recording = recording
         self._session = session
         self._process = process
         self._plan = plan
@@ -102,6 +107,8 @@ class Feed:
                     self._want(message[0])
                 elif kind == COMMAND:
                     self._obey(json.loads(message))
+        if self._recording is not None:
+            self._recording.look()
         now = self._clock()
         if now < self._look_at:
             return
@@ -113,8 +120,10 @@ class Feed:
             self._publish()
 
     def stop(self) -> None:
-        """Let clients know of the end."""
+        """Let clients know of the end; a recording that was asked for ends with it."""
         self._want(0)
+        if self._recording is not None:
+            self._recording.close()
         self._process.stop()
 
     def _want(self, wanted: int) -> None:
@@ -177,7 +186,8 @@ class Feed:
             }
             for fault in session.bench.faults.active
         ]
-        return {"nodes": nodes, "faults": faults}
+        recording = None if self._recording is None else self._recording.state
+        return {"nodes": nodes, "faults": faults, "recording": recording}
 
     def _put_row(self, values: Sequence[float]) -> None:
         self._put(ROW, self._pack_row(*values))
@@ -191,11 +201,25 @@ class Feed:
         """Queue a command; it acts at the start of the next tick."""
         answer = partial(self._answer, content)
         try:
-            future = self._session.door.put(make_command(content["do"], content["fields"]))
+            future = self._begin(content["do"], content["fields"])
         except HilBenchError as error:
             self._refuse(content["ticket"], error)
         else:
             future.add_done_callback(answer)
+
+    def _begin(self, action: str, fields: Mapping[str, Any]) -> "Future[Any]":
+        """Begin what is asked for, and return what gets the answer.
+
+        Raises:
+            ConfigError: nobody may ask for it here.
+        """
+        if action not in {"start_recording", "stop_recording"}:
+            return self._session.door.put(make_command(action, fields))
+        if self._recording is None:
+            raise ConfigError("record: this bench records nothing on request")
+        if action == "start_recording":
+            return self._recording.start(Path(fields["path"]))
+        return self._recording.stop()
 
     def _answer(self, content: Mapping[str, Any], future: "Future[Any]") -> None:
         ticket, action = content["ticket"], content["do"]

@@ -49,6 +49,20 @@ def recorded(
     if not wish.paths:
         yield None
         return
+    sink = open_sink(session, wish, config, is_real_time=is_real_time)
+    sink.start()
+    observer = RecordingObserver(session, sink)
+    try:
+        yield sink
+    finally:
+        observer.leave()
+        sink.stop()
+
+
+def open_sink(
+    session: Session, wish: RecordingWish, config: BenchConfig, *, is_real_time: bool
+) -> RecordingSink:
+    """Return what takes a recording of a session, not yet started; see `recorded`."""
     plan = RecordingPlan(
         tuple(map(Path, wish.paths)),
         session.channels,
@@ -56,16 +70,26 @@ def recorded(
         pre_trigger=wish.pre_trigger,
         heading=recording_heading(config, is_real_time=is_real_time),
     )
-    sink = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
-    sink.start()
+    return RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
 
-    def take(received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
-        sink.append_frames(received, now, is_received=True)
-        sink.append_frames(sent, now, is_received=False)
 
-    session.watch(frames=take, rows=sink.append_row)
-    try:
-        yield sink
-    finally:
-        session.unwatch(frames=take, rows=sink.append_row)
-        sink.stop()
+class RecordingObserver:
+    """Hands rows and frames of a session to what records them, from now on.
+
+    Args:
+        session: what is recorded.
+        sink: has been started.
+    """
+
+    def __init__(self, session: Session, sink: RecordingSink) -> None:
+        self._session = session
+        self._sink = sink
+        session.watch(frames=self._take, rows=sink.append_row)
+
+    def leave(self) -> None:
+        """Hand over nothing more; between two ticks only."""
+        self._session.unwatch(frames=self._take, rows=self._sink.append_row)
+
+    def _take(self, received: Sequence[Frame], sent: Sequence[Frame], now: int) -> None:
+        self._sink.append_frames(received, now, is_received=True)
+        self._sink.append_frames(sent, now, is_received=False)

@@ -14,6 +14,8 @@ from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS
 from hil_bench.outside.feed.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.session.feed import LOOK, Feed
+from hil_bench.session.live_recording import LiveRecording
+from hil_bench.session.recording import RecordingWish, open_sink
 from hil_bench.session.session import open_session
 
 TICK = 1_000_000
@@ -111,7 +113,15 @@ class FeedLoop:
         self.is_served = True
         self.server = FeedServer(self.plan)
         self.now = -TICK
-        self.feed = Feed(self.session, self, self.plan, clock=lambda: self.now)
+        self.recording = LiveRecording(
+            self.session,
+            lambda path: open_sink(
+                self.session, RecordingWish((path,)), config, is_real_time=False
+            ),
+        )
+        self.feed = Feed(
+            self.session, self, self.plan, recording=self.recording, clock=lambda: self.now
+        )
         self.session.start()
         self.tick()
 
@@ -125,6 +135,8 @@ class FeedLoop:
         for _ in range(count):
             self.now += TICK
             self.session.tick((), self.now)
+            if self.recording._job is not None:
+                self.recording._job.join()  # ticks do not outrun the disk here
             self.feed.look()
             self.server.poll()
 

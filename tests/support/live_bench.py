@@ -16,6 +16,8 @@ from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.panel.guard import Secret
 from hil_bench.panel.server import PanelPlan, _serve, open_port
 from hil_bench.session.feed import Feed
+from hil_bench.session.live_recording import LiveRecording
+from hil_bench.session.recording import RecordingWish, open_sink
 from hil_bench.session.virtual_bench import VirtualBench
 
 SECRET = "a secret of tests"  # noqa: S105 - it opens nothing else
@@ -40,7 +42,12 @@ class LiveBench:
         plan = FeedPlan(
             content, 1 + len(session.channels), SharedRing(CAPACITY), SharedRing(MOST_COMMANDS)
         )
-        self.feed = Feed(session, FeedProcess(self.place.listener, plan), plan)
+        recording = LiveRecording(
+            session,
+            lambda path: open_sink(session, RecordingWish((path,)), config, is_real_time=False),
+        )
+        process = FeedProcess(self.place.listener, plan)
+        self.feed = Feed(session, process, plan, recording=recording)
         session.watch(ticks=lambda _now: self.feed.look())
 
     def close(self):

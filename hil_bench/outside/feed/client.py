@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 from hil_bench.errors import BusError, ConfigError, ControllerError, WaitTimeoutError, printable
-from hil_bench.outside.feed.messages import VERSION, encode
+from hil_bench.outside.feed.messages import PATIENCE, VERSION, encode
 from hil_bench.outside.feed.places import HAS_SOCKETS, find_names, place_of
 
 TIMEOUT = 5.0
@@ -86,12 +86,13 @@ class FeedClient:
         except (TypeError, ValueError) as error:
             raise ConfigError(f"{action}: {error}; give finite numbers and texts") from None
         self._send(line)
-        deadline = self._clock() + self._timeout
+        timeout = max(self._timeout, PATIENCE.get(action, 0.0))
+        deadline = self._clock() + timeout
         while True:
             message = self._read(deadline - self._clock())
             if message is None:
                 raise WaitTimeoutError(
-                    f"bench {self.name}: no answer in {self._timeout:g} s; its time stands still, "
+                    f"bench {self.name}: no answer in {timeout:g} s; its time stands still, "
                     "or it is too busy"
                 )
             if message.get("type") != "answer" or message.get("id") not in {number, None}:

@@ -149,8 +149,13 @@ ACTIONS: Actions = {
     "histograms": {},
     "journal": {},
     "mark": {"text": Field(_is_mark, f"a text of up to {MOST_MARK} characters")},
+    "start_recording": {"path": TEXT},
+    "stop_recording": {},
     "stop": {},
 }
+
+PATIENCE = {"start_recording": 60.0, "stop_recording": 60.0}
+"""Longest wait for answers that take longer than others [s]."""
 
 
 def parse_request(line: bytes, actions: Actions = ACTIONS) -> Request:

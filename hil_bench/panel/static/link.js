@@ -61,6 +61,13 @@ export class Link {
     this.tell(message.type, message);
   }
 
+  // Send the panel a body, and return the file that it makes of it.
+  async post(path, body) {
+    const answer = await fetch(path, { method: "POST", headers: { Authorization: `Bearer ${this.token}` }, body });
+    if (!answer.ok) throw new Error(await answer.text());
+    return answer.blob();
+  }
+
   request(action, fields = {}) {
     return new Promise((accept, refuse) => {
       if (this.socket?.readyState !== WebSocket.OPEN) {

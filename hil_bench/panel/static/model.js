@@ -122,6 +122,7 @@ export class Model {
     if (load !== undefined) parts.push(`bus ${(load * 100).toFixed(1)} %`);
     const count = this.state.faults.length;
     parts.push(count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`);
+    if (this.state.recording) parts.push(`records since ${this.state.recording.begins.toFixed(1)} s`);
     if (this.missed) parts.push(`this page missed ${this.missed} messages`);
     return parts.join(" · ");
   }

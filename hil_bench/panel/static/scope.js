@@ -26,6 +26,8 @@ export class ScopeView {
     this.cursorB = this.cursorField("B");
     this.table = el("tbody");
     this.difference = el("p", { class: "figure" });
+    this.recordButton = button("Record", () => this.record(), { class: "danger", title: "key r: all channels and frames, each tick, into a file", "aria-pressed": "false" });
+    this.said = el("span", { class: "quiet", role: "status" });
     this.trigger = new Trigger(model, (time) => this.pauseAround(time));
     root.append(
       el("div", { class: "toolbar" }, this.pauseButton,
@@ -33,7 +35,9 @@ export class ScopeView {
         button("▶", () => this.pan(0.25), { "aria-label": "later", title: "arrow right" }),
         labelled("show", this.spans), this.scroll,
         button("PNG", () => this.savePicture(), { title: "save the picture" }),
-        button("CSV", () => this.saveTable(), { title: "save the rows that are shown, in SI units" })),
+        button("CSV", () => this.saveTable(), { title: "save the rows that are shown, in SI units" }),
+        button("MF4", () => this.saveMeasurement(), { title: "save the rows that are shown, as measured data" }),
+        this.recordButton, this.said),
       el("div", { class: "scope" },
         el("aside", { class: "stack" },
           el("h2", {}, "Channels"), this.search, this.list,
@@ -171,6 +175,7 @@ export class ScopeView {
       ArrowLeft: () => this.pan(-0.1),
       ArrowRight: () => this.pan(0.1),
       l: () => this.goLive(),
+      r: () => this.record(),
     };
     const isButton = event.target.tagName === "BUTTON" && event.key === " ";
     if (!acts[event.key] || isButton) return false;
@@ -194,6 +199,7 @@ export class ScopeView {
   draw() {
     const { store } = this.model;
     this.trigger.look(this.isLive);
+    this.showRecording();
     if (this.isLive) {
       this.begin_s = Math.max(0, store.last - this.span);
       this.end_s = this.begin_s + this.span;
@@ -236,13 +242,59 @@ export class ScopeView {
     whole.toBlob((blob) => download("scope.png", blob));
   }
 
+  // Return the channels that are shown with their units, and the rows between the edges.
+  shownRows() {
+    const { store } = this.model;
+    const channels = this.plots.names.map((name) => [name, this.model.unit(name)]);
+    const columns = channels.map(([name]) => store.columns[store.number(name)]);
+    return { channels, columns, from: store.find(this.begin_s), to: store.find(this.end_s + 1e-9) };
+  }
+
+  async saveMeasurement() {
+    const { channels, columns, from, to } = this.shownRows();
+    const width = 1 + channels.length;
+    const rows = new Float64Array((to - from) * width);
+    for (let row = from; row < to; row += 1) {
+      const begin = (row - from) * width;
+      rows[begin] = this.model.store.times[row];
+      for (let i = 0; i < columns.length; i += 1) rows[begin + 1 + i] = columns[i][row];
+    }
+    const { name, bench } = this.model.hello ?? {};
+    const head = `${JSON.stringify({ comment: `scope of ${name}, ${bench}`, channels })}\n`;
+    try {
+      download("scope.mf4", await this.model.link.post("mf4", new Blob([head, rows])));
+      setText(this.said, "");
+    } catch (error) {
+      setText(this.said, error.message);
+    }
+  }
+
+  async record() {
+    const isRecording = Boolean(this.model.state.recording);
+    const name = `recording-${new Date().toISOString().slice(0, 19).replaceAll(/[:T]/g, "-")}.mf4`;
+    setText(this.said, isRecording ? "ends ..." : "begins ...");
+    try {
+      const found = await (isRecording ? this.model.request("stop_recording") : this.model.request("record", { file: name }));
+      const lost = found.lost ? `, ${found.lost} messages left out` : "";
+      setText(this.said, isRecording ? `${found.path}: ${found.rows} rows, ${found.frames} frames${lost} ${found.problem}` : found.path);
+    } catch (error) {
+      setText(this.said, error.message);
+    }
+  }
+
+  showRecording() {
+    const isRecording = Boolean(this.model.state.recording);
+    setText(this.recordButton, isRecording ? "Stop recording" : "Record");
+    this.recordButton.setAttribute("aria-pressed", String(isRecording));
+  }
+
   saveTable() {
     const { store } = this.model;
-    const numbers = this.plots.names.map((name) => store.number(name));
+    const { channels, columns, from, to } = this.shownRows();
     const quoted = (text) => (/[",\r\n]|^[=+@-]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const lines = [["time [s]", ...this.plots.names.map((name) => `${name} [${this.model.unit(name)}]`)].map(quoted).join(",")];
-    for (let row = store.find(this.begin_s); row < store.find(this.end_s + 1e-9); row += 1) {
-      const values = numbers.map((number) => store.columns[number][row]);
+    const lines = [["time [s]", ...channels.map(([name, unit]) => `${name} [${unit}]`)].map(quoted).join(",")];
+    for (let row = from; row < to; row += 1) {
+      const values = columns.map((column) => column[row]);
       lines.push([store.times[row].toFixed(6), ...values.map((value) => (Number.isNaN(value) ? "" : value))].join(","));
     }
     download("scope.csv", new Blob([`${lines.join("\n")}\n`], { type: "text/csv" }));

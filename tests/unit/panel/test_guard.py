@@ -17,13 +17,13 @@ async def inner(scope, _receive, send):
         await send({"type": "websocket.accept"})
 
 
-def ask(headers, *, kind="http", method="GET", port=PORT, is_local=True):
+def ask(headers, *, kind="http", method="GET", path="/", port=PORT, is_local=True):
     sent = []
 
     async def send(message):
         sent.append(message)
 
-    scope = {"type": kind, "method": method, "headers": headers}
+    scope = {"type": kind, "method": method, "path": path, "headers": headers}
     asyncio.run(Guard(inner, port, is_local=is_local)(scope, None, send))
     return sent
 
@@ -97,8 +97,15 @@ def test_a_page_of_another_origin_gets_nothing():
     assert status(headers) == 403
 
 
-def test_a_panel_is_read_only_by_http():
-    assert status([(b"host", b"127.0.0.1:8408")], method="POST") == 405
+def test_only_one_path_takes_a_post_and_that_from_our_own_page_only():
+    ours = [(b"host", b"127.0.0.1:8408"), (b"origin", b"http://127.0.0.1:8408")]
+    assert status(ours, method="POST") == 405
+    assert status(ours, method="POST", path="/mf4") == 200
+    assert status(ours, method="PUT", path="/mf4") == 405
+    assert status(ours, path="/mf4") == 405
+    assert status(ours[:1], method="POST", path="/mf4") == 403  # says no origin
+    theirs = [ours[0], (b"origin", b"http://evil.example")]
+    assert status(theirs, method="POST", path="/mf4") == 403
 
 
 def test_each_answer_says_what_the_page_may_load():

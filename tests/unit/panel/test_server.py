@@ -13,6 +13,7 @@ from websockets.sync.client import connect
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.panel.hub import MOST_VIEWERS
 from hil_bench.panel.record import RecordForm
 from hil_bench.panel.server import open_port, read_password
@@ -90,11 +91,29 @@ def test_a_page_sees_the_bench_and_breaks_it():
 
 
 @pytest.mark.usefixtures("folder")
+def test_a_page_records_into_the_folder_of_the_panel(tmp_path):
+    with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:
+        client.hear("hello")
+        client.ask("record", file="run.mf4")
+        client.hear("rows")
+        found = client.ask("stop_recording")
+        assert found["path"] == str(tmp_path / "run.mf4")
+        assert found["rows"] == len(read_recording(tmp_path / "run.mf4")) > 0
+        again = json.dumps({"id": 9, "do": "record", "file": "run.mf4"})
+        assert "run.mf4 is there already; give another name" in client.refused(again)
+        for name in ("../run.mf4", "/run.mf4", "run.csv", ".mf4", "run.mf4\n"):
+            wrong = json.dumps({"id": 9, "do": "record", "file": name})
+            assert "give up to 61 letters, digits" in client.refused(wrong)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mf4"]
+
+
+@pytest.mark.usefixtures("folder")
 def test_frames_come_to_who_wants_them():
     with live_bench(), panel() as port, Client(port) as client:
         client.hear("rows")
         client.ask("want", frames=True)
-        client.ask("fault", kind="reset", target="valve")
+        # Its answer may come before the frame or after it.
+        client.socket.send('{"id": 2, "do": "fault", "kind": "reset", "target": "valve"}')
         frames = client.hear("frames")["frames"]
         assert [each[3] for each in frames] == [0x701]  # boot-up of node 1 (CiA 301)
 

@@ -28,9 +28,11 @@ from hil_bench.campaign.summary import (
     worst_runs,
 )
 from hil_bench.cli.campaign_arguments import add_jobs_argument, count
+from hil_bench.cli.campaign_view import CampaignView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 
 logger = logging.getLogger(__name__)
@@ -79,6 +81,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
     add_json_argument(parser)
+    add_work_arguments(parser, "campaign")
     parser.set_defaults(run=run)
 
 
@@ -116,8 +119,15 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
         shown = False if is_silent(args) else None
         total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
         note = stack.enter_context(progress_bar(total, is_shown=shown))
+        title = str(args.campaign)
+        view = CampaignView(stack.enter_context(watched_work(args, "campaign", title)), total)
+
+        def tell(result: RunResult | None) -> None:
+            note(result)
+            view.note(result)
+
         try:
-            execute(plan, store, backend, args.shard, note)
+            execute(plan, store, backend, args.shard, tell)
         except KeyboardInterrupt:
             kept = "what is done is kept; the same command goes on from there"
             logger.warning("%s: interrupted; %s", store.folder, kept)

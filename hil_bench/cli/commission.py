@@ -25,6 +25,7 @@ from hil_bench.cli.commission_settings import (
     restore,
     restore_command,
 )
+from hil_bench.cli.commission_view import ShownPlan, limits_text, result_text
 from hil_bench.cli.controller_side import (
     OpenNetwork,
     add_network_arguments,
@@ -35,6 +36,12 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.work_side import (
+    ShownRows,
+    add_work_arguments,
+    hold_to_real_time,
+    watched_work,
+)
 from hil_bench.errors import BusError
 from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.measures import StepResult
@@ -66,6 +73,8 @@ examples:
   hil-bench commission plan.toml bench.toml -i socketcan -c can0
   hil-bench commission plan.toml bench.toml --virtual --machine other.toml    a dry run on a
                                                        virtual machine that differs from bench.toml
+  hil-bench commission plan.toml -i socketcan -c can0 --panel                 with a web page: the
+                                                       step, its limits, live values, stop
   hil-bench commission plan.toml -i socketcan -c vcan0 --lockstep --yes       beside
                                                        'hil-bench run other.toml ... --lockstep'
 """
@@ -111,6 +120,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_output_argument(parser, "hil-bench-commissioning", "report and recording")
     add_json_argument(parser)
+    add_work_arguments(parser, "commission")
     parser.set_defaults(run=run)
 
 
@@ -137,7 +147,12 @@ def run(args: argparse.Namespace) -> int:
     journal = open_journal(args)
     started = datetime.now(UTC)
     with open_network(args, machine) as opened:
-        found, recorded = _commission(args, opened, config, plan, journal=journal)
+        title, channels = f"{args.plan} on {opened.description}", _channels(plan, config)
+        with watched_work(args, "commission", title, channels) as view:
+            if view.is_watched and opened.virtual is not None:
+                hold_to_real_time(opened.virtual.session)
+            shown = ShownPlan(plan, choose_axis(plan, config).name, view)
+            found, recorded = _commission(args, opened, config, plan, journal, shown)
     head = _head(args, opened, config, started, recorded)
     paths = write_report(args.output, found, head)
     lines = [
@@ -169,30 +184,48 @@ def _commission(
     opened: OpenNetwork,
     config: BenchConfig,
     plan: CommissioningPlan,
-    *,
     journal: SettingsJournal,
+    shown: ShownPlan,
 ) -> tuple[Commissioning, RecordingReport]:
     """Run the plan while all is recorded; return what was found, and what the recording holds."""
+
+    def begin(step: Step) -> None:
+        shown.begin(step)
+        if not is_silent(args):
+            _print_begin(step)
+
+    def end(result: StepResult) -> None:
+        shown.end(result)
+        if not is_silent(args):
+            _print_end(result)
+
     console = Console(
         confirm=lambda: args.virtual or args.yes or _confirmed(opened, plan),
-        begin=lambda step: None if is_silent(args) else _print_begin(step),
-        end=lambda result: None if is_silent(args) else _print_end(result),
+        begin=begin,
+        end=end,
         returned=lambda returned: print_returned(
             returned, restore_command(args), is_quiet=is_silent(args)
         ),
     )
-    channels = recorded_channels(choose_axis(plan, config).name)
-    with _recording(args, opened, channels) as (recording, origin), interrupted_once():
+    with (
+        _recording(args, opened, _channels(plan, config)) as (recording, origin),
+        interrupted_once(),
+    ):
         found = commission(
             opened.network,
             config,
             plan,
             console=console,
-            recording=recording,
+            recording=ShownRows(recording, shown.view),
             origin=origin,
             journal=journal,
         )
+        shown.finish(found)
     return found, recording.report
+
+
+def _channels(plan: CommissioningPlan, config: BenchConfig) -> Sequence[Channel]:
+    return recorded_channels(choose_axis(plan, config).name)
 
 
 @contextlib.contextmanager
@@ -229,19 +262,9 @@ def _confirmed(opened: OpenNetwork, plan: CommissioningPlan) -> bool:
     print(f"The axis on {opened.description} is going to move:", file=sys.stderr)
     for step in plan.steps:
         if step.kind.moves:
-            print(f"  {step.kind}: {_limits_text(step)}", file=sys.stderr)
+            print(f"  {step.kind}: {limits_text(step.limits)}", file=sys.stderr)
     answer = input("Is the area clear, and the emergency stop at hand? Type yes to move: ")
     return answer.strip().lower() == "yes"
-
-
-def _limits_text(step: Step) -> str:
-    limits = step.limits
-    low, high = (1e3 * bound for bound in limits.position)
-    lowest, highest = (1e-5 * bound for bound in limits.pressure)
-    return (
-        f"position {low:g} to {high:g} mm, speed to {1e3 * limits.speed:g} mm/s, "
-        f"pressure {lowest:g} to {highest:g} bar, time to {limits.time:g} s"
-    )
 
 
 def _print_begin(step: Step) -> None:
@@ -249,13 +272,7 @@ def _print_begin(step: Step) -> None:
 
 
 def _print_end(result: StepResult) -> None:
-    wrong = [
-        f"{measure.name} {measure.text()} ({measure.range_text()} is right)"
-        for measure in result.measures
-        if not measure.is_right
-    ]
-    text = "; ".join(filter(None, [result.problem, *wrong]))
-    print(f"{result.verdict:8} {text}".rstrip(), flush=True)
+    print(f"{result.verdict:8} {result_text(result)}".rstrip(), flush=True)
 
 
 def _step_content(result: StepResult) -> dict[str, object]:

@@ -8,9 +8,9 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import hil_bench
 from hil_bench.bench.assembly import number_buses
@@ -27,6 +27,7 @@ from hil_bench.session.feed import Feed, Health
 from hil_bench.session.live_recording import LiveRecording
 from hil_bench.session.recording import RecordingWish, open_sink
 from hil_bench.session.session import Session
+from hil_bench.session.work_feed import WorkState
 
 logger = logging.getLogger(__name__)
 
@@ -54,6 +55,20 @@ def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+class ShownWork(NamedTuple):
+    """What is played on a bench, for those who watch.
+
+    Attributes:
+        verb: in a word.
+        title: in words.
+        state: returns how it goes; called ten times a second.
+    """
+
+    verb: str
+    title: str
+    state: Callable[[], WorkState]
+
+
 @contextlib.contextmanager
 def open_feed(
     args: argparse.Namespace,
@@ -62,6 +77,7 @@ def open_feed(
     *,
     statistics: TickStatistics | None = None,
     health: Health = dict,
+    work: ShownWork | None = None,
 ) -> Iterator[Feed | None]:
     """Let people watch a session in the block.
 
@@ -71,16 +87,20 @@ def open_feed(
         session: to be watched.
         statistics: of the loop, shared.
         health: see `Feed`.
+        work: what is played on it; None where nothing is.
 
     Yields:
         The feed; None where there is none.
     """
-    place = None if args.no_feed or not HAS_SOCKETS else _take_place(args.name)
+    place = None if args.no_feed or not HAS_SOCKETS else take_place(args.name, _NAME)
     if place is None:
         yield None
         return
+    hello = hello_of(place.name, config, session)
+    if work is not None:
+        hello["work"] = {"verb": work.verb, "title": work.title, "is_bench": True}
     plan = FeedPlan(
-        hello_of(place.name, config, session),
+        hello,
         1 + len(session.channels),
         SharedRing(CAPACITY),
         SharedRing(MOST_COMMANDS),
@@ -97,15 +117,14 @@ def open_feed(
         plan,
         health=health,
         recording=LiveRecording(session, open_file),
+        work=work and work.state,
     )
-    panel = _start_panel(place.name) if args.panel else None
-    try:
+    with contextlib.ExitStack() as stack:
+        if args.panel:
+            stack.enter_context(panel_of(place.name))
+        stack.callback(place.release)
+        stack.callback(feed.stop)
         yield feed
-    finally:
-        feed.stop()
-        place.release()
-        if panel is not None:
-            _end(panel)
 
 
 def check_feed_arguments(args: argparse.Namespace) -> None:
@@ -119,6 +138,15 @@ def check_feed_arguments(args: argparse.Namespace) -> None:
     if args.no_feed or not HAS_SOCKETS:
         why = "--no-feed" if args.no_feed else "this machine has no Unix sockets"
         raise ConfigError(f"--panel: shows the bench by its feed, and there is none ({why})")
+    check_panel_argument()
+
+
+def check_panel_argument() -> None:
+    """Refuse --panel where it cannot be.
+
+    Raises:
+        ConfigError: its libraries are missing.
+    """
     if importlib.util.find_spec("uvicorn") is None or importlib.util.find_spec("starlette") is None:
         raise ConfigError("--panel needs an extra; pip install 'hil-bench[panel]'")
 
@@ -175,12 +203,23 @@ def _machine(axis: AxisConfig) -> dict[str, Any]:
     return content
 
 
-def _start_panel(name: str) -> "subprocess.Popen[bytes]":
-    """Start a panel for this bench, in a session of its own: Ctrl-C is for the bench alone."""
+@contextlib.contextmanager
+def panel_of(name: str) -> Iterator[None]:
+    """Serve the page of a bench, which must end before the block does.
+
+    It is in a session of its own: Ctrl-C is for the bench alone.
+
+    Yields:
+        Nothing.
+    """
     command = [sys.executable, "-m", "hil_bench", "panel", "--bench", name, "--once"]
-    return subprocess.Popen(  # noqa: S603 - this program, with a name that has been checked
+    panel = subprocess.Popen(  # noqa: S603 - this program, with a name that has been checked
         command, stdin=subprocess.DEVNULL, start_new_session=True
     )
+    try:
+        yield
+    finally:
+        _end(panel)
 
 
 def _end(panel: "subprocess.Popen[bytes]") -> None:
@@ -196,14 +235,22 @@ def _end(panel: "subprocess.Popen[bytes]") -> None:
             panel.wait()
 
 
-def _take_place(name: str | None) -> Place | None:
-    """Return a place of this name, or of the first that is free; None where there is none."""
+def take_place(name: str | None, usual: str) -> Place | None:
+    """Return a place of this name, or of the first of the usual ones that is free.
+
+    Args:
+        name: as given; None for the usual one: ``bench``, ``bench-2``, ...
+        usual: what these begin with.
+
+    Returns:
+        None where there is none, which it warns of.
+    """
     try:
         if name is not None:
             return Place(name)
         for number in itertools.islice(itertools.count(1), _MOST_NAMES):
             with contextlib.suppress(ConfigError):
-                return Place(_NAME if number == 1 else f"{_NAME}-{number}")
+                return Place(usual if number == 1 else f"{usual}-{number}")
     except BusError as error:
         logger.warning("feed: %s; the run goes on, and nobody can watch it", error)
     return None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.commission_settings import open_journal, print_returned, restore_command
+from hil_bench.cli.commission_view import limits_by_channel, limits_text
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.machine_side import (
@@ -17,11 +18,14 @@ from hil_bench.cli.machine_side import (
     prepare_all,
 )
 from hil_bench.cli.results import is_silent
+from hil_bench.cli.scenario_view import show_results
+from hil_bench.cli.work_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.guard import LimitError
 from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.procedure import Procedure, communication
 from hil_bench.machine.commissioning.rig import Rig
+from hil_bench.machine.commissioning.session import recorded_channels
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.scenario.recorded import judge_trace
@@ -47,7 +51,16 @@ def play_on_machine(
     with open_network(args, machine.config) as opened, interrupted_once():
         if not is_confirmed(args, opened, machine, chosen):
             raise ConfigError("motion was not confirmed; nothing was moved")
-        return [*play_all(args, opened, machine, chosen, journal)]
+        title, axis = f"{', '.join(map(str, paths))} on {opened.description}", machine.axis.name
+        results: list[ScenarioResult] = []
+        with watched_work(args, "test", title, recorded_channels(axis)) as view:
+            if view.is_watched and opened.virtual is not None:
+                hold_to_real_time(opened.virtual.session)
+            show_results(view, results, len(chosen))
+            for result in play_all(args, opened, machine, chosen, journal, view):
+                results.append(result)
+                show_results(view, results, len(chosen))
+        return results
 
 
 def play_all(
@@ -56,6 +69,7 @@ def play_all(
     machine: Machine,
     chosen: Sequence[MachineScenario],
     journal: SettingsJournal,
+    view: WorkView,
 ) -> Iterator[ScenarioResult]:
     """Play scenarios one after the other; behind one that was stopped nothing moves any more.
 
@@ -63,11 +77,24 @@ def play_all(
         What came of each.
     """
     is_stopped = False
+    origin = opened.network.now()
     for each in chosen:
         if is_stopped:
             yield _result(machine, each, problem=_NOT_RUN)
             continue
-        rig = Rig(opened.network, machine.members, period=machine.plan.period, journal=journal)
+        view.show(
+            now=str(each.scenario.path),
+            detail=limits_text(machine.limits),
+            limits=limits_by_channel(machine.axis.name, machine.limits),
+        )
+        rig = Rig(
+            opened.network,
+            machine.members,
+            period=machine.plan.period,
+            recording=ShownRows(None, view),
+            origin=origin,
+            journal=journal,
+        )
         try:
             result = _play(opened, machine, each, rig)
         finally:

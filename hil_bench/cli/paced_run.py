@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
-from hil_bench.cli.feed_side import open_feed
+from hil_bench.cli.feed_side import ShownWork, open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.histogram_file import HistogramFile
 from hil_bench.cli.loop_summary import (
@@ -60,11 +60,13 @@ class Guest(NamedTuple):
         is_over: whether it has come to its end, and the run with it.
         lines: what it found, for people.
         content: the same for a program.
+        shown: the same for those who watch.
     """
 
     is_over: IsOver
     lines: Callable[[], Iterable[str]]
     content: Callable[[], Mapping[str, object]]
+    shown: ShownWork
 
 
 def run(args: argparse.Namespace) -> int:
@@ -88,7 +90,7 @@ def run_bench(
     ):
         announce = setup.announcement()
         guest = None if begin is None else begin(setup.session)
-        paced = PacedRun(setup, announce, clock_of(args.speed), guest and guest.is_over)
+        paced = PacedRun(setup, announce, clock_of(args.speed), guest)
         report = paced.run()
         histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
@@ -118,7 +120,7 @@ class PacedRun:
         setup: the bench and what is open around it.
         announce: called once all nodes have booted, and answer.
         clock: that moves the bench.
-        is_over: whether the run has come to its own end; None for one without.
+        guest: what plays on the bench; None for nothing.
 
     Attributes:
         helpers: the processes beside the loop.
@@ -130,9 +132,9 @@ class PacedRun:
         setup: RunSetup,
         announce: Callable[[], None],
         clock: Clock,
-        is_over: IsOver | None = None,
+        guest: Guest | None = None,
     ) -> None:
-        self._is_over = is_over or (lambda: False)
+        self._guest = guest
         self.is_timed = math.isfinite(setup.args.speed)
         self.helpers = Helpers([])
         self._feed: Feed | None = None
@@ -170,6 +172,7 @@ class PacedRun:
             session,
             statistics=self._statistics if self.is_timed else None,
             health=self._health,
+            work=self._guest and self._guest.shown,
         )
         is_stopped = self._make_stopped()
         with line, contextlib.closing(self.helpers), feed as self._feed:
@@ -177,7 +180,7 @@ class PacedRun:
                 session,
                 self._setup.bus.transport,
                 pacer,
-                stopped=lambda: is_stopped() or self._is_over(),
+                stopped=is_stopped,
                 realtime=config.realtime,
                 serves_between_ticks=args.speed == 1,
                 hears_all=args.whole_bus,
@@ -187,11 +190,14 @@ class PacedRun:
         setup, statistics, helpers = self._setup, self._statistics, self.helpers
         controls = setup.session.controls
         duration, wish = setup.args.duration, setup.wish
+        guest = self._guest
         periods = math.inf if duration is None else round(duration * 1e9 / setup.config.tick_ns)
 
         def stopped() -> bool:
             ticks = statistics.ticks + statistics.skipped
-            return wish.requested or controls.is_over or helpers.is_over or ticks >= periods
+            is_wished = wish.requested or controls.is_over
+            is_played = guest is not None and guest.is_over()
+            return is_wished or is_played or helpers.is_over or ticks >= periods
 
         return stopped
 

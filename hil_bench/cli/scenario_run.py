@@ -8,7 +8,7 @@ import contextlib
 import functools
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
@@ -20,6 +20,7 @@ from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.recording_arguments import recording_wish
 from hil_bench.cli.results import is_silent, print_results
+from hil_bench.cli.scenario_view import shown_stage
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.cli.verdicts import (
     add_parameter_argument,
@@ -147,10 +148,12 @@ class _Played:
     def __init__(self, prepared: PreparedScenario, session: Session) -> None:
         self._scenario = prepared.scenario
         self._stage = Stage(prepared, session)
+        self._shown = shown_stage(prepared, self._stage)
 
     def guest(self) -> Guest:
         """Return what the run asks of it."""
-        return Guest(lambda: self._stage.director.is_over, self._lines, self._content)
+        director = self._stage.director
+        return Guest(lambda: director.is_over, self._lines, self._content, self._shown)
 
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -204,12 +207,12 @@ class _Company:
         return [f"  {late}; its verdicts count bench time"]
 
     @contextlib.contextmanager
-    def beside(self, bench: VirtualBench, end: Callable[[], None]) -> Iterator[None]:
+    def beside(self, bench: VirtualBench, stage: Stage) -> Iterator[None]:
         """Hold a run to real time and let people watch it.
 
         Args:
             bench: that is to run.
-            end: ends the run.
+            stage: the scenario on it.
 
         Yields:
             Once, before the first tick.
@@ -223,16 +226,17 @@ class _Company:
         helpers = Helpers([line] if line.is_shown else [], ends_on_loss=self._args.end_on_loss)
         events = BenchEvents(config, bench.bench, logger.warning)
         start = self._clock.now()
-        with line, contextlib.closing(helpers), open_feed(self._args, config, session) as feed:
+        feed = open_feed(self._args, config, session, work=shown_stage(self._prepared, stage))
+        with line, contextlib.closing(helpers), feed as live:
 
             def look(now: int) -> None:
                 snapshot.write((now * 1e-9, *bench_status_row(bench.bench)))
                 helpers.look()
                 events.look(now)
-                if feed is not None:
-                    feed.look()
+                if live is not None:
+                    live.look()
                 if self._wish.requested or session.controls.is_over or helpers.is_over:
-                    end()
+                    stage.end()
                 self._wait(start + now)
 
             session.watch(ticks=look)

@@ -18,6 +18,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
+from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.machine.shadow import Shadow, fit_limits
 from hil_bench.outside.recording.files import RecordingFile
@@ -37,6 +38,7 @@ _EXAMPLES = f"""\
 examples:
   hil-bench shadow bench.toml -i socketcan -c can0
   hil-bench shadow bench.toml -i socketcan -c can0 --pressure-bar 5 --record residuals.csv
+  hil-bench shadow bench.toml -i socketcan -c can0 --panel     machine and twin on a web page
   hil-bench shadow bench.toml --log run.blf          the frames of a recording, as fast as it goes
 
 exit code {ExitCode.DONE:d} where the machine follows its twin, {ExitCode.CHECK_FAILED:d} where it \
@@ -106,6 +108,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--record", type=Path, metavar="FILE.csv", help="write each value beside the twin's"
     )
     add_json_argument(parser)
+    add_work_arguments(parser, "shadow")
     parser.set_defaults(run=run)
 
 
@@ -131,15 +134,20 @@ def run(args: argparse.Namespace) -> int:
     file = None if args.record is None else RecordingFile(args.record)
     try:
         duration = 0.0
-        with contextlib.closing(_log(args.log) if args.log else _bus(config)) as source:
+        title = f"{args.config or 'built-in bench'}, {args.log or config.bus.channel}"
+        with (
+            watched_work(args, "shadow", title, report.channels) as report.view,
+            contextlib.closing(_log(args.log) if args.log else _bus(config)) as source,
+        ):
             for message, duration in source:
                 if message is not None:
                     shadow.take(message)
                 report.take(duration)
                 if duration >= args.duration:
                     break
-        shadow.finish()
-        report.take(duration)
+            shadow.finish()
+            report.take(duration)
+            report.view.show(verdict=report.verdict[0])
         if file is not None:
             file.write(report.recording())
     finally:

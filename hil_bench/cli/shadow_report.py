@@ -1,6 +1,7 @@
 """What `hil-bench shadow` says while it follows a machine, and at its end."""
 
 import json
+import math
 import sys
 from collections.abc import Mapping
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.work_side import WorkView
 from hil_bench.machine.shadow import (
     Correction,
     Residual,
@@ -17,6 +19,7 @@ from hil_bench.machine.shadow import (
     widening,
 )
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
+from hil_bench.session.work_feed import WorkItem
 from hil_bench.units import display_unit
 
 Limits = Mapping[str, Mapping[str, float]]
@@ -35,6 +38,10 @@ class ShadowReport:
         limits: RMS of a window that is too much.
         is_quiet: whether nothing is said while it runs.
         keeps: whether the values side by side are kept for `recording`.
+
+    Attributes:
+        channels: of the rows that people see: each value of the machine, and the twin's.
+        view: where they see it.
     """
 
     def __init__(self, shadow: Shadow, limits: Limits, *, is_quiet: bool, keeps: bool) -> None:
@@ -42,12 +49,22 @@ class ShadowReport:
         self._limits = limits
         self._is_quiet = is_quiet
         self._keeps = keeps
+        self.view = WorkView()
+        self.channels = tuple(
+            Channel(f"{axis}.{quantity}{side}", unit)
+            for axis in shadow.axes
+            for quantity, unit in shadow.units.items()
+            for side in ("", "_twin")
+        )
+        self._places = {channel.name: place for place, channel in enumerate(self.channels, 1)}
+        self._present = [math.nan] * (1 + len(self.channels))
         self._rows: list[Sample] = []
         self._windows: list[Window] = []
         self._corrections: list[Correction] = []
         self._following: dict[str, bool] = {}
         self._waiting_since = dict.fromkeys(shadow.axes, 0.0)
         self._said: dict[str, frozenset[str]] = {}
+        self._is_seen = False
 
     def take(self, now: float) -> None:
         """Take out what the shadow found since the last call, and say it.
@@ -58,6 +75,8 @@ class ShadowReport:
         shadow = self._shadow
         if self._keeps:
             self._rows.extend(shadow.samples)
+        if self.view.is_watched:
+            self._show_samples()
         shadow.samples.clear()
         for axis in shadow.axes:
             self._take_state(axis, now)
@@ -65,6 +84,28 @@ class ShadowReport:
             window = shadow.windows.popleft()
             self._windows.append(window)
             self._say(self._line(window), to_stdout=True)
+            self._is_seen = False
+        if self.view.is_watched and not self._is_seen:
+            self._is_seen = True
+            self._show_state()
+
+    @property
+    def verdict(self) -> tuple[str, ExitCode]:
+        """What is to be said of it by now, in a word and to a shell."""
+        if self._exceeded:
+            return "differs", ExitCode.CHECK_FAILED
+        if self._unjudged:
+            return "not compared", ExitCode.INCONCLUSIVE
+        return "follows", ExitCode.DONE
+
+    @property
+    def _unjudged(self) -> list[str]:
+        judged = {window.axis for window in self._windows}
+        return [axis for axis in self._shadow.axes if axis not in judged]
+
+    @property
+    def _exceeded(self) -> int:
+        return sum(self._is_beyond(window) for window in self._windows)
 
     def recording(self) -> Recording:
         """Return all values side by side, a row a value; what a row does not bring is NaN."""
@@ -82,22 +123,50 @@ class ShadowReport:
 
     def finish(self, duration: float, *, as_json: bool) -> ExitCode:
         """Say how it ended, after a time [s], and return the exit code."""
-        judged = {window.axis for window in self._windows}
-        unjudged = [axis for axis in self._shadow.axes if axis not in judged]
-        exceeded = sum(self._is_beyond(window) for window in self._windows)
-        verdict, code = "follows", ExitCode.DONE
-        if unjudged:
-            verdict, code = "not compared", ExitCode.INCONCLUSIVE
-        if exceeded:
-            verdict, code = "differs", ExitCode.CHECK_FAILED
+        verdict, code = self.verdict
+        exceeded = self._exceeded
         if as_json:
             print(json.dumps(self._content(verdict, exceeded, duration), indent=2))
             return code
         if self._windows:
             self._say(self._summary(verdict, exceeded), to_stdout=True)
-        for axis in unjudged:
+        for axis in self._unjudged:
             print(f"{axis}: {self._why_unjudged(axis, duration)}", file=sys.stderr)
         return code
+
+    def _show_samples(self) -> None:
+        """Show the newest values of machine and twin, at the time of the newest frame."""
+        for _, axis, quantity, machine, twin in self._shadow.samples:
+            self._present[self._places[f"{axis}.{quantity}"]] = machine
+            self._present[self._places[f"{axis}.{quantity}_twin"]] = twin
+        if self._shadow.samples:
+            self._present[0] = self._shadow.now
+            self.view.put_row(tuple(self._present))
+
+    def _show_state(self) -> None:
+        """Show which axes follow, and the worst window of each quantity."""
+        following = [axis for axis, is_so in self._following.items() if is_so]
+        waiting = [axis for axis in self._shadow.axes if axis not in following]
+        words = [f"{axis}: the twin follows" for axis in following]
+        words += [f"{axis} waits" for axis in waiting]
+        items = [
+            WorkItem(
+                f"{axis} {quantity}",
+                "differs" if self._share(window, quantity) > 1.0 else "follows",
+                self._worst_text(quantity, window, residual),
+            )
+            for axis, residuals in self._worst().items()
+            for quantity, (window, residual) in residuals.items()
+        ]
+        counts = {"windows": len(self._windows), "beyond a limit": self._exceeded}
+        self.view.show(now="; ".join(words), counts=counts, items=items)
+
+    def _worst_text(self, quantity: str, window: Window, residual: Residual) -> str:
+        symbol = self._shadow.units[quantity]
+        return (
+            f"RMS {_text(symbol, residual.rms)}, largest {_text(symbol, residual.largest)}, "
+            f"limit {_text(symbol, self._limit(window, quantity))}"
+        )
 
     def _take_state(self, axis: str, now: float) -> None:
         """Say when the twin of an axis begins to follow, what it waits for, and what it adopted."""
@@ -115,6 +184,7 @@ class ShadowReport:
             self._waiting_since[axis] = now
         elif now - self._waiting_since[axis] >= _PATIENCE:
             self._say_what_is_missing(axis, now)
+        self._is_seen = self._is_seen and self._following.get(axis) == is_following
         self._following[axis] = is_following
 
     def _say_what_is_missing(self, axis: str, now: float) -> None:
@@ -192,13 +262,10 @@ class ShadowReport:
         lines = [f"\n{len(self._windows)} windows, {exceeded} of them beyond a limit; the worst:"]
         for axis, residuals in self._worst().items():
             for quantity, (window, residual) in residuals.items():
-                symbol = self._shadow.units[quantity]
                 judged = "TOO MUCH" if self._share(window, quantity) > 1.0 else "ok"
                 lines.append(
-                    f"  {axis} {quantity:15} RMS {_text(symbol, residual.rms)}, largest "
-                    f"{_text(symbol, residual.largest)}, limit "
-                    f"{_text(symbol, self._limit(window, quantity))}: {judged}"
-                    f"{_late_text(window)}"
+                    f"  {axis} {quantity:15} {self._worst_text(quantity, window, residual)}: "
+                    f"{judged}{_late_text(window)}"
                 )
         texts = {
             "follows": "the machine does what its twin does",

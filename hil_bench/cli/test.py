@@ -15,6 +15,7 @@ from hil_bench.cli.scenario_report import (
     run_chapter,
     write_report,
 )
+from hil_bench.cli.scenario_view import show_results
 from hil_bench.cli.selection import prepare_chosen
 from hil_bench.cli.verdicts import (
     add_parameter_argument,
@@ -23,6 +24,7 @@ from hil_bench.cli.verdicts import (
     result_content,
     result_lines,
 )
+from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.frame_text import FrameText
 from hil_bench.scenario.results import (
@@ -70,6 +72,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_report_argument(parser)
     add_json_argument(parser)
     add_machine_arguments(parser)
+    add_work_arguments(parser, "test")
     parser.set_defaults(run=run)
 
 
@@ -99,12 +102,16 @@ def _test_virtually(
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     reader = FrameText if args.report else None
     options = PlayOptions(args.stop_at_failure, keeps_evidence=bool(args.report), reader=reader)
-    results, chapters = [], []
-    for each in chosen:
-        result = play_for_result(each, options)
-        if args.report:
-            chapters.append(run_chapter(each, result, args.given))
-        results.append(replace(result, evidence=None))  # it is large
+    results: list[ScenarioResult] = []
+    chapters = []
+    with watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
+        for each in chosen:
+            show_results(view, results, len(chosen), str(each.scenario.path))
+            result = play_for_result(each, options)
+            if args.report:
+                chapters.append(run_chapter(each, result, args.given))
+            results.append(replace(result, evidence=None))  # it is large
+        show_results(view, results, len(chosen))
     if args.report:
         write_report(args, "Test report", chapters)
     return results

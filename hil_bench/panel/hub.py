@@ -6,6 +6,7 @@ bench is asked for no rows and no frames.
 
 import asyncio
 import contextlib
+import itertools
 from collections import deque
 from typing import Any
 
@@ -26,6 +27,7 @@ RETRY = 0.5
 """Time between two looks for a bench [s]."""
 
 _MOST_EVENTS = 500
+_LOOK = 30  # beats between two looks which benches run
 
 
 class Hub:
@@ -45,6 +47,7 @@ class Hub:
         self.viewers: list[Viewer] = []
         self.visited = 0
         self._wanted = name
+        self._ending = ""  # of the bench that was there last
         self._status: dict[str, Any] = {"type": "panel", "bench": None, "words": "", "benches": []}
         self._state = self._health = b""
         self._events: deque[bytes] = deque(maxlen=_MOST_EVENTS)
@@ -126,6 +129,9 @@ class Hub:
         names = find_names()
         try:
             link = await open_link(self._wanted or only_one(names))
+        except BusError as error:
+            self._say(None, self._ending or str(error), names)
+            return
         except HilBenchError as error:
             self._say(None, str(error), names)
             return
@@ -143,7 +149,8 @@ class Hub:
             finally:
                 care.cancel()
                 self._forget()
-        self._say(None, f"{ending}; the page goes on when it runs again", find_names())
+        self._ending = f"{ending}; the page goes on when it runs again"
+        self._say(None, self._ending, find_names())
 
     def _forget(self) -> None:
         self.link = None
@@ -165,8 +172,10 @@ class Hub:
 
     async def _beat(self) -> None:
         """Send bundles, one for all browsers."""
-        while True:
+        for beat in itertools.count():
             await asyncio.sleep(BEAT)
+            if self.viewers and self.link is not None and beat % _LOOK == 0:
+                self._say(self.link.name, "", find_names())
             if self._rows:
                 lines, self._rows = b"".join(self._rows), []
                 self._to_all(lines, may_be_lost=True)

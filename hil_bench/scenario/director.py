@@ -90,6 +90,11 @@ class Director:
         self._answers: list[tuple[str, Future[Any]]] = []
         session.watch(ticks=self._settle)
 
+    @property
+    def done(self) -> int:
+        """How many actions have begun, the first ones of the plan."""
+        return len(self._plan.actions) - len(self._waiting)
+
     def __call__(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         """Do what is due; return the frames of the controller, and behind them those of steps."""
         tick = now // self._plan.tick_ns

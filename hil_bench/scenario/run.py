@@ -39,7 +39,7 @@ from hil_bench.session.session import Session, open_session
 from hil_bench.session.virtual_bench import VirtualBench
 
 
-def _alone(_bench: VirtualBench, _end: Callable[[], None]) -> AbstractContextManager[object]:
+def _alone(_bench: VirtualBench, _stage: Stage) -> AbstractContextManager[object]:
     return nullcontext()
 
 
@@ -51,14 +51,14 @@ class PlayOptions(NamedTuple):
         record: what to record in files.
         keeps_evidence: whether the run keeps what a report shows.
         reader: makes what reads the frames of the bench, as a part of the evidence.
-        beside: open while the run goes on; given the bench, and what ends the run.
+        beside: open while the run goes on; given the bench, and the scenario on it.
     """
 
     stops_at_failure: bool = False
     record: RecordingWish = NO_RECORDING
     keeps_evidence: bool = False
     reader: Callable[[VirtualBench], FrameReader] | None = None
-    beside: Callable[[VirtualBench, Callable[[], None]], AbstractContextManager[object]] = _alone
+    beside: Callable[[VirtualBench, Stage], AbstractContextManager[object]] = _alone
 
 
 PLAIN = PlayOptions()
@@ -151,7 +151,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
             driver.on_firmware,
             stops_at_failure=options.stops_at_failure,
         )
-        with options.beside(bench, stage.end):
+        with options.beside(bench, stage):
             ending = driver.drive(stage.director, last_tick)
         witness = stage.witness
         evidence = None

@@ -47,6 +47,7 @@ from hil_bench.session.commands import (
 from hil_bench.session.journal import ACTIONS
 from hil_bench.session.live_recording import LiveRecording
 from hil_bench.session.session import Session
+from hil_bench.session.work_feed import WorkState
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -72,6 +73,7 @@ class Feed:
         plan: that of the server.
         health: asked ten times a second while somebody watches.
         recording: records on request; None where nobody may ask for it.
+        work: returns what is played on the bench; None where nothing is.
         clock: says when to look [ns].
     """
 
@@ -83,10 +85,12 @@ class Feed:
         *,
         health: Health = dict,
         recording: LiveRecording | None = None,
+        work: Callable[[], WorkState] | None = None,
         clock: Callable[[], int] = monotonic_ns,
     ) -> None:
         self._health = health
         self._recording = recording
+        self._work = work
         self._session = session
         self._process = process
         self._plan = plan
@@ -121,6 +125,8 @@ class Feed:
 
     def stop(self) -> None:
         """Let clients know of the end; a recording that was asked for ends with it."""
+        if self._wanted and self._work is not None:
+            self._publish()  # with its verdicts
         self._want(0)
         if self._recording is not None:
             self._recording.close()
@@ -187,7 +193,8 @@ class Feed:
             for fault in session.bench.faults.active
         ]
         recording = None if self._recording is None else self._recording.state
-        return {"nodes": nodes, "faults": faults, "recording": recording}
+        state = {"nodes": nodes, "faults": faults, "recording": recording}
+        return state if self._work is None else {**state, "work": self._work().content()}
 
     def _put_row(self, values: Sequence[float]) -> None:
         self._put(ROW, self._pack_row(*values))

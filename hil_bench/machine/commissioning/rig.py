@@ -19,7 +19,7 @@ from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.outside.recording.channels import TIME, Recording, recording_dtype
-from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_bench.outside.recording.inline_recorder import RowSink
 from hil_drivers import (
     DriverError,
     Network,
@@ -77,7 +77,7 @@ class Rig:
         members: Members,
         *,
         period: float,
-        recording: RecordingSink | None = None,
+        recording: RowSink | None = None,
         origin: float | None = None,
         journal: SettingsJournal | None = None,
     ) -> None:

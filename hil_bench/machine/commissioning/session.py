@@ -27,7 +27,7 @@ from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.machine.commissioning.standstill import leakage, sensors
 from hil_bench.machine.commissioning.sweeps import dead_band, ramp
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.inline_recorder import RecordingSink
+from hil_bench.outside.recording.inline_recorder import RowSink
 from hil_drivers import BusLostError, DriverError, Network
 
 logger = logging.getLogger(__name__)
@@ -120,7 +120,7 @@ def commission(
     plan: CommissioningPlan,
     *,
     console: Console = UNATTENDED,
-    recording: RecordingSink | None = None,
+    recording: RowSink | None = None,
     origin: float | None = None,
     journal: SettingsJournal | None = None,
 ) -> Commissioning:

@@ -10,7 +10,14 @@ from hil_bench.outside.recording.recorder import BLOCK_PERIOD, Recorder, Recordi
 from hil_bench.outside.recording.report import RecordingReport
 
 
-class RecordingSink(Protocol):
+class RowSink(Protocol):
+    """Takes rows."""
+
+    def append_row(self, values: Sequence[float]) -> None:
+        """Take a row: time [s], then a value a channel in its SI unit."""
+
+
+class RecordingSink(RowSink, Protocol):
     """Takes what is to be recorded: `RecorderProcess` and `InlineRecorder`."""
 
     @property
@@ -22,9 +29,6 @@ class RecordingSink(Protocol):
 
     def stop(self) -> None:
         """Write what there is and close the files."""
-
-    def append_row(self, values: Sequence[float]) -> None:
-        """Record a row: time [s], then a value a channel in its SI unit."""
 
     def append_frames(self, frames: Sequence[Frame], now: int, *, is_received: bool) -> None:
         """Record frames at a time [ns] that we received, or else sent."""

@@ -10,6 +10,7 @@ import { MachineView } from "./machine.js";
 import { Model } from "./model.js";
 import { RecordView } from "./record.js";
 import { ScopeView } from "./scope.js";
+import { WorkView } from "./work.js";
 
 const STILL = 2000; // without a row, time stands still [ms]
 const LONGEST = 100; // between two drawings where no rows come [ms]
@@ -31,16 +32,16 @@ const VIEWS = [
   ["faults", "Faults", FaultsView],
   ["loop", "Loop", LoopView],
   ["record", "Record as a test", RecordView],
+  ["work", "Work", WorkView],
 ];
 
-const views = VIEWS.map(([id, title, View], number) => {
-  const tab = button(title, () => show(number), {
+const views = VIEWS.map(([id, title, View]) => {
+  const tab = button(title, () => show(views.find((each) => each.id === id)), {
     id: `tab-${id}`,
     role: "tab",
     "aria-controls": `view-${id}`,
     "aria-selected": "false",
     tabindex: "-1",
-    title: `key ${number + 1}`,
   });
   const panel = el("section", {
     id: `view-${id}`,
@@ -54,14 +55,16 @@ const views = VIEWS.map(([id, title, View], number) => {
   return { id, tab, panel, view: new View(panel, model) };
 });
 
-function show(number) {
+let offered = views;
+
+function show(wanted) {
   if (shown) {
     shown.panel.hidden = true;
     shown.tab.setAttribute("aria-selected", "false");
     shown.tab.tabIndex = -1;
     shown.view.hide?.();
   }
-  shown = views[number];
+  shown = wanted;
   shown.panel.hidden = false;
   shown.tab.setAttribute("aria-selected", "true");
   shown.tab.tabIndex = 0;
@@ -71,15 +74,14 @@ function show(number) {
 document.addEventListener("keydown", (event) => {
   const inField = event.target.closest?.("input, select, textarea");
   if (inField || event.ctrlKey || event.altKey || event.metaKey) return;
-  const number = Number(event.key) - 1;
-  if (views[number]) {
-    show(number);
-    views[number].tab.focus();
+  const wanted = offered[Number(event.key) - 1];
+  if (wanted) {
+    show(wanted);
+    wanted.tab.focus();
   } else if (event.target.role === "tab" && ["ArrowRight", "ArrowLeft"].includes(event.key)) {
-    const step = event.key === "ArrowRight" ? 1 : views.length - 1;
-    const next = (views.indexOf(shown) + step) % views.length;
-    show(next);
-    views[next].tab.focus();
+    const step = event.key === "ArrowRight" ? 1 : offered.length - 1;
+    show(offered[(offered.indexOf(shown) + step) % offered.length]);
+    shown.tab.focus();
   } else if (shown.view.key?.(event)) {
     event.preventDefault();
   }
@@ -91,7 +93,7 @@ function say(text) {
 }
 
 function drawBanner() {
-  const isStill = !words && model.hello && performance.now() - lastRow > STILL;
+  const isStill = !words && model.hello && (!model.hello.work || model.hello.work.is_bench) && performance.now() - lastRow > STILL;
   const text =
     words || (isStill ? `bench time stands still at ${model.time.toFixed(3)} s: no SYNC, or the bench is stopped` : "");
   banner.hidden = !text;
@@ -107,9 +109,40 @@ function drawBanner() {
   document.body.classList.toggle("is-away", Boolean(words));
 }
 
+// Offer the views that what runs has something for.
+function offerViews(hello) {
+  const isBench = !hello.work || hello.work.is_bench;
+  for (const { id, tab } of views) {
+    tab.hidden = id === "work" ? !hello.work : !isBench && id !== "scope";
+    if (id === "scope" && !hello.channels.length) tab.hidden = true;
+    if (id === "work") setText(tab, hello.work ? capital(hello.work.verb) : "Work");
+  }
+  offered = views.filter(({ tab }) => !tab.hidden);
+  offered.forEach(({ tab }, number) => {
+    tab.title = `key ${number + 1}`;
+  });
+  if (shown.tab.hidden) show(offered.at(-1));
+}
+
+function capital(text) {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+const picker = document.getElementById("benches");
+picker.addEventListener("change", () => link.request("choose", { bench: picker.value }));
+
+function offerBenches({ bench, benches }) {
+  picker.hidden = benches.length < 2 || !bench;
+  picker.replaceChildren(...benches.map((name) => el("option", { value: name, selected: name === bench }, name)));
+}
+
 link.on("panel", (status) => {
   model.benches = status.benches;
-  if (!status.bench) model.hello = null;
+  if (!status.bench && model.hello) {
+    shown.view.draw?.(); // what came last
+    model.hello = null;
+  }
+  offerBenches(status);
   banner.dataset.text = "";
   say(status.bench ? "" : status.words);
 });
@@ -118,6 +151,7 @@ link.on("hello", (hello) => {
   model.begin(hello);
   setText(document.getElementById("bench-name"), hello.name);
   document.title = `${hello.name} – hil-bench`;
+  offerViews(hello);
   for (const { view } of views) view.begin?.(hello);
 });
 link.on("rows", () => {
@@ -125,7 +159,9 @@ link.on("rows", () => {
 });
 link.on("lost", () => {
   if (link.isRefused) return;
-  say("the panel does not answer; it is asked again every second. Has hil-bench panel ended?");
+  const ending = words.match(/^.* has ended/)?.[0];
+  const silence = "the panel does not answer; it is asked again every second";
+  say(ending ? `${ending}, and ${silence}` : `${silence}. Has hil-bench panel ended?`);
 });
 link.on("refused", (message) => {
   model.hello = null;
@@ -166,8 +202,9 @@ function draw() {
   }
 }
 
-window.hilBench = { model, link, views, frames: FRAMES, show };
-show(0);
+window.hilBench = { model, link, views, frames: FRAMES };
+show(views[0]);
+offerViews({ channels: [[]] });
 say("connecting ...");
 link.connect(decodeURIComponent(location.hash.slice(1)));
 requestAnimationFrame(draw);

@@ -117,11 +117,14 @@ export class Model {
     if (!this.hello) return "";
     const parts = [];
     const { lateness, overruns, bus_load: load } = this.health;
+    const { work } = this.state;
+    if (work?.total) parts.push(`${work.done} of ${work.total}`);
     if (lateness) parts.push(`late p99 ${lateness.p99_us.toFixed(0)} µs`);
     if (overruns !== undefined) parts.push(`${overruns} overran`);
     if (load !== undefined) parts.push(`bus ${(load * 100).toFixed(1)} %`);
     const count = this.state.faults.length;
-    parts.push(count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`);
+    const isBench = !this.hello.work || this.hello.work.is_bench;
+    if (isBench) parts.push(count === 0 ? "no fault" : count === 1 ? "1 fault" : `${count} faults`);
     if (this.state.recording) parts.push(`records since ${this.state.recording.begins.toFixed(1)} s`);
     if (this.missed) parts.push(`this page missed ${this.missed} messages`);
     return parts.join(" · ");

@@ -36,7 +36,7 @@ export class Plots {
     const { symbol, factor, least } = shown(unit);
     const legend = channels.map((name, i) => {
       const value = el("output", { class: "figure" });
-      const key = el("span", { class: name.includes("setpoint") ? "key dashed" : "key", "data-colour": i % COLOURS });
+      const key = el("span", { class: isDashed(name) ? "key dashed" : "key", "data-colour": i % COLOURS });
       return { name, value, item: el("span", { class: "legend-item" }, key, name, value) };
     });
     const holder = el("div", { class: "plot" });
@@ -57,7 +57,7 @@ export class Plots {
         series: [{}, ...channels.map((name, i) => ({
           stroke: colour(`line-${i % COLOURS}`),
           width: 1.5,
-          dash: name.includes("setpoint") ? [6, 4] : undefined,
+          dash: isDashed(name) ? [6, 4] : undefined,
           points: { show: false },
           spanGaps: false,
         }))],
@@ -67,7 +67,7 @@ export class Plots {
         ],
         hooks: {
           drawClear: [(u) => this.shade(u)],
-          draw: [(u) => this.drawMarks(u)],
+          draw: [(u) => this.drawLimits(u), (u) => this.drawMarks(u)],
           setSelect: [(u) => this.zoom(u)],
         },
       },
@@ -123,6 +123,27 @@ export class Plots {
     ctx.restore();
   }
 
+  // Draw the limits of the channels of a plot, dashed.
+  drawLimits(plot) {
+    const pane = this.panes.find((each) => each.plot === plot);
+    const limits = this.model.state.work?.limits ?? {};
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.strokeStyle = colour("danger");
+    ctx.lineWidth = 2 * devicePixelRatio;
+    ctx.setLineDash([8 * devicePixelRatio, 6 * devicePixelRatio]);
+    const levels = new Set((pane?.legend ?? []).flatMap(({ name }) => limits[name] ?? []));
+    for (const level of levels) {
+      const y = plot.valToPos(level / pane.factor, "y", true);
+      if (y < bbox.top || y > bbox.top + bbox.height) continue;
+      ctx.beginPath();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+    }
+    ctx.restore();
+  }
+
   drawMarks(plot) {
     const lines = this.model.marks.map(({ time, fields }) => [time, fields.text, "quiet"]);
     for (const [name, time] of Object.entries(this.cursors)) lines.push([time, name, "accent"]);
@@ -144,4 +165,9 @@ function spread(low, high, least) {
   if (low === null || high === null || !Number.isFinite(low)) return [0, least];
   const margin = Math.max((high - low) * 0.08, (least - (high - low)) / 2, 0);
   return [low - margin, high + margin];
+}
+
+// Set-points, and what a twin says, beside what is measured.
+function isDashed(name) {
+  return name.includes("setpoint") || name.endsWith("_twin");
 }

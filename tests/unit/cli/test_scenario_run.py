@@ -125,7 +125,7 @@ def test_a_command_to_stop_ends_it(tmp_path, monkeypatch):
         def look(self):
             sessions[0].controls.is_over = True
 
-    def opened(_args, _config, session):
+    def opened(_args, _config, session, **_):
         sessions.append(session)
         return contextlib.nullcontext(Feed())
 
@@ -141,7 +141,7 @@ def test_those_who_watch_are_served_each_tick(tmp_path, monkeypatch):
         def look(self):
             looks.append(1)
 
-    monkeypatch.setattr(scenario_run, "open_feed", lambda *_: contextlib.nullcontext(Feed()))
+    monkeypatch.setattr(scenario_run, "open_feed", lambda *_, **__: contextlib.nullcontext(Feed()))
     run(scenario(tmp_path, PASSING), "--speed", "max")
     assert len(looks) >= 21
 

@@ -1,0 +1,109 @@
+"""The page while a commissioning, a twin, tests or a campaign run."""
+
+import pytest
+from support.live_bench import live_bench, panel
+from support.live_work import live_work
+from support.patience import GUARD
+
+from hil_bench.session.work_feed import WorkItem, WorkState
+
+pytestmark = [pytest.mark.browser, pytest.mark.usefixtures("folder")]
+expect = pytest.importorskip("playwright.sync_api").expect
+
+RAMP = WorkState(
+    now="ramp",
+    detail="position 10 to 190 mm, time to 30 s",
+    done=2,
+    total=3,
+    counts={"passed": 1, "failed": 1},
+    items=[
+        WorkItem("sensors", "passed"),
+        WorkItem("<b>direction</b>", "failed", "sign -1 (1 is right)"),
+        WorkItem("ramp", "runs"),
+    ],
+    limits={"axis1.position": (0.01, 0.19), "axis1.P_A": (0.0, 100e5)},
+)
+
+
+def show_rows(feed, count=400):
+    for number in range(count):
+        pressure = 95e5 if number > count // 2 else 50e5
+        feed.put_row((0.01 * number, 0.05, pressure, pressure + 1e5, 2.0))
+
+
+def test_a_commissioning_shows_step_limits_and_values_and_stops(pages, keep):
+    with live_work() as (feed, stopped), panel() as port:
+        feed.show(RAMP)
+        page = pages.open(port)
+        work = page.locator("#view-work")
+        expect(work.locator(".work-now")).to_have_text("ramp")
+        assert page.locator("[role=tab]:visible").all_inner_texts() == ["Scope", "Commission"]
+        expect(page.locator("#banner")).to_be_hidden()
+        feed.wait_for_client(GUARD)
+        show_rows(feed)
+        position = work.get_by_role("row", name="axis1.position [mm]")
+        expect(position).to_contain_text("50.00")
+        expect(position).to_contain_text("10.00")
+        expect(position).to_contain_text("190.00")
+        # 95 bar are within a tenth of the range of the limit of 100 bar, 50 mm are not.
+        expect(work.locator("tr.loud th")).to_have_text("axis1.P_A [bar]")
+        expect(work.locator("tbody").first).to_contain_text("<b>direction</b>")
+        expect(work.get_by_text("2 of 3")).to_be_visible()
+        expect(page.locator("#brief")).to_have_text("2 of 3")
+        keep(page, "work-commission")
+        work.get_by_role("button", name="Stop").click()
+        assert stopped.wait(GUARD)
+
+
+def test_its_verdict_stays_when_it_has_ended(pages):
+    with panel() as port:
+        with live_work("shadow") as (feed, _):
+            feed.show(WorkState(now="axis1: the twin follows"))
+            page = pages.open(port)
+            expect(page.locator(".work-now")).to_have_text("axis1: the twin follows")
+            feed.show(WorkState(verdict="differs", items=[WorkItem("axis1 P_A", "differs")]))
+        expect(page.locator("#banner")).to_contain_text("bench shadow has ended")
+        expect(page.locator(".work-now")).to_have_text("done: differs")
+        expect(page.locator("#view-work td.bad")).to_have_text("differs")
+
+
+def test_a_campaign_has_no_channels_and_no_time_that_stands_still(pages, keep):
+    state = WorkState(done=700, total=1000, counts={"passed": 690, "failed": 10})
+    with live_work("campaign", []) as (feed, _), panel() as port:
+        feed.show(state)
+        page = pages.open(port)
+        expect(page.locator("#view-work")).to_contain_text("10 failed")
+        assert page.locator("[role=tab]:visible").all_inner_texts() == ["Campaign"]
+        expect(page.locator("#view-work .values")).to_be_hidden()
+        keep(page, "work-campaign")
+
+
+def test_work_and_a_bench_are_chosen_from_each_other(pages):
+    with live_bench(), panel() as port:
+        page = pages.open(port)
+        expect(page.locator("#bench-name")).to_have_text("bench")
+        picker = page.get_by_label("which bench")
+        expect(picker).to_be_hidden()
+        with live_work() as (feed, _):
+            feed.show(RAMP)
+            picker.select_option("commission")
+            expect(page.locator("#bench-name")).to_have_text("commission")
+            expect(page.locator(".work-now")).to_have_text("ramp")
+            expect(page.locator("#tab-machine")).to_be_hidden()
+            picker.select_option("bench")
+            expect(page.locator("#tab-machine")).to_be_visible()
+            expect(page.locator("#tab-work")).to_be_hidden()
+        expect(picker).to_be_hidden()
+
+
+def test_keys_go_to_the_views_that_are_there(pages):
+    with live_work() as (feed, _), panel() as port:
+        feed.show(RAMP)
+        page = pages.open(port)
+        expect(page.locator("#view-work")).to_be_visible()
+        page.keyboard.press("1")
+        expect(page.locator("#view-scope")).to_be_visible()
+        page.keyboard.press("ArrowRight")
+        expect(page.locator("#view-work")).to_be_visible()
+        page.keyboard.press("3")
+        expect(page.locator("#view-work")).to_be_visible()

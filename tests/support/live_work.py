@@ -1,0 +1,39 @@
+"""Work that is no running bench, with its feed in this process, for tests of the panel."""
+
+import contextlib
+import threading
+
+from hil_bench.outside.feed.places import Place
+from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS, FeedProcess
+from hil_bench.outside.feed.server import FeedPlan
+from hil_bench.outside.processes.shared_ring import SharedRing
+from hil_bench.session.work_feed import WorkFeed
+
+CHANNELS = [
+    ["axis1.position", "m"],
+    ["axis1.P_A", "Pa"],
+    ["axis1.P_A_twin", "Pa"],
+    ["step", "-"],
+]
+
+
+@contextlib.contextmanager
+def live_work(verb="commission", channels=CHANNELS):
+    """Yield the feed, and an event that is set when somebody asks for the end."""
+    place, stopped = Place(verb), threading.Event()
+    hello = {
+        "name": verb,
+        "pid": 1,
+        "program": "hil-bench",
+        "bench": f"{verb} plan.toml",
+        "channels": channels,
+        "nodes": [],
+        **{name: {} for name in ("devices", "machines", "axes", "fault_targets")},
+        "work": {"verb": verb, "title": "plan.toml on can0"},
+    }
+    plan = FeedPlan(hello, 1 + len(channels), SharedRing(CAPACITY), SharedRing(MOST_COMMANDS))
+    try:
+        with WorkFeed(FeedProcess(place.listener, plan), plan, stopped.set) as feed:
+            yield feed, stopped
+    finally:
+        place.release()

@@ -20,6 +20,7 @@ from hil_drivers.pdo import (
     eds_mappings,
     verify_mapping,
 )
+from hil_drivers.protection import Protection
 
 
 class Input(NamedTuple):
@@ -187,6 +188,7 @@ class Sensor(Device):
         transmission_type: int = 1,
         event_timer: float = 0.0,
         heartbeat_period: float = 0.1,
+        protected: bool = False,
     ) -> None:
         """Check the device, read its scaling, and set how it sends.
 
@@ -194,13 +196,23 @@ class Sensor(Device):
             transmission_type: 1 to 240 sends with each n-th SYNC, 254 or 255 by event.
             event_timer: longest time between two values [s]; 0 is none.
             heartbeat_period: between the device's heartbeats [s]; 0 is none.
+            protected: whether its PDOs have a counter and a checksum, without which they are then
+                refused; see `protections`.
         """
+        for pdo in self._received:
+            cob_id = pdo.mapping.cob_id & 0x7FF
+            pdo.protection = Protection(cob_id) if protected else None
         self._set_up(
             transmission_type=transmission_type,
             event_timer=event_timer,
             heartbeat_period=heartbeat_period,
         )
         self._read_scaling()
+
+    @property
+    def protections(self) -> list[Protection]:
+        """What came of its protected PDOs: accepted, wrong, repeated and lost frames of each."""
+        return [pdo.protection for pdo in self._received if pdo.protection is not None]
 
     def _read_scaling(self) -> None:
         """Read from the device what one digit of its values stands for."""

@@ -8,12 +8,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from canopen.objectdictionary import ODVariable, datatypes
 
 from hil_drivers.errors import DeviceMismatchError
 from hil_drivers.node import Node, object_name
+
+if TYPE_CHECKING:
+    from hil_drivers.protection import Protection
 
 INVALID = 1 << 31
 """Bit of a PDO's COB-ID entry that says: this PDO does not exist."""
@@ -134,18 +137,28 @@ class ReceivedPdo:
         mapping: which one, and what it carries.
         data: its bytes.
         received_at: when it came, on the network's clock [s].
+        protection: the check of its counter and checksum; None where it has none.
     """
 
-    __slots__ = ("_length", "data", "mapping", "received_at")
+    __slots__ = ("_length", "data", "mapping", "protection", "received_at")
 
     def __init__(self, mapping: PdoMapping) -> None:
         self.mapping = mapping
         self.data = b""
         self.received_at = -float("inf")
+        self.protection: Protection | None = None
         self._length = mapping.length
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Take a frame; False refuses one of another length than the mapping's."""
+        """Take a frame; False refuses one of another length than the mapping's.
+
+        What the protection refuses changes nothing, so that the value grows old.
+        """
+        if self.protection is not None:
+            opened = self.protection.open(data)
+            if opened is None:
+                return True
+            data = opened
         if len(data) != self._length:
             return False
         self.data = data

@@ -54,6 +54,7 @@ def build_bench(config: BenchConfig) -> Bench:
     agenda = Agenda()
     nodes = {node.name: build_node(node, agenda) for node in config.nodes}
     for member in config.nodes:
+        protect_tpdos(nodes[member.name], member)
         limit_node_periods(nodes[member.name].object_dictionary, member, config.tick_ns)
     surroundings = Surroundings(
         config.tick_ns,
@@ -117,6 +118,19 @@ def limit_node_periods(od: ObjectDictionary, config: NodeConfig, tick_ns: int) -
             right = "give a longer one, 0 for none, or a shorter tick_us"
             raise ConfigError(f"{config.place}.objects: {what}, shorter than {tick}; {right}")
         logger.warning("%s: %s, shorter than %s: it will be each tick", config.place, what, tick)
+
+
+def protect_tpdos(node: Node, config: NodeConfig) -> None:
+    """Give TPDOs of a node a counter and a checksum.
+
+    Raises:
+        ConfigError: one is not there, or too long.
+    """
+    for number in config.protected_tpdos:
+        try:
+            node.protect_tpdo(number)
+        except ValueError as error:
+            raise ConfigError(f"{config.place}.protected_tpdos: {error}") from None
 
 
 def load_objects(config: NodeConfig) -> ObjectDictionary:

@@ -34,6 +34,7 @@ from hil_bench.canopen_device.nmt import (
 )
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.parameter_store import ParameterStore
+from hil_bench.canopen_device.pdo_protection import MOST_BYTES, limit_mapping, mapped_bytes
 from hil_bench.canopen_device.process_data import ProcessData
 from hil_bench.canopen_device.routing import RouteTable, names_identifier
 from hil_bench.canopen_device.sdo_channels import SdoChannels
@@ -171,6 +172,18 @@ class Node:
         self._can_errors.take(event)
         if event is CanEvent.BUS_OFF:
             self.follow_error_behaviour(COMMUNICATION_ERROR)
+
+    def protect_tpdo(self, number: int) -> None:
+        """Send TPDO `number` with a rolling counter and a checksum; see `pdo_protection`.
+
+        Raises:
+            ValueError: there is no such TPDO, or it maps too much to have room for them.
+        """
+        if mapped_bytes(self.object_dictionary, number) > MOST_BYTES:
+            raise ValueError(f"TPDO {number} maps more than {MOST_BYTES} bytes")
+        if not self._tpdos.protect(number):
+            raise ValueError(f"there is no TPDO {number}")
+        limit_mapping(self.object_dictionary, number)
 
     def trigger_tpdo(self, number: int) -> None:
         """Take an application event for TPDO `number` (types 0, 254, 255)."""

@@ -17,6 +17,7 @@ from hil_bench.canopen_device.pdo_parameters import (
     SYNCHRONOUS_REMOTE,
     PdoParameters,
 )
+from hil_bench.canopen_device.pdo_protection import Seal
 from hil_bench.canopen_device.sync import SynchronousWindow
 
 
@@ -50,6 +51,7 @@ class Tpdo:
         self._syncs = 0
         self._has_begun = False
         self._sample: bytes | None = None
+        self._seal: Seal | None = None
         self.configure()
 
     def configure(self) -> None:
@@ -65,6 +67,10 @@ class Tpdo:
         self._event_time = self._parameters.event_time
         self._inhibit_time = self._parameters.inhibit_time
         self._begin()
+
+    def protect(self) -> None:
+        """Send it with a counter and a checksum from now on; see `pdo_protection`."""
+        self._seal = Seal()
 
     def set_operational(self, *, is_operational: bool) -> None:
         """Begin or end to transmit."""
@@ -133,6 +139,8 @@ class Tpdo:
             data = self._mapping.read()
         self._is_requested = False
         if data is not None:
+            if self._seal is not None:
+                data = self._seal.close(self.can_id, data)
             emit(make_frame((self.can_id, data, False, False, 0)))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
@@ -195,6 +203,13 @@ class TpdoProducer:
     def can_ids(self) -> frozenset[int]:
         """The identifiers in use."""
         return frozenset(tpdo.can_id for tpdo in self._tpdos.values() if tpdo.can_id is not None)
+
+    def protect(self, number: int) -> bool:
+        """Send TPDO `number` with a counter and a checksum; return whether there is one."""
+        tpdo = self._tpdos.get(number)
+        if tpdo is not None:
+            tpdo.protect()
+        return tpdo is not None
 
     def trigger(self, number: int) -> None:
         """Take an application event for TPDO `number`; without effect where there is none."""

@@ -108,6 +108,22 @@ def zero_or(read: Reader) -> Reader:
     return read_or_zero
 
 
+def tpdo_numbers(value: object) -> tuple[int, ...]:
+    """Return numbers of TPDOs, none of them twice.
+
+    Raises:
+        ConfigError: it is no such list.
+    """
+    right = "give a list of numbers of TPDOs, such as [1, 2]"
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{describe(value)} is not a list; {right}")
+    read = integer(1, 512)
+    numbers = tuple(int(read(number)) for number in value)
+    if len(set(numbers)) < len(numbers):
+        raise ConfigError(f"{list(numbers)} has a number twice; {right}")
+    return numbers
+
+
 def interval(unit: Unit) -> Reader:
     """Return a reader of ``[start, end]`` in `unit`, start below end."""
     right = f"give [start, end] in {unit.symbol}, start below end"

@@ -34,6 +34,7 @@ class NodeConfig:
         objects: other power-on values than those of the EDS file, by index and sub-index.
         sources: the objects that show quantities of the plant.
         scripts: the objects that follow a script.
+        protected_tpdos: the TPDOs that have a counter and a checksum.
         place: how messages name its table.
     """
 
@@ -48,6 +49,7 @@ class NodeConfig:
     objects: Mapping[tuple[int, int], ObjectValue]
     sources: tuple[SourceConfig, ...]
     scripts: tuple[ScriptConfig, ...]
+    protected_tpdos: tuple[int, ...]
     place: str = field(compare=False)
 
     @property

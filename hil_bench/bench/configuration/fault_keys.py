@@ -147,6 +147,12 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             _CAN_ID,
         ),
         FaultKind.TRUNCATE: (Key("length", integer(0, 8), example="4"), _DIRECTION, _CAN_ID),
+        FaultKind.CORRUPT: (
+            Key("share_percent", number(PERCENT, low=0.0, high=100.0), 100.0, PERCENT, "share"),
+            _DIRECTION,
+            _CAN_ID,
+        ),
+        FaultKind.REPEAT: (_DIRECTION, _CAN_ID),
         FaultKind.BABBLE: (Key("frames_per_tick", integer(1, 1000), 4), _CAN_ID),
     }
 )

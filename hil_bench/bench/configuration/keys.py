@@ -19,6 +19,7 @@ from hil_bench.config.values import (
     nonzero,
     number,
     text,
+    tpdo_numbers,
 )
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
@@ -81,6 +82,7 @@ def node_keys(kind: DeviceKind[Any]) -> tuple[Key, ...]:
         Key("storage", text),
         Key("serial_number", integer(0, 0xFFFFFFFF)),
         Key("objects", objects),
+        Key("protected_tpdos", tpdo_numbers, ()),
         *kind.keys,
     )
 

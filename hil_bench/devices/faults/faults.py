@@ -44,8 +44,10 @@ from hil_bench.devices.faults.line import (
     Meeting,
     Rule,
     babble,
+    corruption,
     delay,
     loss,
+    repetition,
     silence,
     truncation,
 )
@@ -215,6 +217,24 @@ class Faults(PhysicalFaults):
         rule = truncation(count("length", length, 0, 8))
         which.setdefault("direction", Direction.SENT)
         return self._disturb(FaultKind.TRUNCATE, node, rule, which)
+
+    def corrupt(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
+        """Turn one bit round in a share of a node's data frames, 0 to 1, at random.
+
+        Without a direction, in those that it sends.
+        """
+        bounded("share", share, low=0.0, high=1.0)
+        which.setdefault("direction", Direction.SENT)
+        rule = corruption(share, self._stream(node))
+        return self._disturb(FaultKind.CORRUPT, node, rule, which)
+
+    def repeat(self, node: str, **which: Unpack[Which]) -> Fault:
+        """Let a node's data frames repeat the first of their identifier, as a program that hangs.
+
+        Without a direction, those that it sends.
+        """
+        which.setdefault("direction", Direction.SENT)
+        return self._disturb(FaultKind.REPEAT, node, repetition(), which)
 
     def babble(
         self,

@@ -33,6 +33,8 @@ class FaultKind(StrEnum):
     LOSE = "lose"
     DELAY = "delay"
     TRUNCATE = "truncate"
+    CORRUPT = "corrupt"
+    REPEAT = "repeat"
     BABBLE = "babble"
 
 

@@ -149,6 +149,32 @@ def truncation(length: int) -> Rule:
     return truncate
 
 
+def corruption(share: float, stream: Generator) -> Rule:
+    """Return the rule by which a share of the data frames has one bit turned round."""
+
+    def corrupt(frame: Frame) -> Passage:
+        if frame.is_remote or not frame.data or stream.random() >= share:
+            return Passage(frame)
+        byte, bit = divmod(int(stream.integers(8 * len(frame.data))), 8)
+        data = bytearray(frame.data)
+        data[byte] ^= 1 << bit
+        return Passage(frame._replace(data=bytes(data)))
+
+    return corrupt
+
+
+def repetition() -> Rule:
+    """Return the rule by which each data frame has the bytes of the first one that it meets."""
+    first: dict[int, bytes] = {}
+
+    def repeat(frame: Frame) -> Passage:
+        if frame.is_remote:
+            return Passage(frame)
+        return Passage(frame._replace(data=first.setdefault(frame.can_id, frame.data)))
+
+    return repeat
+
+
 Babble = Callable[[Emit], None]
 """Sends what a babbling node sends in one tick."""
 

@@ -52,6 +52,8 @@ EXAMPLES = {
     FaultKind.LOSE: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
     FaultKind.DELAY: ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": Direction.SENT}),
     FaultKind.TRUNCATE: ("valve", "length = 4", {"length": 4}),
+    FaultKind.CORRUPT: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
+    FaultKind.REPEAT: ("valve", "can_id = 0x181", {"can_id": 0x181}),
     FaultKind.BABBLE: ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
 }  # fmt: skip
 

@@ -32,6 +32,8 @@ KEYS = {
     "lose": 'target = "valve"\nshare_percent = 10\ndirection = "sent"\ncan_id = 0x181',
     "delay": 'target = "valve"\ndelay_ms = 3',
     "truncate": 'target = "valve"\nlength = 2',
+    "corrupt": 'target = "valve"\nshare_percent = 10',
+    "repeat": 'target = "valve"\ncan_id = 0x181',
     "babble": 'target = "valve"\nframes_per_tick = 2',
 }
 """The keys of each kind, as docs/faults.md has them."""

@@ -11,7 +11,7 @@ from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.simulation import CHANNELS, Setup, Signal, build_plant, simulate
 from hil_bench.errors import ParameterError
 from hil_bench.outside.recording.channels import Recording, recording_dtype
-from hil_bench.plants.hydraulic_cylinder.model import Model, Plant, Solver
+from hil_bench.plants.hydraulic_cylinder.model import Model, PlantModel, Solver
 from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, SEEN, run_plants
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
 from hil_bench.plants.hydraulic_cylinder.model.stepping import SPOOL_SETPOINT_LIMIT
@@ -119,7 +119,7 @@ def _run(setups: Sequence[Setup], inputs: Signal, job: range, every: int) -> Rec
     return _run_block(plants, inputs[job.start : job.stop], every)
 
 
-def _run_block(plants: Sequence[Plant], inputs: Signal, every: int) -> Recording:
+def _run_block(plants: Sequence[PlantModel], inputs: Signal, every: int) -> Recording:
     dt = plants[0].dt
     seen = run_plants(
         [(plant.parameters, plant.options, plant.state) for plant in plants],

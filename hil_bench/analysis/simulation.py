@@ -10,8 +10,8 @@ from hil_bench.outside.recording.channels import TIME, Channel, Recording, recor
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     Model,
-    Plant,
     PlantInput,
+    PlantModel,
     PlantOptions,
     PlantParameters,
     PlantState,
@@ -102,7 +102,7 @@ def simulate(setup: Setup, setpoints: Signal, *, every: int = 1) -> Recording:
     return rows.view(recording_dtype(CHANNELS)).reshape(-1)
 
 
-def build_plant(setup: Setup) -> Plant:
+def build_plant(setup: Setup) -> PlantModel:
     """Return the plant that a set-up describes, at its start."""
     if setup.model is Model.REDUCED:
         return ReducedOrderPlant(

@@ -16,7 +16,7 @@ from hil_bench.devices.quantities import RegisterValue, object_quantity
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
 from hil_bench.outside.modbus.mailbox import Mailbox
-from hil_bench.outside.modbus.register_map import Access, Register
+from hil_bench.outside.modbus.register_map import Register, RegisterAccess
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.modbus.unit_image import UnitImage
 from hil_bench.outside.processes.snapshot import Snapshot
@@ -174,7 +174,7 @@ def _entries(
         yield BoundRegister(
             register,
             quantity.read,
-            None if register.access is Access.READ else quantity.write,
+            None if register.access is RegisterAccess.READ else quantity.write,
             is_setting=place is not None,
             is_first=place == _CONTROL,
         )
@@ -201,7 +201,7 @@ def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) ->
     if register.unit not in UNITS_OF[quantity.unit]:
         right = ", ".join(f'"{unit.symbol}"' for unit in UNITS_OF[quantity.unit])
         raise ConfigError(f'.unit: "{register.unit.symbol}" does not fit; give one of {right}')
-    if register.access is not Access.READ and quantity.write is None:
+    if register.access is not RegisterAccess.READ and quantity.write is None:
         raise ConfigError(f'.access: "{source}" cannot be written; give "r"')
     return quantity
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, Finding, parse_document
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, parse_document
 from hil_bench.canopen_device.eds_objects import add_mandatory, read_objects
 from hil_bench.canopen_device.eds_pdos import settle_pdos
 from hil_bench.canopen_device.errors import EdsError
@@ -93,7 +93,7 @@ def find_refusal(document: Document, text: str) -> str | None:
 
 def build_objects(document: Document, node_id: int, source: str) -> ObjectDictionary:
     """Return the object dictionary that an EDS describes, for the device `node_id`."""
-    findings: list[Finding] = [*document.findings]
+    findings: list[EdsFinding] = [*document.findings]
     object_dictionary = ObjectDictionary(read_objects(document, node_id, findings), source=source)
     add_mandatory(document, object_dictionary, findings)
     settle_pdos(document, object_dictionary, findings)
@@ -104,7 +104,7 @@ def build_objects(document: Document, node_id: int, source: str) -> ObjectDictio
     return object_dictionary
 
 
-def _line(finding: Finding) -> int:
+def _line(finding: EdsFinding) -> int:
     return finding.line
 
 

@@ -21,7 +21,7 @@ from hil_bench.canopen_device.pdo_mapping import (
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class Flaw:
     """What is wrong with an object.
 
     Attributes:
@@ -61,16 +61,16 @@ _COMMUNICATION_TYPES: Final = (
 )
 
 
-def find_faults(object_dictionary: ObjectDictionary) -> Iterator[Fault]:
+def find_faults(object_dictionary: ObjectDictionary) -> Iterator[Flaw]:
     """Yield what keeps a device with this object dictionary off the bus."""
     for index, subindex in _MANDATORY:
         if object_dictionary.find(index, subindex) is None:
-            yield Fault(index, subindex or None, "is missing; CiA 301 makes it mandatory")
+            yield Flaw(index, subindex or None, "is missing; CiA 301 makes it mandatory")
     for variable in object_dictionary:
         data_type = required_type(variable.index, variable.subindex)
         if data_type is not None and variable.data_type is not data_type:
             text = f"has DataType {variable.data_type}; CiA 301 says {data_type}"
-            yield Fault(variable.index, variable.subindex, text)
+            yield Flaw(variable.index, variable.subindex, text)
     for direction, communication, mapping in zip(Direction, _COMMUNICATION, _MAPPING, strict=True):
         for index in object_dictionary.indices(communication):
             offset = mapping.start - communication.start
@@ -95,18 +95,18 @@ def _among(data_types: tuple[DataType, ...], subindex: int) -> DataType | None:
 
 def _pdo_faults(
     object_dictionary: ObjectDictionary, index: int, mapping: int, direction: Direction
-) -> Iterator[Fault]:
+) -> Iterator[Flaw]:
     """Yield what is wrong with a PDO; where it has no identifier and no mapping, nothing is."""
     if object_dictionary.find(mapping, 0) is None:
         if can_id(object_dictionary.number(index, 1, absent=DISABLED)) is not None:
-            yield Fault(mapping, 0, f"is missing; 0x{index:04X} needs its mapping there")
+            yield Flaw(mapping, 0, f"is missing; 0x{index:04X} needs its mapping there")
         return
     yield from find_mapping_faults(object_dictionary, mapping, direction)
 
 
 def find_mapping_faults(
     object_dictionary: ObjectDictionary, mapping: int, direction: Direction
-) -> Iterator[Fault]:
+) -> Iterator[Flaw]:
     """Yield what is wrong with the mapping parameters at index `mapping`."""
     count = object_dictionary.number(mapping)
     bits = 0
@@ -114,12 +114,12 @@ def find_mapping_faults(
         variable = object_dictionary.find(mapping, subindex)
         if variable is None:
             text = f"is missing; 0x{mapping:04X}.00 says {count} mapped objects"
-            yield Fault(mapping, subindex, text)
+            yield Flaw(mapping, subindex, text)
             continue
         entry = MappingEntry.parse(variable.value)
         bits += entry.bits
         refusal = find_refusal(object_dictionary, entry, direction)
         if refusal is not None:
-            yield Fault(mapping, subindex, f"maps {entry}, which {refusal.reason}")
+            yield Flaw(mapping, subindex, f"maps {entry}, which {refusal.reason}")
     if bits > PDO_BITS:
-        yield Fault(mapping, None, f"maps {bits} bit; a PDO carries at most {PDO_BITS}")
+        yield Flaw(mapping, None, f"maps {bits} bit; a PDO carries at most {PDO_BITS}")

@@ -27,7 +27,7 @@ class Severity(StrEnum):
     """The file deviates from CiA 306, and all that it describes works."""
 
 
-class Finding(NamedTuple):
+class EdsFinding(NamedTuple):
     """One thing that is wrong in a file.
 
     Attributes:
@@ -67,11 +67,11 @@ class Section:
     line: int
     entries: dict[str, Entry] = field(default_factory=dict)
 
-    def finding(self, key: str, text: str, severity: Severity = Severity.WARNING) -> Finding:
+    def finding(self, key: str, text: str, severity: Severity = Severity.WARNING) -> EdsFinding:
         """Return a finding about a key, at its line, or at the heading where it is missing."""
         entry = self.entries.get(key.lower())
         line = entry.line if entry else self.line
-        return Finding(line, self.name, f"{key}: {text}", severity)
+        return EdsFinding(line, self.name, f"{key}: {text}", severity)
 
     def text(self, key: str) -> str | None:
         """Return the value of a key, None where it is missing or empty."""
@@ -93,7 +93,7 @@ class Document:
     sections: dict[str, Section] = field(default_factory=dict)
     objects: dict[int, Section] = field(default_factory=dict)
     sub_objects: dict[int, dict[int, Section]] = field(default_factory=dict)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[EdsFinding] = field(default_factory=list)
 
     def section(self, name: str) -> Section | None:
         """Return a section by its name, whatever its case."""
@@ -119,7 +119,7 @@ def parse_document(text: str) -> Document:
             _add(document, section, line, number)
         else:
             message = f"{shown(line)} is no [section], key=value or ; comment; it is passed over"
-            document.findings.append(Finding(number, section.name, message))
+            document.findings.append(EdsFinding(number, section.name, message))
     return document
 
 
@@ -127,11 +127,11 @@ def _begin(document: Document, line: str, number: int) -> Section:
     name, bracket, _ = line[1:].partition("]")
     section = Section(name.strip()[:_LONGEST_NAME], number)
     if not bracket:
-        document.findings.append(Finding(number, section.name, "the heading lacks its ]"))
+        document.findings.append(EdsFinding(number, section.name, "the heading lacks its ]"))
     first = document.section(section.name)
     if first is not None:
         message = f"stands at line {first.line} already; what stands there counts"
-        document.findings.append(Finding(number, section.name, message))
+        document.findings.append(EdsFinding(number, section.name, message))
         return section
     document.sections[section.name.lower()] = section
     match = _OBJECT.fullmatch(section.name)
@@ -151,9 +151,9 @@ def _add(document: Document, section: Section, line: str, number: int) -> None:
     first = section.entries.get(key.lower())
     if not section.name:
         text = f"{shown(key)} stands before the first section; it is passed over"
-        document.findings.append(Finding(number, "", text))
+        document.findings.append(EdsFinding(number, "", text))
     elif first is not None:
         message = f"{key}: stands at line {first.line} already; what stands there counts"
-        document.findings.append(Finding(number, section.name, message))
+        document.findings.append(EdsFinding(number, section.name, message))
     else:
         section.entries[key.lower()] = Entry(value.strip(), number)

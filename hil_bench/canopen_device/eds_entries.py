@@ -17,7 +17,7 @@ from hil_bench.canopen_device.datatypes import (
     Value,
 )
 from hil_bench.canopen_device.eds_checks import required_type
-from hil_bench.canopen_device.eds_document import Document, Finding, Section, Severity
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, Severity
 from hil_bench.canopen_device.eds_values import parse_integer, parse_value, shown
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.canopen_device.predefined import predefined_default
@@ -41,7 +41,7 @@ class EntryReader:
         findings: what is wrong in them.
     """
 
-    def __init__(self, document: Document, node_id: int, findings: list[Finding]) -> None:
+    def __init__(self, document: Document, node_id: int, findings: list[EdsFinding]) -> None:
         self.findings = findings
         self._document = document
         self._node_id = node_id

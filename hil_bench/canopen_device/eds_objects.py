@@ -5,7 +5,7 @@ from typing import Final
 
 from hil_bench.canopen_device.datatypes import UNSIGNED8, IntegerType
 from hil_bench.canopen_device.eds_checks import required_type
-from hil_bench.canopen_device.eds_document import Document, Finding, Section, Severity
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, Severity
 from hil_bench.canopen_device.eds_entries import EntryReader, given_default
 from hil_bench.canopen_device.object_dictionary import Access, ObjectDictionary, Variable
 
@@ -24,20 +24,22 @@ _MANDATORY: Final = {
 }
 
 
-def read_objects(document: Document, node_id: int, findings: list[Finding]) -> Iterator[Variable]:
+def read_objects(
+    document: Document, node_id: int, findings: list[EdsFinding]
+) -> Iterator[Variable]:
     """Yield the entries of all objects; what is wrong with them comes to `findings`."""
     reader = EntryReader(document, node_id, findings)
     for index in sorted(document.sub_objects.keys() - document.objects.keys()):
         section = document.sub_objects[index][min(document.sub_objects[index])]
         text = f"has no object [{index:04X}]; a RECORD is taken"
-        findings.append(Finding(section.line, section.name, text))
+        findings.append(EdsFinding(section.line, section.name, text))
         yield from _read_record(document, index, reader)
     for index, section in document.objects.items():
         yield from _read_object(document, index, section, reader)
 
 
 def add_mandatory(
-    document: Document, object_dictionary: ObjectDictionary, findings: list[Finding]
+    document: Document, object_dictionary: ObjectDictionary, findings: list[EdsFinding]
 ) -> None:
     """Add the entries that every device has, where the file lacks them."""
     information = document.section("DeviceInfo") or Section("DeviceInfo", 1)
@@ -50,7 +52,7 @@ def add_mandatory(
         value = values.get((index, subindex), 0)
         place = f"0x{index:04X}.{subindex:02X}"
         text = f"{place} is missing, and CiA 301 has it in every device; here it is 0x{value:X}"
-        findings.append(Finding(1, f"{index:04X}", text))
+        findings.append(EdsFinding(1, f"{index:04X}", text))
         object_dictionary.add(
             Variable(index, subindex, name, data_type, access=Access.RO, default=value)
         )
@@ -96,7 +98,7 @@ def _read_record(document: Document, index: int, reader: EntryReader) -> Iterato
     if 0 not in entries:
         section = document.objects.get(index) or document.describing(index, min(entries))
         text = f"[{index:04X}sub0] is missing; sub-index 0 is {count}"
-        reader.findings.append(Finding(section.line, section.name, text))
+        reader.findings.append(EdsFinding(section.line, section.name, text))
         entries[0] = _highest_subindex(index, count, "Highest sub-index supported")
     elif given_default(subs[0])[1] is None and isinstance(entries[0].data_type, IntegerType):
         entries[0].default = entries[0].value = min(count, int(entries[0].data_type.high or 0))

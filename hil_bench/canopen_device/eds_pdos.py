@@ -11,7 +11,7 @@ from typing import Final
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.datatypes import BOOLEAN
 from hil_bench.canopen_device.eds_checks import find_mapping_faults
-from hil_bench.canopen_device.eds_document import Document, Finding, Severity
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Severity
 from hil_bench.canopen_device.eds_entries import given_default
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.canopen_device.pdo_mapping import (
@@ -35,7 +35,7 @@ _MULTIPLEXED: Final = frozenset({0xFE, 0xFF})
 
 
 def settle_pdos(
-    document: Document, object_dictionary: ObjectDictionary, findings: list[Finding]
+    document: Document, object_dictionary: ObjectDictionary, findings: list[EdsFinding]
 ) -> None:
     """Let each PDO work as the file has it, or switch it off, and tell so in `findings`."""
     findings += _missing_sync(document, object_dictionary)
@@ -50,10 +50,10 @@ def settle_pdos(
                 name = f"{direction.value}{index - indices.start + 1}"
                 section = document.describing(mapping, 0)
                 text = f"0x{index:04X} with its COB-ID is missing; there is no {name}"
-                findings.append(Finding(section.line, section.name, text, Severity.ERROR))
+                findings.append(EdsFinding(section.line, section.name, text, Severity.ERROR))
 
 
-def _missing_sync(document: Document, object_dictionary: ObjectDictionary) -> Iterator[Finding]:
+def _missing_sync(document: Document, object_dictionary: ObjectDictionary) -> Iterator[EdsFinding]:
     """Yield that a synchronous PDO has no SYNC; the first one tells it for all."""
     if _SYNC in object_dictionary:
         return
@@ -84,7 +84,7 @@ class _Pdo:
         self._direction = direction
         self._name = name
 
-    def settle(self) -> Iterator[Finding]:
+    def settle(self) -> Iterator[EdsFinding]:
         """Yield what is wrong, and let the PDO be what it then is."""
         cob_id = self._object_dictionary.find(self._index, 1)
         yield from self._identifier_findings(cob_id)
@@ -99,7 +99,7 @@ class _Pdo:
             self._switch_off(cob_id)
             yield from unmapped
 
-    def _identifier_findings(self, cob_id: Variable | None) -> Iterator[Finding]:
+    def _identifier_findings(self, cob_id: Variable | None) -> Iterator[EdsFinding]:
         if cob_id is None:
             text = f"is missing; {self._name} has no COB-ID, and is off"
             yield self._finding(self._index, 1, text)
@@ -108,14 +108,14 @@ class _Pdo:
             _disable(cob_id)
             yield self._finding(self._index, 1, text)
 
-    def _unmapped(self) -> Iterator[Finding]:
+    def _unmapped(self) -> Iterator[EdsFinding]:
         """Yield why the PDO has no mapping at all."""
         if self._object_dictionary.find(self._mapping) is None:
             text = f"0x{self._mapping:04X} with its mapping is missing; {self._name} is off"
             section = self._document.describing(self._index, 0)
-            yield Finding(section.line, f"{self._index:04X}", text, Severity.ERROR)
+            yield EdsFinding(section.line, f"{self._index:04X}", text, Severity.ERROR)
 
-    def _carried(self) -> Iterator[Finding]:
+    def _carried(self) -> Iterator[EdsFinding]:
         """Yield the mapped objects that their own keys exclude; they are carried all the same."""
         for subindex, entry in self._entries():
             variable = self._object_dictionary.find(entry.index, entry.subindex)
@@ -130,7 +130,7 @@ class _Pdo:
                 text = f"maps {entry}, a BOOLEAN, with 8 bit; it takes a byte, 0 or 1"
                 yield self._finding(self._mapping, subindex, text, Severity.WARNING)
 
-    def _faults(self) -> Iterator[Finding]:
+    def _faults(self) -> Iterator[EdsFinding]:
         """Yield why the mapping cannot be used."""
         count = self._object_dictionary.number(self._mapping)
         if count > PDO_BITS:
@@ -161,11 +161,11 @@ class _Pdo:
 
     def _finding(
         self, index: int, subindex: int, text: str, severity: Severity = Severity.ERROR
-    ) -> Finding:
+    ) -> EdsFinding:
         section = self._document.sub_objects.get(index, {}).get(subindex)
         if section is None:
             head = self._document.describing(index, 0)
-            return Finding(
+            return EdsFinding(
                 head.line, f"{index:04X}", f"[{index:04X}sub{subindex:X}] {text}", severity
             )
         return section.finding(given_default(section)[0], text, severity)

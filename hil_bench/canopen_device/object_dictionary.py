@@ -10,7 +10,7 @@ from hil_bench.canopen_device.datatypes import DataType, Value
 from hil_bench.canopen_device.errors import SdoAbort
 
 if TYPE_CHECKING:
-    from hil_bench.canopen_device.eds_document import Finding
+    from hil_bench.canopen_device.eds_document import EdsFinding
 
 Check = Callable[[Any], None]
 """Told the decoded value before it is written; raises `SdoAbort` to refuse it."""
@@ -186,7 +186,7 @@ class ObjectDictionary:
 
     def __init__(self, variables: Iterable[Variable], source: str = "") -> None:
         self.source = source
-        self.findings: tuple[Finding, ...] = ()
+        self.findings: tuple[EdsFinding, ...] = ()
         self.claims_lss = False
         self._objects: dict[int, dict[int, Variable]] = {}
         for variable in variables:

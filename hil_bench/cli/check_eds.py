@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.machine.conformance.eds_check import Finding, Severity, check_eds
+from hil_bench.machine.conformance.eds_check import EdsFinding, Severity, check_eds
 
 _EXAMPLES = """\
 examples:
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     return ExitCode.CHECK_FAILED if fails else ExitCode.DONE
 
 
-def _summary(findings: Sequence[Finding]) -> str:
+def _summary(findings: Sequence[EdsFinding]) -> str:
     if not findings:
         return "ok"
     counts = Counter(finding.severity for finding in findings)

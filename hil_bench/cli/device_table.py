@@ -20,7 +20,7 @@ from hil_bench.kinds.bindings import find_bound
 
 
 @dataclass(frozen=True, slots=True)
-class MappedObject:
+class ObjectRow:
     """One object in a PDO.
 
     Attributes:
@@ -37,7 +37,7 @@ class MappedObject:
 
 
 @dataclass(frozen=True, slots=True)
-class Pdo:
+class PdoRow:
     """One PDO that exists at power-on, as the device sees it.
 
     Attributes:
@@ -52,7 +52,7 @@ class Pdo:
     can_id: int
     transmission_type: int
     event_time_ms: int
-    objects: tuple[MappedObject, ...]
+    objects: tuple[ObjectRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class BoundObject:
 
 
 @dataclass(frozen=True, slots=True)
-class Device:
+class DeviceRow:
     """One node of the bench.
 
     Attributes:
@@ -94,12 +94,12 @@ class Device:
     profile: str
     axis: str | None
     eds: str
-    pdos: tuple[Pdo, ...]
+    pdos: tuple[PdoRow, ...]
     bound: tuple[BoundObject, ...] = ()
     bus: str = FIRST_BUS
 
 
-def read_devices(config: BenchConfig) -> list[Device]:
+def read_devices(config: BenchConfig) -> list[DeviceRow]:
     """Return the devices of a bench, from their EDS files, bus by bus in the order of node-IDs.
 
     Raises:
@@ -123,11 +123,11 @@ def device_table(config: BenchConfig) -> str:
     return "\n\n".join("\n".join(_device_lines(device)) for device in read_devices(config))
 
 
-def _read_device(node: NodeConfig) -> Device:
+def _read_device(node: NodeConfig) -> DeviceRow:
     object_dictionary = load_objects(node)
     # Without a node-ID there are no identifiers yet.
     pdos = () if node.node_id == UNCONFIGURED else tuple(_read_pdos(object_dictionary))
-    return Device(
+    return DeviceRow(
         name=node.name,
         node_id=node.node_id,
         bus=node.bus,
@@ -152,7 +152,7 @@ def _read_binding(
     )
 
 
-def _read_pdos(object_dictionary: ObjectDictionary) -> Iterator[Pdo]:
+def _read_pdos(object_dictionary: ObjectDictionary) -> Iterator[PdoRow]:
     for direction, indices in COMMUNICATION_INDICES.items():
         for index in object_dictionary.indices(indices):
             parameters = PdoParameters(object_dictionary, index, direction)
@@ -160,21 +160,21 @@ def _read_pdos(object_dictionary: ObjectDictionary) -> Iterator[Pdo]:
                 yield _read_pdo(parameters, parameters.can_id, direction)
 
 
-def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> Pdo:
+def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> PdoRow:
     mapping = parameters.mapping()
-    return Pdo(
+    return PdoRow(
         name=f"{direction.value}{parameters.number}",
         can_id=can_id,
         transmission_type=parameters.transmission_type,
         event_time_ms=parameters.event_time // 1_000_000,
         objects=tuple(
-            MappedObject(variable.index, variable.subindex, variable.name, variable.data_type.name)
+            ObjectRow(variable.index, variable.subindex, variable.name, variable.data_type.name)
             for variable in (mapping.variables if mapping else ())
         ),
     )
 
 
-def _device_lines(device: Device) -> Iterator[str]:
+def _device_lines(device: DeviceRow) -> Iterator[str]:
     node_id = "unconfigured" if device.node_id == UNCONFIGURED else device.node_id
     bus = "" if device.bus == FIRST_BUS else f"on {device.bus}"
     names = (f"node {node_id}", device.name, device.profile, device.axis or "", bus)
@@ -194,7 +194,7 @@ def _device_lines(device: Device) -> Iterator[str]:
         yield f"{head:48}  {bound.name} ({bound.data_type})"
 
 
-def _transmission(pdo: Pdo) -> str:
+def _transmission(pdo: PdoRow) -> str:
     kind, is_rpdo = pdo.transmission_type, pdo.name.startswith(Direction.RPDO.value)
     if kind in EVENT_DRIVEN:
         how = "on event"

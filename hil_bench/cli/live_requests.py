@@ -18,7 +18,7 @@ _UNITS: Mapping[str, Sequence[Unit]] = {
 _RIGHT_SET = "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"
 
 
-class Setting(NamedTuple):
+class LiveSetting(NamedTuple):
     """What is to be set.
 
     Attributes:
@@ -40,7 +40,7 @@ def read_fault(words: Sequence[str], hello: Mapping[str, Any]) -> dict[str, Any]
     return fault_fields(parse_fault(words, "fault"), hello)
 
 
-def read_setting(word: str, hello: Mapping[str, Any]) -> Setting:
+def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
     """Return the request for ``axis1.load_n=5000`` or ``io.0x6401.01=1234``.
 
     Raises:
@@ -56,9 +56,11 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> Setting:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ConfigError(f"set {word}: {text} is not a number")
         fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
-        return Setting("set_plant", fields)
+        return LiveSetting("set_plant", fields)
     if place in hello["nodes"]:
-        return Setting("set_object", {"node": place, "name": name, "value": _object_value(text)})
+        return LiveSetting(
+            "set_object", {"node": place, "name": name, "value": _object_value(text)}
+        )
     known = ", ".join([*hello["axes"], *hello["nodes"]])
     raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
 

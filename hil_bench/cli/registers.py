@@ -9,7 +9,7 @@ from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.outside.modbus.register_map import Access, Register
+from hil_bench.outside.modbus.register_map import Register, RegisterAccess
 
 _EXAMPLES = """\
 examples:
@@ -74,8 +74,8 @@ def write_csv(config: BenchConfig) -> None:
 def describe(unit: ModbusUnitConfig, register: Register) -> dict[str, str]:
     """Return a register as text, by column."""
     is_number = not register.table.holds_bits
-    may_write = register.access is Access.WRITE or (
-        register.access is Access.COMMAND and unit.commands
+    may_write = register.access is RegisterAccess.WRITE or (
+        register.access is RegisterAccess.COMMAND and unit.commands
     )
     return {
         "unit_id": str(unit.unit_id),

@@ -17,8 +17,8 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.machine.replay import (
-    Deviation,
-    Direction,
+    FrameDirection,
+    SignalDeviation,
     compare_recordings,
     compared,
     drive_plant,
@@ -55,8 +55,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_bench_arguments(parser)
     parser.add_argument(
         "--frames",
-        choices=[direction.value for direction in Direction],
-        default=Direction.ALL.value,
+        choices=[direction.value for direction in FrameDirection],
+        default=FrameDirection.ALL.value,
         help="of these, as seen by who recorded them; a .log does not say (default: %(default)s)",
     )
     parser.add_argument(
@@ -100,9 +100,11 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         ConfigError: there are none.
         BusError: the bus was lost.
     """
-    direction = Direction(args.frames)
+    direction = FrameDirection(args.frames)
     recorded = list(read_frames(args.recording))
-    if direction is not Direction.ALL and any(logged.is_received is None for logged in recorded):
+    if direction is not FrameDirection.ALL and any(
+        logged.is_received is None for logged in recorded
+    ):
         raise ConfigError(
             f"{args.recording}: a candump log does not say which frames were {direction.value}; "
             "record .mf4, .blf or .asc, or leave --frames out"
@@ -110,7 +112,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
     frames = [logged for logged in recorded if direction.includes(logged)]
     if not frames:
         there = f"all its {len(recorded)} are others" if recorded else "it has none at all"
-        which = "" if direction is Direction.ALL else f"{direction.value} "
+        which = "" if direction is FrameDirection.ALL else f"{direction.value} "
         raise ConfigError(f"{args.recording}: has no {which}frames to play; {there}")
     with contextlib.ExitStack() as stack:
         wish = stack.enter_context(interruption())
@@ -159,7 +161,7 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
 _HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"
 
 
-def _line(deviation: Deviation) -> str:
+def _line(deviation: SignalDeviation) -> str:
     unit = display_unit(deviation.unit)
     numbers = [
         f"{unit.from_si(value):.4g} {unit.symbol}" for value in (deviation.rms, deviation.maximum)

@@ -91,7 +91,7 @@ class Measurement:
         self._publish(value, rate, now)
 
 
-class Command(Protocol):
+class CommandSource(Protocol):
     """What commands an axis, such as a valve its spool."""
 
     @property
@@ -117,7 +117,7 @@ class Drive(NamedTuple):
 
     name: str
     axis: str
-    device: Command
+    device: CommandSource
     enable: Enabled | None = None
 
 
@@ -166,7 +166,7 @@ class Axis:
 
     name: str
     plant: Plant
-    valve: Command
+    valve: CommandSource
     sensors: tuple[Measurement, ...]
     quantities: tuple[Quantity, ...]
     influences: tuple[Influence, ...]

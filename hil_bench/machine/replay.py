@@ -36,7 +36,7 @@ def compared(axis: AxisConfig) -> list[Quantity]:
     return [quantity for quantity in axis.kind.outputs if quantity.is_recorded]
 
 
-class Direction(StrEnum):
+class FrameDirection(StrEnum):
     """Which frames of a recording are meant, as seen by who recorded them."""
 
     RECEIVED = "received"
@@ -45,7 +45,7 @@ class Direction(StrEnum):
 
     def includes(self, logged: LoggedFrame) -> bool:
         """Return whether a frame is meant."""
-        return self is Direction.ALL or (self is Direction.RECEIVED) == logged.is_received
+        return self is FrameDirection.ALL or (self is FrameDirection.RECEIVED) == logged.is_received
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def play_frames(
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class SignalDeviation:
     """How far a simulated signal is from the recorded one.
 
     Attributes:
@@ -160,7 +160,7 @@ def compare_recordings(
     recorded: Recording,
     simulated: Recording,
     tolerances: Mapping[str, float],
-) -> list[Deviation]:
+) -> list[SignalDeviation]:
     """Return the deviation of each simulated signal that was recorded too.
 
     Args:
@@ -184,7 +184,7 @@ def compare_recordings(
         error = np.abs(simulated[channel.name] - recorded[channel.name])
         worst = int(np.argmax(error))
         deviations.append(
-            Deviation(
+            SignalDeviation(
                 channel.name,
                 channel.unit,
                 rms=float(np.sqrt(np.mean(error**2))),

@@ -8,17 +8,17 @@ from hil_bench.config.settings import Key
 from hil_bench.devices.faults.kinds import (
     DEFECT_KINDS,
     VALVE_KINDS,
-    Direction,
+    BrokenReading,
+    FaultDirection,
     FaultKind,
     LeakPath,
-    Reading,
 )
 from hil_bench.session.live_faults import fault_keys
 
 _CHOICES: Mapping[str, list[str]] = {
-    "direction": [*Direction],
+    "direction": [*FaultDirection],
     "path": [*LeakPath],
-    "reads": [*Reading],
+    "reads": [*BrokenReading],
 }
 
 _GROUPS: Mapping[FaultKind, tuple[str, ...]] = {

@@ -25,7 +25,7 @@ from hil_bench.scenario.nodes import (
     Turn,
     Window,
 )
-from hil_bench.scenario.operands import Operand, Quantity, State, Text, quantity_of
+from hil_bench.scenario.operands import MeasuredValue, Operand, State, Text, quantity_of
 from hil_bench.scenario.operators import compare
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import EMCY, FRAME, Vocabulary
@@ -50,7 +50,7 @@ def _rate(given: Sequence[Operand], position: Position, _known: Vocabulary) -> O
     found = quantity_of(operand, "rate")
     if found.is_constant:
         raise ExpectationError(position, f"rate {_NO_SIGNAL}")
-    return Quantity(Rate(found.node, position=position), multiply(found.dimension, TIME, -1))
+    return MeasuredValue(Rate(found.node, position=position), multiply(found.dimension, TIME, -1))
 
 
 def _previous(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:

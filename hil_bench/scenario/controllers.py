@@ -149,9 +149,9 @@ def manual(bench: VirtualBench, settings: ControllerSettings) -> Generator[None]
             yield
 
 
-Controller = Callable[[VirtualBench, ControllerSettings], Generator[None]]
+Example = Callable[[VirtualBench, ControllerSettings], Generator[None]]
 
-CONTROLLERS: Final[Mapping[str, Controller]] = MappingProxyType(
+CONTROLLERS: Final[Mapping[str, Example]] = MappingProxyType(
     {"position_control": position_control, "manual": manual}
 )
 """Each example by its name."""

@@ -37,7 +37,7 @@ class RunPlan(NamedTuple):
     sync_ticks: int = 0
 
 
-class Course(NamedTuple):
+class Move(NamedTuple):
     """A value that is on its way.
 
     Attributes:
@@ -84,7 +84,7 @@ class Director:
         self._plan, self._session, self._hand = plan, session, hand
         self._targets, self._on_firmware = targets, on_firmware
         self._waiting = list(reversed(plan.actions))
-        self._courses: dict[str, Course] = {}
+        self._courses: dict[str, Move] = {}
         self._values: dict[str, float] = {}
         self._sends_sync, self._passes_sync = False, True
         self._answers: list[tuple[str, Future[Any]]] = []
@@ -136,10 +136,10 @@ class Director:
             case FirmwareStep() if self._on_firmware is not None:
                 self._on_firmware(action.command)
 
-    def _course(self, action: SetAction, tick: int) -> Course:
+    def _course(self, action: SetAction, tick: int) -> Move:
         target = self._targets.find(action.target)
         start = self._values.get(action.target, self._hand.present(target))
-        return Course(target, action.points(tick, start))
+        return Move(target, action.points(tick, start))
 
     def _set(self, name: str, target: Target, value: float) -> Iterator[Frame]:
         self._values[name] = value

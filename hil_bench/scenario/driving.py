@@ -14,7 +14,7 @@ from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import DriverError
 
 
-class Driver(Protocol):
+class Timekeeper(Protocol):
     """Lets the time of a run pass."""
 
     on_firmware: FirmwareHook | None

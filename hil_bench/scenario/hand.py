@@ -13,24 +13,23 @@ from hil_bench.bench.assembly import number_buses
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtState
-from hil_bench.canopen_device.nmt import NmtCommand as Command
+from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
-from hil_bench.scenario.records import NmtCommand, NmtStep
+from hil_bench.scenario.records import NmtStep, NmtVerb
 from hil_bench.scenario.registers import RegisterTarget, WriteRegister
 from hil_bench.scenario.targets import ALL, ObjectTarget, PlantTarget, Target
 from hil_bench.session.commands import SetObject, SetPlant
 from hil_bench.session.session import Session
 
 _TO_MAPPING = 0x200
-_COMMANDS: Mapping[NmtCommand, Command] = {
-    NmtCommand.START: Command.START,
-    NmtCommand.STOP: Command.STOP,
-    NmtCommand.PRE_OPERATIONAL: Command.ENTER_PRE_OPERATIONAL,
-    NmtCommand.RESET_NODE: Command.RESET_NODE,
-    NmtCommand.RESET_COMMUNICATION: Command.RESET_COMMUNICATION,
+_COMMANDS: Mapping[NmtVerb, NmtCommand] = {
+    NmtVerb.START: NmtCommand.START,
+    NmtVerb.STOP: NmtCommand.STOP,
+    NmtVerb.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
+    NmtVerb.RESET_NODE: NmtCommand.RESET_NODE,
+    NmtVerb.RESET_COMMUNICATION: NmtCommand.RESET_COMMUNICATION,
 }
 
 

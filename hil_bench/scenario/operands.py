@@ -7,7 +7,7 @@ from hil_bench.scenario.nodes import Condition, Node, Number, Position, Value
 from hil_bench.scenario.syntax import ExpectationError
 
 
-class Quantity(NamedTuple):
+class MeasuredValue(NamedTuple):
     """A value with what it measures.
 
     Attributes:
@@ -50,12 +50,12 @@ class Text(NamedTuple):
     position: Position
 
 
-Operand = Quantity | State | Text | Condition
+Operand = MeasuredValue | State | Text | Condition
 
 
 def position_of(operand: Operand) -> Position:
     """Return where an operand begins."""
-    return operand.node.position if isinstance(operand, Quantity) else operand.position
+    return operand.node.position if isinstance(operand, MeasuredValue) else operand.position
 
 
 def condition_of(operand: Operand, word: str) -> Condition:
@@ -72,13 +72,13 @@ def condition_of(operand: Operand, word: str) -> Condition:
     )
 
 
-def quantity_of(operand: Operand, word: str) -> Quantity:
+def quantity_of(operand: Operand, word: str) -> MeasuredValue:
     """Return an operand that must be a value.
 
     Raises:
         ExpectationError: it is a condition, a state or a text.
     """
-    if isinstance(operand, Quantity):
+    if isinstance(operand, MeasuredValue):
         return operand
     raise ExpectationError(
         position_of(operand),
@@ -89,7 +89,7 @@ def quantity_of(operand: Operand, word: str) -> Quantity:
 def describe(operand: Operand) -> str:
     """Return what an operand is, for a message."""
     match operand:
-        case Quantity():
+        case MeasuredValue():
             return f"a value {show_dimension(operand.dimension)}".replace("value a ", "")
         case State():
             return f"the state {operand.name}"

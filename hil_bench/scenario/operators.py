@@ -21,14 +21,21 @@ from hil_bench.scenario.nodes import (
     Relation,
     StateIs,
 )
-from hil_bench.scenario.operands import Operand, Quantity, State, Text, position_of, quantity_of
+from hil_bench.scenario.operands import (
+    MeasuredValue,
+    Operand,
+    State,
+    Text,
+    position_of,
+    quantity_of,
+)
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 
 _KNOWN_BASES = {"kg", "m", "s"}
 
 
-def combine(operation: Operation, left: Operand, right: Operand) -> Quantity:
+def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValue:
     """Return the arithmetic of two values.
 
     Raises:
@@ -47,9 +54,9 @@ def combine(operation: Operation, left: Operand, right: Operand) -> Quantity:
         raise ExpectationError(other.node.position, "divides by 0; give another divisor")
     if isinstance(one.node, Number) and isinstance(other.node, Number):
         value = _calculate(operation, one.node.value, other.node.value)
-        return Quantity(Number(value, position=position), dimension, symbol)
+        return MeasuredValue(Number(value, position=position), dimension, symbol)
     node = Arithmetic(operation, one.node, other.node, position=position)
-    return Quantity(node, dimension, symbol)
+    return MeasuredValue(node, dimension, symbol)
 
 
 def compare(operands: list[Operand], relations: list[Relation], known: Vocabulary) -> Condition:
@@ -61,7 +68,7 @@ def compare(operands: list[Operand], relations: list[Relation], known: Vocabular
     return parts[0] if len(parts) == 1 else All(parts, position=parts[0].position)
 
 
-def common_dimension(one: Quantity, other: Quantity, what: str) -> Dimension:
+def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
     """Return what two values measure, where that is the same.
 
     Raises:
@@ -83,7 +90,7 @@ def common_dimension(one: Quantity, other: Quantity, what: str) -> Dimension:
     )
 
 
-def _is_foreign(signal: Quantity, number: Quantity) -> bool:
+def _is_foreign(signal: MeasuredValue, number: MeasuredValue) -> bool:
     """Return whether a plain number meets a signal in a unit that the language does not know."""
     bases = {base for base, _ in signal.dimension}
     is_plain = number.is_constant and number.dimension == NUMBER and not number.symbol

@@ -28,7 +28,14 @@ from hil_bench.scenario.nodes import (
     Relation,
     Window,
 )
-from hil_bench.scenario.operands import Operand, Quantity, State, Text, condition_of, quantity_of
+from hil_bench.scenario.operands import (
+    MeasuredValue,
+    Operand,
+    State,
+    Text,
+    condition_of,
+    quantity_of,
+)
 from hil_bench.scenario.operators import combine, compare
 from hil_bench.scenario.syntax import ExpectationError, read_syntax
 from hil_bench.scenario.vocabulary import EMCY, Vocabulary
@@ -131,14 +138,14 @@ class _Builder:
         if not math.isfinite(value):
             raise ExpectationError(position, "is too large a number; give a smaller one")
         if not units:
-            return Quantity(Number(value, position=position), NUMBER)
+            return MeasuredValue(Number(value, position=position), NUMBER)
         unit = find_unit(units[0])
         if unit is None:
             nearest = find_nearest(units[0], UNITS)
             wrong = f"{quote(units[0])} is no unit of the language"
             raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
         si = unit.unit.to_si(value)
-        return Quantity(Number(si, position=position), unit.dimension, unit.unit.symbol)
+        return MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
 
     def _name(self, tree: "Tree[Token]", position: Position) -> Operand:
         name = str(tree.children[0]).strip("'")
@@ -146,11 +153,13 @@ class _Builder:
         if name in known.states:
             return State(name, position)
         if name in known.signals:
-            return Quantity(Reading(name, position=position), dimension_of(known.signals[name]))
+            return MeasuredValue(
+                Reading(name, position=position), dimension_of(known.signals[name])
+            )
         if name in known.parameters:
             unit = unit_of_name(name)
             number = Number(known.parameters[name], position=position)
-            return Quantity(number, unit.dimension, unit.unit.symbol.replace("-", ""))
+            return MeasuredValue(number, unit.dimension, unit.unit.symbol.replace("-", ""))
         if name in known.shared:
             wrong = f"{quote(name)} is in several tables"
             raise ExpectationError(position, f"{wrong}; give {known.shared[name]}")
@@ -180,7 +189,7 @@ class _Builder:
         found = quantity_of(self.build(_tree(tree.children[0])), "-")
         if isinstance(found.node, Number):
             return found._replace(node=Number(-found.node.value, position=position))
-        minus = Quantity(Number(-1.0, position=position), NUMBER)
+        minus = MeasuredValue(Number(-1.0, position=position), NUMBER)
         product = combine(Operation.MULTIPLY, minus, found)
         return product._replace(symbol=found.symbol)
 

@@ -23,7 +23,7 @@ Amount = float | Reference
 """A number, or the parameter that holds it."""
 
 
-class NmtCommand(StrEnum):
+class NmtVerb(StrEnum):
     """What an NMT master may ask of a node (CiA 301)."""
 
     START = "start"
@@ -107,7 +107,7 @@ class NmtStep:
     """An NMT command to a node; ``all`` is every node."""
 
     at: Amount
-    command: NmtCommand
+    command: NmtVerb
     target: str
     place: str = field(default="", compare=False)
 

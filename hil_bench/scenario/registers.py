@@ -9,7 +9,7 @@ from hil_bench.bench.modbus_binding import BoundUnit, ModbusBinding
 from hil_bench.errors import ConfigError, SdoAbort
 from hil_bench.outside.modbus.exceptions import ModbusException
 from hil_bench.outside.modbus.exchange import BoundRegister
-from hil_bench.outside.modbus.register_map import Access
+from hil_bench.outside.modbus.register_map import RegisterAccess
 from hil_bench.session.commands import Controls
 from hil_bench.units import ONE
 
@@ -47,7 +47,7 @@ class RegisterTarget(NamedTuple):
         """
         if self.is_writable:
             return
-        if self.entry.register.access is Access.COMMAND:
+        if self.entry.register.access is RegisterAccess.COMMAND:
             right = f"give commands = true in [modbus.units.{self.unit.name}]"
             raise ConfigError(f"{self.name} is a command, which Modbus may not give; {right}")
         raise ConfigError(f"{self.name} is read-only; hil-bench registers says which are not")

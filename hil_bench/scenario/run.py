@@ -16,7 +16,7 @@ from hil_bench.bench.fault_points import schedule_faults
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.controllers import CONTROLLERS
-from hil_bench.scenario.driving import Driver, ExampleDriver, FirmwareDriver, NobodyDriver
+from hil_bench.scenario.driving import ExampleDriver, FirmwareDriver, NobodyDriver, Timekeeper
 from hil_bench.scenario.evidence import MOST_FRAMES, Evidence, FrameReader
 from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
@@ -178,7 +178,7 @@ def _open_bench(prepared: PreparedScenario, options: PlayOptions) -> VirtualBenc
 
 
 @contextmanager
-def _driver(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Driver]:
+def _driver(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Timekeeper]:
     controller = prepared.scenario.controller
     if controller is None:
         yield NobodyDriver(bench)

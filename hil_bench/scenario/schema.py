@@ -6,7 +6,7 @@ from typing import Final
 from hil_bench.config.settings import Key
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.scenario.controllers import CONTROLLERS
-from hil_bench.scenario.records import FirmwareCommand, NmtCommand
+from hil_bench.scenario.records import FirmwareCommand, NmtVerb
 from hil_bench.scenario.step_keys import (
     CONTROLLER_KEYS,
     EXPECT_KEYS,
@@ -39,7 +39,7 @@ _STEP_FORMS: Final[dict[str, _Schema]] = {
     "over_s": _AMOUNT,
     "target": _TEXT,
     "table": _TEXT,
-    "nmt": {"enum": [each.value for each in NmtCommand]},
+    "nmt": {"enum": [each.value for each in NmtVerb]},
     "sync": {"type": "boolean"},
     "firmware": {"enum": [each.value for each in FirmwareCommand]},
 }

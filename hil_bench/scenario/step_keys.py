@@ -9,7 +9,7 @@ from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, describe, number, text
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.records import FirmwareCommand, NmtCommand
+from hil_bench.scenario.records import FirmwareCommand, NmtVerb
 from hil_bench.units import SECOND
 
 LONGEST_RUN = 1e6  # [s]
@@ -77,7 +77,7 @@ STEP_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
     {
         "set": (AT_KEY, *_SET_KEYS),
         "table": (AT_KEY, *_TABLE_KEYS),
-        "nmt": (AT_KEY, Key("nmt", choice(NmtCommand)), _TARGET_KEY),
+        "nmt": (AT_KEY, Key("nmt", choice(NmtVerb)), _TARGET_KEY),
         "sync": (AT_KEY, Key("sync", boolean)),
         "firmware": (AT_KEY, Key("firmware", choice(FirmwareCommand))),
     }

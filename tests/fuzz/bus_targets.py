@@ -12,7 +12,7 @@ from fuzz.script import Script
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.discovery import Method, discover
 from hil_bench.machine.commissioning.listening import listen
-from hil_bench.machine.shadow.decoder import Decoder
+from hil_bench.machine.shadow.decoder import OverheardDrivers
 from hil_bench.outside.transports.socketcand_hub import MAX_COMMAND, Hub, _Client
 from hil_drivers import Network, ProportionalValve
 from hil_drivers.errors import DriverError
@@ -88,7 +88,7 @@ def scan(data: bytes) -> None:
         discover(network, Method.SDO, node_ids=range(1, 6))
 
 
-_DECODER = Decoder(load_config())
+_DECODER = OverheardDrivers(load_config())
 
 
 def twin_decoder(data: bytes) -> None:

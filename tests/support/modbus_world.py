@@ -28,9 +28,9 @@ from hil_bench.outside.modbus.data_types import DATA_TYPES
 from hil_bench.outside.modbus.exchange import BoundRegister, Exchange
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.register_map import (
-    Access,
-    Identification,
+    DeviceIdentification,
     Register,
+    RegisterAccess,
     RegisterMap,
     Table,
 )
@@ -90,7 +90,7 @@ class Device:
             self.entries += [self._entry(register, unit_id) for register in register_map.registers]
 
     def _entry(self, register, unit_id):
-        if register.access is Access.READ:
+        if register.access is RegisterAccess.READ:
             return BoundRegister(register, lambda: 0.0, None)
         cell = [0.0]
 
@@ -117,11 +117,13 @@ def _register_map(count):
             address=n,
             source=f"h{n}",
             data_type=uint16,
-            access=Access.WRITE,
+            access=RegisterAccess.WRITE,
         )
         for n in range(count)
     )
-    return RegisterMap("map", "pressure_404", Identification("v", "c", "1"), (*inputs, *holding))
+    return RegisterMap(
+        "map", "pressure_404", DeviceIdentification("v", "c", "1"), (*inputs, *holding)
+    )
 
 
 class Rows:

@@ -6,7 +6,7 @@ import pytest
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.machine.replay import Direction, compare_recordings, drive_plant, play_frames
+from hil_bench.machine.replay import FrameDirection, compare_recordings, drive_plant, play_frames
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.channels import Channel, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -45,7 +45,7 @@ def test_it_stops_when_told():
     ("direction", "expected"), [("received", [1, 3]), ("sent", [0, 2]), ("all", [0, 1, 2, 3])]
 )
 def test_a_direction_is_that_of_who_recorded(direction, expected):
-    chosen = [f.frame.can_id for f in FRAMES if Direction(direction).includes(f)]
+    chosen = [f.frame.can_id for f in FRAMES if FrameDirection(direction).includes(f)]
     assert chosen == expected
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Verdict(StrEnum):
+class CheckVerdict(StrEnum):
     """What a check says."""
 
     PASSED = "passed"
@@ -37,9 +37,9 @@ class ValidationCheck:
     detail: str = ""
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> CheckVerdict:
         """Whether the plant has the right value; NaN is never right."""
         if self.expected is None or self.found is None:
-            return Verdict.NOT_APPLICABLE
+            return CheckVerdict.NOT_APPLICABLE
         is_right = abs(self.found - self.expected) <= self.tolerance
-        return Verdict.PASSED if is_right else Verdict.FAILED
+        return CheckVerdict.PASSED if is_right else CheckVerdict.FAILED

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.canopen_device.eds_document import Finding, Severity
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.config.settings import Settings
 from hil_bench.errors import EdsError
 from hil_bench.kinds.registry import KINDS
@@ -33,7 +33,7 @@ def warn_of_nodes(nodes: Mapping[str, Settings]) -> None:
         warn_of_findings(path, findings)
 
 
-def warn_of_findings(path: Path, findings: Iterable[Finding]) -> None:
+def warn_of_findings(path: Path, findings: Iterable[EdsFinding]) -> None:
     """Log what is wrong in an EDS file, a line each, errors first, the first ten of many."""
     ordered = sorted(findings, key=lambda finding: finding.severity is not Severity.ERROR)
     for finding in ordered[:_MOST_SHOWN]:

@@ -6,7 +6,7 @@ from typing import Final
 
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, integer, number, text, zero_or
-from hil_bench.devices.faults.kinds import Direction, FaultKind, LeakPath, Reading
+from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind, LeakPath
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,
@@ -39,7 +39,7 @@ def _amount(name: str, unit: Unit, field: str, low: float = -_LARGEST) -> Key:
     return Key(name, number(unit, low=low, high=_LARGEST), None, unit, field)
 
 
-_DIRECTION = Key("direction", choice(Direction))
+_DIRECTION = Key("direction", choice(FaultDirection))
 _CAN_ID = Key("can_id", integer(0, 0x7FF))
 
 _GROWTH = Key("growth_s", number(SECOND, low=0.0, high=_LARGEST), 0.0, SECOND, "growth")
@@ -67,7 +67,7 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             _amount("noise_mm", MILLIMETRE, "rms", low=0.0),
             _amount("noise_deg", DEGREE, "rms", low=0.0),
         ),
-        FaultKind.BREAK_WIRE: (Key("reads", choice(Reading), Reading.NOTHING),),
+        FaultKind.BREAK_WIRE: (Key("reads", choice(BrokenReading), BrokenReading.NOTHING),),
         FaultKind.SLOW: (
             Key(
                 "time_constant_ms",

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
+from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import Document, give
@@ -26,13 +27,12 @@ from hil_bench.units import BAR, DEGREE, MILLIMETRE, Unit
 
 AXIS_KINDS = DEFECT_KINDS | {FaultKind.DROP_SUPPLY}
 
-Bindings = Mapping[str, Sequence[SourceConfig | SinkConfig]]
 
 _UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE}
 """In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
 
 
-class Targets(NamedTuple):
+class FaultTargets(NamedTuple):
     """What may have faults, by name.
 
     Attributes:
@@ -121,7 +121,7 @@ def _read_faults(
     return found
 
 
-def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> Targets:
+def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> FaultTargets:
     """Return what of a bench may have faults."""
     sensors: dict[str, Unit | None] = {}
     valves: dict[str, bool] = {}
@@ -146,10 +146,10 @@ def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings)
             valves.setdefault(name, False)
     lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
     supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
-    return Targets(sensors, valves, supplies, list(nodes), list(axes))
+    return FaultTargets(sensors, valves, supplies, list(nodes), list(axes))
 
 
-def _check_faults(faults: Sequence[Settings], targets: Targets, problems: Problems) -> None:
+def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: Problems) -> None:
     """Note faults of what is not there, and amounts that are missing or in another unit."""
     for fault in faults:
         kind, target = fault["kind"].value, fault["target"].value

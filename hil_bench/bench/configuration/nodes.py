@@ -119,7 +119,7 @@ def check_nodes(
             _check_drives(name, axis.kind.command.name, nodes, bindings, problems)
 
 
-def build_node(
+def build_node_config(
     name: str,
     node: Settings,
     bindings: Sequence[SourceConfig | SinkConfig],

@@ -9,7 +9,7 @@ from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
 from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.nodes import (
     Bindings,
-    build_node,
+    build_node_config,
     check_nodes,
     read_nodes,
     resolve_nodes,
@@ -63,7 +63,7 @@ class NodesSection:
     def build(self) -> dict[str, Any]:
         """Return the records of the nodes."""
         built = (
-            build_node(
+            build_node_config(
                 name,
                 node,
                 self.bindings[name],

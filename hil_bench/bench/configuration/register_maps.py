@@ -20,9 +20,9 @@ from hil_bench.errors import ConfigError
 from hil_bench.kinds.registry import PRESSURE, kind_name
 from hil_bench.outside.modbus.data_types import DATA_TYPES, WordOrder
 from hil_bench.outside.modbus.register_map import (
-    Access,
-    Identification,
+    DeviceIdentification,
     Register,
+    RegisterAccess,
     RegisterMap,
     Table,
 )
@@ -65,14 +65,14 @@ _DEVICE_KEYS = (
     Key("word_order", choice(WordOrder), WordOrder.BIG),
     *(
         Key(item.name, _identity, "", example=_EXAMPLES.get(item.name, ""))
-        for item in fields(Identification)
+        for item in fields(DeviceIdentification)
     ),
 )
 
 _REGISTER_KEYS = (
     Key("address", integer(0, HIGHEST_ADDRESS), example="0"),
     Key("source", text, example='"pressure"'),
-    Key("access", choice(Access), Access.READ),
+    Key("access", choice(RegisterAccess), RegisterAccess.READ),
     Key("description", text, ""),
 )
 
@@ -114,11 +114,11 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
     registers.sort(key=_order)
     _check_addresses(registers, problems)
     problems.raise_any()
-    names = [item.name for item in fields(Identification)]
+    names = [item.name for item in fields(DeviceIdentification)]
     return RegisterMap(
         source=str(path),
         profile=device["profile"].value,
-        identification=Identification(**{name: device[name].value for name in names}),
+        identification=DeviceIdentification(**{name: device[name].value for name in names}),
         registers=tuple(registers),
     )
 
@@ -142,7 +142,7 @@ def copy_inputs(register_map: RegisterMap, start: int) -> RegisterMap:
             name=f"input_{register.name}",
             table=Table.HOLDING_REGISTERS,
             address=start + register.address,
-            access=Access.READ,
+            access=RegisterAccess.READ,
         )
         for register in register_map.table(Table.INPUT_REGISTERS)
     ]
@@ -178,7 +178,7 @@ def _read_register(
 ) -> Settings:
     settings = read_table(place, given, keys, problems)
     access = settings.get("access")
-    if access and access.value is not Access.READ and not table.is_writable:
+    if access and access.value is not RegisterAccess.READ and not table.is_writable:
         wrong = f'"{access.value}" cannot be, for Modbus only reads {table}'
         problems.add(problems.place(place, "access"), f'{wrong}; give "r"')
     low, high = settings.get("low"), settings.get("high")

@@ -37,7 +37,7 @@ from hil_bench.devices.faults.effects import (
     SupplyEffect,
 )
 from hil_bench.devices.faults.fault import Fault
-from hil_bench.devices.faults.kinds import Direction, FaultKind, Reading
+from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind
 from hil_bench.devices.faults.line import (
     Babble,
     Line,
@@ -79,7 +79,7 @@ class Which(When, total=False):
         can_id: their identifier; without it, all.
     """
 
-    direction: Direction | str
+    direction: FaultDirection | str
     can_id: int | None
 
 
@@ -141,10 +141,10 @@ class Faults(PhysicalFaults):
         return self._measure(FaultKind.NOISE, sensor, make, when)
 
     def break_wire(
-        self, sensor: str, reads: Reading | str = Reading.NOTHING, **when: Unpack[When]
+        self, sensor: str, reads: BrokenReading | str = BrokenReading.NOTHING, **when: Unpack[When]
     ) -> Fault:
         """Let a sensor measure "nothing", or what is beyond its range: "low" or "high"."""
-        make = partial(Broken, choose("reads", Reading, reads))
+        make = partial(Broken, choose("reads", BrokenReading, reads))
         return self._measure(FaultKind.BREAK_WIRE, sensor, make, when)
 
     def slow(self, target: str, time_constant: float, **when: Unpack[When]) -> Fault:
@@ -215,7 +215,7 @@ class Faults(PhysicalFaults):
         Without a direction, those that it sends.
         """
         rule = truncation(count("length", length, 0, 8))
-        which.setdefault("direction", Direction.SENT)
+        which.setdefault("direction", FaultDirection.SENT)
         return self._disturb(FaultKind.TRUNCATE, node, rule, which)
 
     def corrupt(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
@@ -257,7 +257,7 @@ class Faults(PhysicalFaults):
         return self.add(kind, sensor, SensorEffect(point, make), when)
 
     def _disturb(self, kind: FaultKind, node: str, rule: Rule, which: Which) -> Fault:
-        direction = choose("direction", Direction, which.pop("direction", Direction.BOTH))
+        direction = choose("direction", FaultDirection, which.pop("direction", FaultDirection.BOTH))
         meeting = Meeting(rule, direction, identifier(which.pop("can_id", None)))
         return self.add(kind, node, LineEffect(self._line(node), meeting), which)
 

@@ -89,7 +89,7 @@ LEAKS: Final[Mapping[LeakPath, str]] = MappingProxyType(
 """The defect that a leak by each path is."""
 
 
-class Reading(StrEnum):
+class BrokenReading(StrEnum):
     """What a sensor reads behind a broken wire."""
 
     NOTHING = "nothing"
@@ -97,7 +97,7 @@ class Reading(StrEnum):
     HIGH = "high"
 
 
-class Direction(StrEnum):
+class FaultDirection(StrEnum):
     """Which frames of a node a fault meets."""
 
     BOTH = "both"

@@ -8,7 +8,7 @@ from numpy.random import Generator
 
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
-from hil_bench.devices.faults.kinds import Direction
+from hil_bench.devices.faults.kinds import FaultDirection
 
 
 class Passage(NamedTuple):
@@ -37,12 +37,12 @@ class Meeting(NamedTuple):
     """
 
     rule: Rule
-    direction: Direction = Direction.BOTH
+    direction: FaultDirection = FaultDirection.BOTH
     can_id: int | None = None
 
-    def concerns(self, frame: Frame, direction: Direction) -> bool:
+    def concerns(self, frame: Frame, direction: FaultDirection) -> bool:
         """Whether the rule meets a frame that goes in this direction."""
-        return self.direction in {Direction.BOTH, direction} and self.can_id in {
+        return self.direction in {FaultDirection.BOTH, direction} and self.can_id in {
             None,
             frame.can_id,
         }
@@ -59,9 +59,9 @@ class Line:
         self.meetings: list[Meeting] = []
         self._node = node
         self._now = 0
-        self._late: dict[Direction, list[tuple[int, int, Frame]]] = {
-            Direction.SENT: [],
-            Direction.RECEIVED: [],
+        self._late: dict[FaultDirection, list[tuple[int, int, Frame]]] = {
+            FaultDirection.SENT: [],
+            FaultDirection.RECEIVED: [],
         }
         self._number = 0  # of late frames: those of one time keep their order
 
@@ -69,7 +69,7 @@ class Line:
         """Return what takes the frames that the node sends; `emit` gets those not lost or late."""
 
         def send(frame: Frame) -> None:
-            passed = self._pass(frame, Direction.SENT, self._now)
+            passed = self._pass(frame, FaultDirection.SENT, self._now)
             if passed is not None:
                 emit(passed)
 
@@ -77,14 +77,14 @@ class Line:
 
     def release(self, emit: Emit) -> None:
         """Emit the frames that the node has sent and that were late until now."""
-        for frame in self._due(Direction.SENT, self._now):
+        for frame in self._due(FaultDirection.SENT, self._now):
             emit(frame)
 
     def guard(self, handle: Handler) -> Handler:
         """Return what takes received frames in place of a handler of the node."""
 
         def take(frame: Frame, now: int) -> None:
-            passed = self._pass(frame, Direction.RECEIVED, now)
+            passed = self._pass(frame, FaultDirection.RECEIVED, now)
             if passed is not None:
                 handle(passed, now)
 
@@ -93,10 +93,10 @@ class Line:
     def deliver(self, now: int) -> None:
         """Begin a round at `now` [ns]: hand the node the frames that were late until then."""
         self._now = now
-        for frame in self._due(Direction.RECEIVED, now):
+        for frame in self._due(FaultDirection.RECEIVED, now):
             self._node.receive(frame, now)
 
-    def _pass(self, frame: Frame, direction: Direction, now: int) -> Frame | None:
+    def _pass(self, frame: Frame, direction: FaultDirection, now: int) -> Frame | None:
         """Return what gets through at once; what is late waits."""
         late = 0
         for meeting in self.meetings:
@@ -112,7 +112,7 @@ class Line:
         self._number += 1
         return None
 
-    def _due(self, direction: Direction, now: int) -> list[Frame]:
+    def _due(self, direction: FaultDirection, now: int) -> list[Frame]:
         late, due = self._late[direction], []
         while late and late[0][0] <= now:
             due.append(heapq.heappop(late)[2])

@@ -3,7 +3,7 @@
 import math
 from typing import Protocol
 
-from hil_bench.devices.faults.kinds import Reading
+from hil_bench.devices.faults.kinds import BrokenReading
 from hil_bench.devices.measurement.low_pass import FirstOrderLowPass
 from hil_bench.devices.measurement.noise import Draw
 
@@ -77,8 +77,12 @@ class Noisy:
 class Broken:
     """Nothing is measured any more: there is no value, or one beyond every range."""
 
-    def __init__(self, reading: Reading) -> None:
-        readings = {Reading.NOTHING: math.nan, Reading.LOW: -math.inf, Reading.HIGH: math.inf}
+    def __init__(self, reading: BrokenReading) -> None:
+        readings = {
+            BrokenReading.NOTHING: math.nan,
+            BrokenReading.LOW: -math.inf,
+            BrokenReading.HIGH: math.inf,
+        }
         self._reading = readings[reading]
 
     def value(self, value: float) -> float:  # noqa: ARG002 - the wire is broken

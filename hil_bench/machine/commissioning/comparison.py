@@ -27,7 +27,7 @@ _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _RPDO_MAPPING = range(0x1600, 0x1800)
 _NUMBERS = frozenset((*datatypes.INTEGER_TYPES, *datatypes.FLOAT_TYPES, datatypes.BOOLEAN))
 
-Key = tuple[int, int]
+ObjectKey = tuple[int, int]
 """Index and sub-index."""
 
 
@@ -56,7 +56,7 @@ class Difference:
     node_id: int
     what: str
     mend: Mend
-    key: Key | None = None
+    key: ObjectKey | None = None
     right: float | None = None
     is_missing: bool = False
 
@@ -86,7 +86,7 @@ def compare(
     return differences
 
 
-def expected_values(node: Node, config: NodeConfig) -> dict[Key, int | float]:
+def expected_values(node: Node, config: NodeConfig) -> dict[ObjectKey, int | float]:
     """Return the number that each configurable object should hold, by EDS and configuration.
 
     An object for which neither gives a value has no right one, nor has one that is bound to the
@@ -199,7 +199,7 @@ def _number(given: object) -> int | float | None:
     return given if isinstance(given, int | float) else None
 
 
-def _commanded(values: Mapping[Key, int | float]) -> set[Key]:
+def _commanded(values: Mapping[ObjectKey, int | float]) -> set[ObjectKey]:
     """Return the objects that RPDOs bring: they hold commands, not settings."""
     commanded = set()
     for (index, subindex), entry in values.items():
@@ -208,17 +208,17 @@ def _commanded(values: Mapping[Key, int | float]) -> set[Key]:
     return commanded
 
 
-def _is_beyond_mapping(key: Key, values: Mapping[Key, int | float]) -> bool:
+def _is_beyond_mapping(key: ObjectKey, values: Mapping[ObjectKey, int | float]) -> bool:
     index, subindex = key
     return any(index in block for block in MAPPING) and subindex > values.get((index, 0), 0)
 
 
-def _place(node: Node, key: Key) -> str:
+def _place(node: Node, key: ObjectKey) -> str:
     variable = node.variable(*key)
     return f"0x{key[0]:04X}.{key[1]:02X} ({variable.qualname})"
 
 
-def _text(key: Key, value: int | float) -> str:  # noqa: PYI041 - which of both it is decides
+def _text(key: ObjectKey, value: int | float) -> str:  # noqa: PYI041 - which of both it is decides
     """Return a value as an engineer reads it: identifiers and mapping entries in hexadecimal."""
     is_identifier = any(key[0] in block for block in _COMMUNICATION) and key[1] == 1
     is_entry = any(key[0] in block for block in MAPPING) and key[1] > 0

@@ -14,7 +14,7 @@ from typing import Self
 from canopen.objectdictionary import datatypes
 
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.machine.commissioning.comparison import Key
+from hil_bench.machine.commissioning.comparison import ObjectKey
 from hil_drivers import DriverError, DriverTimeoutError, Network, Node, SdoAbortError
 from hil_drivers.node import object_name
 
@@ -40,7 +40,7 @@ class BorrowedSetting:
     """
 
     node_id: int
-    key: Key
+    key: ObjectKey
     name: str
     before: bytes
     during: bytes
@@ -78,7 +78,7 @@ class SettingsJournal:
     def __init__(self, path: Path | None = None) -> None:
         self.path = path
         self.settings: list[BorrowedSetting] = []
-        self._known: dict[tuple[int, Key], BorrowedSetting] = {}
+        self._known: dict[tuple[int, ObjectKey], BorrowedSetting] = {}
         self._is_closed = False
 
     @classmethod
@@ -143,7 +143,7 @@ class SettingsJournal:
         """The settings that could not be restored."""
         return [setting for setting in self.settings if setting.problem]
 
-    def _note(self, node: Node, key: Key, raw: bytes) -> None:
+    def _note(self, node: Node, key: ObjectKey, raw: bytes) -> None:
         if self._is_closed:
             return
         known = self._known.get((node.node_id, key))
@@ -226,7 +226,7 @@ def _groups(settings: Iterable[BorrowedSetting]) -> Iterator[list[BorrowedSettin
         yield list(group)
 
 
-def _group_key(key: Key) -> tuple[int, int]:
+def _group_key(key: ObjectKey) -> tuple[int, int]:
     is_pdo = any(key[0] in block for block in _PDOS)
     return (key[0], 0) if is_pdo else key
 

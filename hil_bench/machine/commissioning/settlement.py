@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
-from hil_bench.machine.commissioning.comparison import Difference, Key, Mend, expected_values
+from hil_bench.machine.commissioning.comparison import Difference, Mend, ObjectKey, expected_values
 from hil_drivers import Network, Node
 
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
@@ -25,7 +25,7 @@ class Write(NamedTuple):
         raw: the number as an SDO transfer carries it.
     """
 
-    key: Key
+    key: ObjectKey
     name: str
     value: int | float
     raw: bytes
@@ -47,7 +47,7 @@ def plan_writes(
     network: Network, config: BenchConfig, differences: Iterable[Difference]
 ) -> list[Plan]:
     """Return what mends all differences that can be mended by writing."""
-    wrong: dict[int, dict[Key, float]] = {}
+    wrong: dict[int, dict[ObjectKey, float]] = {}
     for difference in differences:
         if difference.mend is Mend.WRITE and difference.key and difference.right is not None:
             wrong.setdefault(difference.node_id, {})[difference.key] = difference.right
@@ -80,7 +80,7 @@ def concise_dcf(writes: Sequence[Write]) -> bytes:
     return struct.pack("<I", len(entries)) + b"".join(entries)
 
 
-def _writes(node: Node, config: NodeConfig, wrong: Mapping[Key, float]) -> list[Write]:
+def _writes(node: Node, config: NodeConfig, wrong: Mapping[ObjectKey, float]) -> list[Write]:
     writes: list[Write] = []
     pdos = sorted({pdo for key in wrong if (pdo := _pdo_of(key)) is not None})
     for key, value in wrong.items():
@@ -92,7 +92,10 @@ def _writes(node: Node, config: NodeConfig, wrong: Mapping[Key, float]) -> list[
 
 
 def _pdo_writes(
-    node: Node, right: Mapping[Key, float], wrong: Mapping[Key, float], communication: int
+    node: Node,
+    right: Mapping[ObjectKey, float],
+    wrong: Mapping[ObjectKey, float],
+    communication: int,
 ) -> list[Write]:
     """Return the dynamic mapping procedure of one PDO (CiA 301)."""
     mapping = communication + _TO_MAPPING
@@ -111,7 +114,7 @@ def _pdo_writes(
     return [*writes, _write(node, (communication, 1), identifier)]
 
 
-def _pdo_of(key: Key) -> int | None:
+def _pdo_of(key: ObjectKey) -> int | None:
     """Return the index of the communication parameters of the PDO that an object belongs to."""
     for block in _COMMUNICATION:
         for index in (key[0], key[0] - _TO_MAPPING):
@@ -120,6 +123,6 @@ def _pdo_of(key: Key) -> int | None:
     return None
 
 
-def _write(node: Node, key: Key, value: float) -> Write:
+def _write(node: Node, key: ObjectKey, value: float) -> Write:
     variable = node.variable(*key)
     return Write(key, variable.qualname, value, variable.encode_raw(value))

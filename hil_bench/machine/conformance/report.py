@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from hil_bench.machine.conformance.check import Impact
-from hil_bench.machine.conformance.eds_check import Finding
+from hil_bench.machine.conformance.eds_check import EdsFinding
 from hil_bench.machine.conformance.suite import Outcome, Result
 from hil_bench.machine.markdown import cell, plain
 
@@ -68,7 +68,7 @@ def markdown(
     *,
     device: str,
     allowed: Impact,
-    eds: Sequence[Finding] = (),
+    eds: Sequence[EdsFinding] = (),
     command: str | None = None,
 ) -> str:
     """Return a report.
@@ -102,7 +102,7 @@ def _report(
     results: Sequence[Result],
     device: str,
     allowed: Impact,
-    eds: Sequence[Finding],
+    eds: Sequence[EdsFinding],
     command: str | None,
 ) -> Iterator[str]:
     yield "# CANopen conformance report"
@@ -138,7 +138,7 @@ def _table(results: Sequence[Result]) -> Iterator[str]:
         yield f"| {' | '.join(map(cell, cells))} |"
 
 
-def _findings(eds: Sequence[Finding]) -> Iterator[str]:
+def _findings(eds: Sequence[EdsFinding]) -> Iterator[str]:
     if not eds:
         yield "`hil-bench check-eds` finds nothing."
         return
@@ -148,7 +148,7 @@ def _findings(eds: Sequence[Finding]) -> Iterator[str]:
         yield f"| {' | '.join(map(cell, cells))} |"
 
 
-def _count_findings(eds: Sequence[Finding]) -> str:
+def _count_findings(eds: Sequence[EdsFinding]) -> str:
     counts = Counter(finding.severity.value for finding in eds)
     found = ", ".join(
         f"{count} {severity}{'s' * (count > 1)}" for severity, count in sorted(counts.items())

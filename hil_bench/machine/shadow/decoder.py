@@ -47,7 +47,7 @@ class Reading(NamedTuple):
         return value if math.isfinite(value) else math.nan
 
 
-class Decoder:
+class OverheardDrivers:
     """The drivers of a bench's devices, fed with frames that somebody overheard.
 
     How a device maps and scales its values is taken from the configuration: the drivers ask a

@@ -20,7 +20,7 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.machine.shadow.axis_twin import AxisTwin, Window
-from hil_bench.machine.shadow.decoder import Decoder, Reading
+from hil_bench.machine.shadow.decoder import OverheardDrivers, Reading
 from hil_bench.machine.shadow.node_states import NodeStates
 from hil_bench.machine.shadow.sample_clock import SampleClock, SampleTime
 
@@ -86,7 +86,7 @@ class Shadow:
         self.frames = 0
         self.now = 0.0
         self._tick = config.tick_ns
-        self._decoder = Decoder(config)
+        self._decoder = OverheardDrivers(config)
         self.readings = self._decoder.readings
         self._bench = build_bench(config)
         self._bench.start(-config.tick_ns)

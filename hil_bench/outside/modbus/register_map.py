@@ -42,7 +42,7 @@ _REFERENCES = {
 }
 
 
-class Access(StrEnum):
+class RegisterAccess(StrEnum):
     """Who may write a value."""
 
     READ = "r"
@@ -87,7 +87,7 @@ class Register:
     unit: Unit = ONE
     scale: float = 1.0
     word_order: WordOrder = WordOrder.BIG
-    access: Access = Access.READ
+    access: RegisterAccess = RegisterAccess.READ
     low: float | None = None
     high: float | None = None
     description: str = ""
@@ -141,7 +141,7 @@ class Register:
 
 
 @dataclass(frozen=True, slots=True)
-class Identification:
+class DeviceIdentification:
     """What function 43/14 tells of a device; empty texts are not there.
 
     Attributes:
@@ -176,7 +176,7 @@ class RegisterMap:
 
     source: str
     profile: str
-    identification: Identification
+    identification: DeviceIdentification
     registers: tuple[Register, ...] = field(default=())
 
     def table(self, table: Table) -> tuple[Register, ...]:

@@ -11,7 +11,7 @@ always meant.
 from collections.abc import Iterable, Mapping, Sequence
 
 from hil_bench.outside.modbus.assignment import Assignment
-from hil_bench.outside.modbus.register_map import Access, Register
+from hil_bench.outside.modbus.register_map import Register, RegisterAccess
 
 _STATE_COMMANDS = {"enable", "control_word"}
 """Two ways to lead a valve through its states."""
@@ -28,7 +28,7 @@ def find_rivals(registers: Iterable[tuple[int, Register]]) -> Mapping[int, int]:
     """
     commands: dict[str, list[int]] = {}
     for position, register in registers:
-        if register.access is not Access.READ:
+        if register.access is not RegisterAccess.READ:
             source = register.source
             command = "state" if source in _STATE_COMMANDS else source.upper().removesuffix(".00")
             commands.setdefault(command, []).append(position)

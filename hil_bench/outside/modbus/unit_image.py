@@ -10,7 +10,13 @@ from collections.abc import Sequence
 
 from hil_bench.outside.modbus.assignment import Assignment
 from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.outside.modbus.register_map import Access, Holes, Register, RegisterMap, Table
+from hil_bench.outside.modbus.register_map import (
+    Holes,
+    Register,
+    RegisterAccess,
+    RegisterMap,
+    Table,
+)
 from hil_bench.outside.modbus.rivals import find_rivals
 
 _ADDRESSES = 1 << 16
@@ -95,7 +101,9 @@ class UnitImage:
         holes: Holes = Holes.REFUSE,
     ) -> None:
         self.identification = register_map.identification
-        self._writable = {Access.WRITE, Access.COMMAND} if commands else {Access.WRITE}
+        self._writable = (
+            {RegisterAccess.WRITE, RegisterAccess.COMMAND} if commands else {RegisterAccess.WRITE}
+        )
         numbered = list(enumerate(register_map.registers, first))
         self.rivals = find_rivals(numbered)
         self._tables = {

@@ -17,7 +17,7 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
     ReducedOrderPlant,
     balanced_reduced_state,
 )
-from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant
+from hil_bench.plants.hydraulic_cylinder.model.stepping import PlantModel
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     LOAD,
     P_A,
@@ -34,7 +34,7 @@ _HIGHEST = 10.0
 """... nor a pressure to more than so many times that of the supply."""
 
 
-class _Cylinder(Plant):
+class _Cylinder(PlantModel):
     """What a bench asks of a plant, by what both models have."""
 
     _load = 0.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from hil_bench.analysis.validation import subject as subjects
-from hil_bench.analysis.validation.check import ValidationCheck, Verdict
+from hil_bench.analysis.validation.check import CheckVerdict, ValidationCheck
 from hil_bench.analysis.validation.closed_forms import closed_form_checks
 from hil_bench.analysis.validation.published import TABLE_I, published_checks
 from hil_bench.analysis.validation.subject import (
@@ -28,7 +28,7 @@ def failed(checks):
 
 
 def is_failed(check):
-    return check.verdict is Verdict.FAILED
+    return check.verdict is CheckVerdict.FAILED
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def with_a_plant_of(monkeypatch):
 
 def test_the_model_as_it_is_passes_every_check():
     checks = [*published_checks(PAPER), *closed_form_checks(PAPER)]
-    assert {check.verdict for check in checks} == {Verdict.PASSED}
+    assert {check.verdict for check in checks} == {CheckVerdict.PASSED}
     assert len(checks) >= len(TABLE_I) + 20
 
 
@@ -102,7 +102,7 @@ def test_what_is_off_by_more_than_the_tolerance_fails(found):
     check = ValidationCheck(
         subject="", name="", unit="-", source="", expected=1.0, found=found, tolerance=0.1
     )
-    assert check.verdict is Verdict.FAILED
+    assert check.verdict is CheckVerdict.FAILED
 
 
 def test_each_cylinder_of_a_bench_is_checked_with_its_own_parameters(tmp_path):
@@ -119,5 +119,5 @@ def test_what_has_no_closed_form_says_so(tmp_path):
     path = tmp_path / "bench.toml"
     path.write_text('[plant.arm]\nmodel = "reduced"\n', encoding="utf-8")
     (check,) = [check for check in validate(load_config(path).axes, 5e-5) if check.subject == "arm"]
-    assert check.verdict is Verdict.NOT_APPLICABLE
+    assert check.verdict is CheckVerdict.NOT_APPLICABLE
     assert "full-order" in check.detail

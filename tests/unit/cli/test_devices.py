@@ -7,21 +7,24 @@ import pytest
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
-from hil_bench.cli.device_table import Device, MappedObject, Pdo, _device_lines, read_devices
+from hil_bench.cli.device_table import DeviceRow, ObjectRow, PdoRow, _device_lines, read_devices
 
 OBJECTS = (
-    MappedObject(0x6040, 0, "Control word", "UNSIGNED16"),
-    MappedObject(0x6300, 1, "Set-point", "INTEGER16"),
+    ObjectRow(0x6040, 0, "Control word", "UNSIGNED16"),
+    ObjectRow(0x6300, 1, "Set-point", "INTEGER16"),
 )
 
 
-def lines(*pdos: Pdo) -> list[str]:
-    device = Device("valve", 1, "valve_408", "axis1", "/eds/valve.eds", pdos)
+def lines(*pdos: PdoRow) -> list[str]:
+    device = DeviceRow("valve", 1, "valve_408", "axis1", "/eds/valve.eds", pdos)
     return list(_device_lines(device))
 
 
 def test_a_device_is_told_with_its_pdos_and_their_objects() -> None:
-    rpdo, tpdo = Pdo("RPDO1", 0x201, 255, 100, OBJECTS), Pdo("TPDO1", 0x181, 1, 0, OBJECTS[1:])
+    rpdo, tpdo = (
+        PdoRow("RPDO1", 0x201, 255, 100, OBJECTS),
+        PdoRow("TPDO1", 0x181, 1, 0, OBJECTS[1:]),
+    )
 
     assert lines(rpdo, tpdo) == [
         "node 1  valve  valve_408  axis1",
@@ -49,7 +52,7 @@ def test_a_device_is_told_with_its_pdos_and_their_objects() -> None:
 def test_a_transmission_type_is_told_in_words(
     name: str, transmission_type: int, event_time_ms: int, words: str
 ) -> None:
-    line = lines(Pdo(name, 0x181, transmission_type, event_time_ms, ()))[-1]
+    line = lines(PdoRow(name, 0x181, transmission_type, event_time_ms, ()))[-1]
 
     assert line.split(maxsplit=2)[2] == words
 

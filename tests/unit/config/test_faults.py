@@ -11,7 +11,7 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import FaultConfig, Origin, load_config
 from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
-from hil_bench.devices.faults.kinds import Direction, FaultKind, LeakPath, Reading
+from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind, LeakPath
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
@@ -32,7 +32,7 @@ EXAMPLES = {
     FaultKind.OFFSET: ("pressure_a", "offset_bar = 20", {"amount": 20e5}),
     FaultKind.DRIFT: ("position", "drift_mm_s = 5", {"rate": 5e-3}),
     FaultKind.NOISE: ("position", "noise_mm = 0.5", {"rms": 0.5e-3}),
-    FaultKind.BREAK_WIRE: ("pressure_a", 'reads = "high"', {"reads": Reading.HIGH}),
+    FaultKind.BREAK_WIRE: ("pressure_a", 'reads = "high"', {"reads": BrokenReading.HIGH}),
     FaultKind.SLOW: ("valve", "time_constant_ms = 50", {"time_constant": 0.05}),
     FaultKind.STICK: ("valve", "", {}),
     FaultKind.INVERT: ("valve", "", {}),
@@ -50,7 +50,7 @@ EXAMPLES = {
     FaultKind.SILENCE: ("valve", "", {}),
     FaultKind.RESET: ("valve", "", {}),
     FaultKind.LOSE: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
-    FaultKind.DELAY: ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": Direction.SENT}),
+    FaultKind.DELAY: ("valve", 'delay_ms = 5\ndirection = "sent"', {"time": 0.005, "direction": FaultDirection.SENT}),
     FaultKind.TRUNCATE: ("valve", "length = 4", {"length": 4}),
     FaultKind.CORRUPT: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
     FaultKind.REPEAT: ("valve", "can_id = 0x181", {"can_id": 0x181}),

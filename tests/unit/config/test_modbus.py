@@ -9,7 +9,7 @@ from device_profiles import REGISTERS
 from hil_bench.bench.configuration import ModbusConfig, Origin, load_config
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.data_types import WordOrder
-from hil_bench.outside.modbus.register_map import Access, Holes, Table
+from hil_bench.outside.modbus.register_map import Holes, RegisterAccess, Table
 from hil_bench.outside.modbus.server_config import Parity, SerialConfig, ServerConfig, TlsConfig
 
 Write = Callable[[str], Path]
@@ -110,7 +110,7 @@ def test_input_registers_are_holding_registers_too(write: Write) -> None:
     assert [(copy.name, copy.address, copy.source) for copy in copies] == [
         (f"input_{register.name}", register.address + 4, register.source) for register in inputs
     ]
-    assert {copy.access for copy in copies} == {Access.READ}
+    assert {copy.access for copy in copies} == {RegisterAccess.READ}
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,12 @@ from device_profiles import REGISTERS
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.data_types import DATA_TYPES, WordOrder
-from hil_bench.outside.modbus.register_map import Access, Identification, Register, Table
+from hil_bench.outside.modbus.register_map import (
+    DeviceIdentification,
+    Register,
+    RegisterAccess,
+    Table,
+)
 from hil_bench.units import BAR
 
 Write = Callable[[str], Path]
@@ -53,11 +58,11 @@ def test_a_map_with_every_key(write: Write) -> None:
     register_map = load_register_map(path)
     assert register_map.source == str(path)
     assert register_map.profile == "pressure_404"
-    assert register_map.identification == Identification(
+    assert register_map.identification == DeviceIdentification(
         "maker", "PT-1", "1.0", vendor_url="https://example.org"
     )
     coil, pressure, offset = register_map.registers
-    assert (coil.name, coil.table, coil.access) == ("zero", Table.COILS, Access.COMMAND)
+    assert (coil.name, coil.table, coil.access) == ("zero", Table.COILS, RegisterAccess.COMMAND)
     assert pressure.word_order is WordOrder.LITTLE
     assert offset == Register(
         name="offset",
@@ -68,7 +73,7 @@ def test_a_map_with_every_key(write: Write) -> None:
         unit=BAR,
         scale=0.01,
         word_order=WordOrder.BIG,
-        access=Access.WRITE,
+        access=RegisterAccess.WRITE,
         low=-1.0,
         high=1.5,
         description="of the zero",

@@ -3,7 +3,7 @@
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.devices.faults.kinds import Direction
+from hil_bench.devices.faults.kinds import FaultDirection
 from hil_bench.devices.faults.line import Line, Meeting, babble, delay, loss, silence, truncation
 from hil_bench.devices.measurement.noise import random_stream
 
@@ -60,7 +60,11 @@ def test_silence_lets_nothing_through(line):
 
 @pytest.mark.parametrize(
     ("direction", "sent", "received"),
-    [(Direction.SENT, [], [FRAME]), (Direction.RECEIVED, [FRAME], []), (Direction.BOTH, [], [])],
+    [
+        (FaultDirection.SENT, [], [FRAME]),
+        (FaultDirection.RECEIVED, [FRAME], []),
+        (FaultDirection.BOTH, [], []),
+    ],
 )
 def test_a_fault_may_meet_one_direction_only(line, direction, sent, received):
     line.meetings.append(Meeting(silence, direction))

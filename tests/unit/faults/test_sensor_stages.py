@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from hil_bench.devices.faults.kinds import Reading
+from hil_bench.devices.faults.kinds import BrokenReading
 from hil_bench.devices.faults.sensor_stages import Broken, Frozen, Lag, Noisy, Shifted, Slowed
 from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 
@@ -39,7 +39,9 @@ def test_noise_has_its_rms():
     assert stage.rate(0.5) == 0.5
 
 
-@pytest.mark.parametrize(("reading", "value"), [(Reading.LOW, -math.inf), (Reading.HIGH, math.inf)])
+@pytest.mark.parametrize(
+    ("reading", "value"), [(BrokenReading.LOW, -math.inf), (BrokenReading.HIGH, math.inf)]
+)
 def test_a_broken_wire_reads_beyond_every_range(reading, value):
     stage = Broken(reading)
     assert stage.value(1.0) == value
@@ -47,7 +49,7 @@ def test_a_broken_wire_reads_beyond_every_range(reading, value):
 
 
 def test_a_broken_wire_may_read_nothing():
-    assert math.isnan(Broken(Reading.NOTHING).value(1.0))
+    assert math.isnan(Broken(BrokenReading.NOTHING).value(1.0))
 
 
 def test_a_slow_sensor_begins_settled_and_lags_by_its_time_constant():

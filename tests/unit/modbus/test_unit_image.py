@@ -8,10 +8,10 @@ from hil_bench.outside.modbus.assignment import Assignment
 from hil_bench.outside.modbus.data_types import DATA_TYPES
 from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
 from hil_bench.outside.modbus.register_map import (
-    Access,
+    DeviceIdentification,
     Holes,
-    Identification,
     Register,
+    RegisterAccess,
     RegisterMap,
     Table,
 )
@@ -25,10 +25,10 @@ INPUTS, HOLDING, COILS = Table.INPUT_REGISTERS, Table.HOLDING_REGISTERS, Table.C
 MAP = RegisterMap(
     "map.toml",
     "pressure_404",
-    Identification("maker", "code", "1.0"),
+    DeviceIdentification("maker", "code", "1.0"),
     (
-        Register(name="on", table=COILS, address=0, source="on", access=Access.WRITE),
-        Register(name="go", table=COILS, address=1, source="go", access=Access.COMMAND),
+        Register(name="on", table=COILS, address=0, source="on", access=RegisterAccess.WRITE),
+        Register(name="go", table=COILS, address=1, source="go", access=RegisterAccess.COMMAND),
         Register(name="p", table=INPUTS, address=10, source="p", data_type=FLOAT32, unit=BAR),
         Register(
             name="q", table=INPUTS, address=12, source="p", data_type=INT16, unit=BAR, scale=0.01
@@ -40,7 +40,7 @@ MAP = RegisterMap(
             address=0,
             source="set",
             data_type=FLOAT32,
-            access=Access.COMMAND,
+            access=RegisterAccess.COMMAND,
             low=-1.0,
             high=1.0,
         ),
@@ -51,7 +51,7 @@ MAP = RegisterMap(
             source="t",
             data_type=UINT16,
             unit=MILLISECOND,
-            access=Access.WRITE,
+            access=RegisterAccess.WRITE,
         ),
         Register(name="fixed", table=HOLDING, address=3, source="f", data_type=UINT16),
     ),
@@ -187,14 +187,36 @@ def test_registers_that_give_the_same_command_are_rivals():
     # "p" stands twice, but only to be read.
     assert image().rivals == {}
     registers = [
-        (10, Register(name="a", table=HOLDING, address=0, source="enable", access=Access.COMMAND)),
+        (
+            10,
+            Register(
+                name="a", table=HOLDING, address=0, source="enable", access=RegisterAccess.COMMAND
+            ),
+        ),
         (
             11,
-            Register(name="b", table=COILS, address=0, source="control_word", access=Access.WRITE),
+            Register(
+                name="b", table=COILS, address=0, source="control_word", access=RegisterAccess.WRITE
+            ),
         ),
-        (12, Register(name="c", table=COILS, address=1, source="0x604f", access=Access.WRITE)),
-        (13, Register(name="d", table=COILS, address=2, source="0x604F.00", access=Access.WRITE)),
-        (14, Register(name="e", table=COILS, address=3, source="0x604F.01", access=Access.WRITE)),
+        (
+            12,
+            Register(
+                name="c", table=COILS, address=1, source="0x604f", access=RegisterAccess.WRITE
+            ),
+        ),
+        (
+            13,
+            Register(
+                name="d", table=COILS, address=2, source="0x604F.00", access=RegisterAccess.WRITE
+            ),
+        ),
+        (
+            14,
+            Register(
+                name="e", table=COILS, address=3, source="0x604F.01", access=RegisterAccess.WRITE
+            ),
+        ),
     ]
     assert find_rivals(registers) == {10: 10, 11: 10, 12: 12, 13: 12}
 

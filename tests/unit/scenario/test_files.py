@@ -16,8 +16,8 @@ from hil_bench.scenario.records import (
     FaultStep,
     FirmwareCommand,
     FirmwareStep,
-    NmtCommand,
     NmtStep,
+    NmtVerb,
     Parameter,
     Reference,
     Scenario,
@@ -106,7 +106,7 @@ def test_a_file_becomes_records(tmp_path):
         ),
         SetStep(0.5, "valve.spool_setpoint", 0.4, 0.2),
         SetStep(0.5, "axis1.load", 5000.0, 0.2),
-        NmtStep(3.0, NmtCommand.STOP, "valve"),
+        NmtStep(3.0, NmtVerb.STOP, "valve"),
         SyncStep(3.0004, is_on=False),
         FirmwareStep(4.0, FirmwareCommand.RESTART),
     )
@@ -226,7 +226,7 @@ STEPS = st.one_of(
             {}, optional={"can_id": st.integers(0, 0x7FF), "share_percent": st.floats(0, 100)}
         ).map(lambda values: tuple(sorted(values.items()))),
     ),
-    st.builds(NmtStep, TIMES, st.sampled_from(NmtCommand), st.just("valve")),
+    st.builds(NmtStep, TIMES, st.sampled_from(NmtVerb), st.just("valve")),
     st.builds(SyncStep, TIMES, st.booleans()),
     st.builds(FirmwareStep, TIMES, st.sampled_from(FirmwareCommand)),
 )

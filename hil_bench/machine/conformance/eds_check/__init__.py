@@ -4,7 +4,7 @@
 ...     print(finding)
 """
 
-from hil_bench.canopen_device.eds_document import Finding, Severity
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity
 from hil_bench.machine.conformance.eds_check.check import check_eds
 
-__all__ = ["Finding", "Severity", "check_eds"]
+__all__ = ["EdsFinding", "Severity", "check_eds"]

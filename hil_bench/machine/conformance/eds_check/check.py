@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Final
 
 from hil_bench.canopen_device.eds import build_objects, find_refusal, read_eds
-from hil_bench.canopen_device.eds_document import Finding, Severity, parse_document
+from hil_bench.canopen_device.eds_document import EdsFinding, Severity, parse_document
 from hil_bench.machine.conformance.eds_check.header import check_header
 from hil_bench.machine.conformance.eds_check.object_lists import check_lists
 from hil_bench.machine.conformance.eds_check.objects import check_objects
@@ -13,7 +13,7 @@ _CHECKS = (check_header, check_lists, check_objects)
 _ANY_NODE_ID: Final = 1
 
 
-def check_eds(path: Path) -> list[Finding]:
+def check_eds(path: Path) -> list[EdsFinding]:
     """Return what is wrong in an EDS file, in the order of its lines.
 
     What does not work on the bench is an error: the findings of the loader are among these.
@@ -23,7 +23,7 @@ def check_eds(path: Path) -> list[Finding]:
     document = parse_document(text)
     refusal = find_refusal(document, text)
     if refusal is not None:
-        return [Finding(1, "", refusal, Severity.ERROR)]
+        return [EdsFinding(1, "", refusal, Severity.ERROR)]
     findings = [*build_objects(document, _ANY_NODE_ID, str(path)).findings]
     for check in _CHECKS:
         findings += check(document)

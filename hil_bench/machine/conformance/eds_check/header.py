@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, Finding, Section
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section
 from hil_bench.canopen_device.eds_values import parse_integer
 
 _TIME: Final = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
@@ -21,7 +21,7 @@ _PDO_COUNTS: Final = {"NrOfRXPDO": range(0x1400, 0x1600), "NrOfTXPDO": range(0x1
 _MISSPELT: Final = {"devicecommissioning": "DeviceComissioning, with one m, is CiA 306's spelling"}
 
 
-def check_header(document: Document) -> Iterator[Finding]:
+def check_header(document: Document) -> Iterator[EdsFinding]:
     """Yield what is wrong in the sections that are no objects and no lists of them."""
     for name, check in (
         ("FileInfo", _check_file_info),
@@ -30,7 +30,7 @@ def check_header(document: Document) -> Iterator[Finding]:
     ):
         section = document.section(name)
         if section is None:
-            yield Finding(1, name, "the section is missing; CiA 306 asks for it")
+            yield EdsFinding(1, name, "the section is missing; CiA 306 asks for it")
         else:
             yield from check(section)
     device = document.section("DeviceInfo")
@@ -38,10 +38,10 @@ def check_header(document: Document) -> Iterator[Finding]:
         yield from _check_pdo_counts(document, device)
     for wrong, right in _MISSPELT.items():
         if (section := document.section(wrong)) is not None:
-            yield Finding(section.line, section.name, right)
+            yield EdsFinding(section.line, section.name, right)
 
 
-def _check_file_info(section: Section) -> Iterator[Finding]:
+def _check_file_info(section: Section) -> Iterator[EdsFinding]:
     for key in ("FileName", "CreatedBy", "Description"):
         if section.text(key) is None:
             yield section.finding(key, "is missing; any text is right")
@@ -53,7 +53,9 @@ def _check_file_info(section: Section) -> Iterator[Finding]:
         yield from _check_form(section, f"{event}Date", _DATE, "mm-dd-yyyy")
 
 
-def _check_form(section: Section, key: str, form: re.Pattern[str], right: str) -> Iterator[Finding]:
+def _check_form(
+    section: Section, key: str, form: re.Pattern[str], right: str
+) -> Iterator[EdsFinding]:
     text = section.text(key)
     if text is None and key.startswith("Creation"):
         yield section.finding(key, f"is missing; {right} is right")
@@ -61,7 +63,7 @@ def _check_form(section: Section, key: str, form: re.Pattern[str], right: str) -
         yield section.finding(key, f"is {text}; {right} is right")
 
 
-def _check_device_info(section: Section) -> Iterator[Finding]:
+def _check_device_info(section: Section) -> Iterator[EdsFinding]:
     for key in ("VendorName", "ProductName"):
         if section.text(key) is None:
             yield section.finding(key, "is missing; any text is right")
@@ -70,15 +72,15 @@ def _check_device_info(section: Section) -> Iterator[Finding]:
     yield from _check_numbers(section, _FLAGS, range(2))
     yield from _check_numbers(section, ("Granularity",), range(65))
     if not any(section.text(f"BaudRate_{rate}") not in {None, "0"} for rate in _BIT_RATES):
-        yield Finding(section.line, section.name, "no BaudRate_... is 1; one at least is right")
+        yield EdsFinding(section.line, section.name, "no BaudRate_... is 1; one at least is right")
 
 
-def _check_dummy_usage(section: Section) -> Iterator[Finding]:
+def _check_dummy_usage(section: Section) -> Iterator[EdsFinding]:
     keys = tuple(f"Dummy{code:04d}" for code in range(1, 8))
     yield from _check_numbers(section, keys, range(2))
 
 
-def _check_pdo_counts(document: Document, section: Section) -> Iterator[Finding]:
+def _check_pdo_counts(document: Document, section: Section) -> Iterator[EdsFinding]:
     for key, parameters in _PDO_COUNTS.items():
         there = sum(index in parameters for index in document.objects)
         text = section.text(key)
@@ -89,7 +91,7 @@ def _check_pdo_counts(document: Document, section: Section) -> Iterator[Finding]
             )
 
 
-def _check_numbers(section: Section, keys: tuple[str, ...], allowed: range) -> Iterator[Finding]:
+def _check_numbers(section: Section, keys: tuple[str, ...], allowed: range) -> Iterator[EdsFinding]:
     for key in keys:
         text = section.text(key)
         number = None if text is None else _number(text)

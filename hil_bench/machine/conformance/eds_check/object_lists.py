@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, Finding, Section, Severity
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section, Severity
 from hil_bench.canopen_device.eds_values import parse_integer
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
@@ -11,13 +11,13 @@ _MANUFACTURER: Final = range(0x2000, 0x6000)
 _LISTS: Final = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 
 
-def check_lists(document: Document) -> Iterator[Finding]:
+def check_lists(document: Document) -> Iterator[EdsFinding]:
     """Yield what is wrong between the lists and the objects' sections."""
     listed: dict[int, str] = {}
     for name in _LISTS:
         section = document.section(name)
         if section is None:
-            yield Finding(1, name, "the section is missing; CiA 306 asks for it")
+            yield EdsFinding(1, name, "the section is missing; CiA 306 asks for it")
             continue
         yield from _check_count(section)
         for index, key in _indices(section):
@@ -28,10 +28,10 @@ def check_lists(document: Document) -> Iterator[Finding]:
         yield from _check_mandatory(mandatory, listed)
     for index, section in document.objects.items():
         if index not in listed:
-            yield Finding(section.line, section.name, "is in no list of objects; one is right")
+            yield EdsFinding(section.line, section.name, "is in no list of objects; one is right")
 
 
-def _check_count(section: Section) -> Iterator[Finding]:
+def _check_count(section: Section) -> Iterator[EdsFinding]:
     keys = [key for key in section.entries if key.isdecimal()]
     text = section.text("SupportedObjects")
     if text is None or not text.isdecimal() or int(text) != len(keys):
@@ -56,7 +56,7 @@ def _indices(section: Section) -> Iterator[tuple[int, str]]:
 
 def _check_place(
     document: Document, section: Section, key: str, index: int, listed: dict[int, str]
-) -> Iterator[Finding]:
+) -> Iterator[EdsFinding]:
     """Yield what is wrong with one line of a list."""
     if not 0x1000 <= index <= 0xFFFF:
         yield section.finding(key, f"is {section.text(key)}; an index such as 0x1000 is right")
@@ -72,8 +72,8 @@ def _check_place(
         yield section.finding(key, f"0x{index:04X} belongs to {right}")
 
 
-def _check_mandatory(section: Section, listed: dict[int, str]) -> Iterator[Finding]:
+def _check_mandatory(section: Section, listed: dict[int, str]) -> Iterator[EdsFinding]:
     for index in _MANDATORY:
         if listed.get(index) != section.name:
             text = f"0x{index:04X} is not listed; CiA 301 has it in every device"
-            yield Finding(section.line, section.name, text)
+            yield EdsFinding(section.line, section.name, text)

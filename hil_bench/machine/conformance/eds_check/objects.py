@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import Final
 
-from hil_bench.canopen_device.eds_document import Document, Finding, Section
+from hil_bench.canopen_device.eds_document import Document, EdsFinding, Section
 from hil_bench.canopen_device.eds_values import parse_integer
 
 _STRUCTURES: Final = (0x8, 0x9)
 _VALUES: Final = ("LowLimit", "HighLimit", "DefaultValue", "ParameterValue")
 
 
-def check_objects(document: Document) -> Iterator[Finding]:
+def check_objects(document: Document) -> Iterator[EdsFinding]:
     """Yield what is wrong with the objects and their sub-indexes."""
     for index, section in document.objects.items():
         subs = document.sub_objects.get(index, {})
@@ -19,7 +19,7 @@ def check_objects(document: Document) -> Iterator[Finding]:
             yield from _check_operands(described)
 
 
-def _check_count(section: Section, there: int) -> Iterator[Finding]:
+def _check_count(section: Section, there: int) -> Iterator[EdsFinding]:
     """Yield a SubNumber that is not the number of sections."""
     if _number(section.text("ObjectType")) not in _STRUCTURES:
         return
@@ -29,7 +29,7 @@ def _check_count(section: Section, there: int) -> Iterator[Finding]:
         yield section.finding("SubNumber", text)
 
 
-def _check_operands(section: Section) -> Iterator[Finding]:
+def _check_operands(section: Section) -> Iterator[EdsFinding]:
     for key in _VALUES:
         text = section.text(key)
         if text and "$NODEID" in text.upper() and not text.upper().startswith("$NODEID"):

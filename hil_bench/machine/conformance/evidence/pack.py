@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.machine.conformance.evidence.versions import file_digest
+from hil_bench.machine.conformance.evidence.versions import sha256_of
 
 MANIFEST = "manifest.json"
 """Name of the file that has the digests of all others."""
@@ -115,7 +115,7 @@ def _digests(folder: Path) -> Iterator[tuple[str, str]]:
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
             yield name, "not a regular file"
         elif path.is_file():
-            yield name, file_digest(path)
+            yield name, sha256_of(path)
 
 
 def _read_manifest(folder: Path, digest: str | None) -> dict[str, str] | str:

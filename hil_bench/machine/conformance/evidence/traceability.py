@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.conformance.evidence.content import WORST_FIRST
-from hil_bench.machine.conformance.evidence.versions import file_digest
+from hil_bench.machine.conformance.evidence.versions import sha256_of
 
 MOST_BYTES = 64_000_000
 """Size of the largest file of results that is read."""
@@ -217,7 +217,7 @@ def _scenarios(tests: Iterator[str]) -> list[dict[str, str]]:
         digest = "not found from the current folder"
         try:
             if path.is_file():
-                digest = file_digest(path)
+                digest = sha256_of(path)
         except OSError as error:
             digest = f"cannot be read: {error.strerror}"
         scenarios.append({"file": name, "sha256": digest})

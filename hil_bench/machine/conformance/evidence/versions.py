@@ -17,7 +17,7 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 def examine_software(config: BenchConfig) -> dict[str, object]:
     """Return versions of hil-bench, Python and the libraries, and digests of code and inputs."""
-    inputs = [{"file": path.name, "sha256": file_digest(path)} for path in _inputs(config)]
+    inputs = [{"file": path.name, "sha256": sha256_of(path)} for path in _inputs(config)]
     return {
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
         "hil-bench": hil_bench.__version__,
@@ -35,7 +35,7 @@ def examine_software(config: BenchConfig) -> dict[str, object]:
     }
 
 
-def file_digest(path: Path) -> str:
+def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -62,5 +62,5 @@ def _tree_digest(folder: Path) -> str:
     whole = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
-            whole.update(f"{path.relative_to(folder).as_posix()}\n{file_digest(path)}\n".encode())
+            whole.update(f"{path.relative_to(folder).as_posix()}\n{sha256_of(path)}\n".encode())
     return whole.hexdigest()

@@ -14,7 +14,7 @@ _LONGEST_RTU: Final = 256
 _SHORTEST_RTU: Final = 4
 
 
-class Frame(NamedTuple):
+class Adu(NamedTuple):
     """One request.
 
     Attributes:
@@ -35,17 +35,17 @@ class FramingError(Exception):
 class Framing(Protocol):
     """Finds frames in a stream, and makes them."""
 
-    def take(self, buffer: bytearray) -> Frame | None:
+    def take(self, buffer: bytearray) -> Adu | None:
         """Remove the next frame from the buffer and return it; None while it is not whole."""
 
-    def wrap(self, request: Frame, pdu: bytes) -> bytes:
+    def wrap(self, request: Adu, pdu: bytes) -> bytes:
         """Return the frame of a response."""
 
 
 class TcpFraming:
     """Frames on TCP."""
 
-    def take(self, buffer: bytearray) -> Frame | None:
+    def take(self, buffer: bytearray) -> Adu | None:
         """Remove the next frame from the buffer and return it; None while it is not whole.
 
         Raises:
@@ -63,9 +63,9 @@ class TcpFraming:
             return None
         pdu = bytes(buffer[_MBAP.size : end])
         del buffer[:end]
-        return Frame(unit_id, pdu, transaction)
+        return Adu(unit_id, pdu, transaction)
 
-    def wrap(self, request: Frame, pdu: bytes) -> bytes:
+    def wrap(self, request: Adu, pdu: bytes) -> bytes:
         """Return the frame of a response."""
         return _MBAP.pack(request.transaction, 0, len(pdu) + 1, request.unit_id) + pdu
 
@@ -78,7 +78,7 @@ class RtuFraming:
     it is not, the search goes on one byte later; what silence ends is dropped by who sees the time.
     """
 
-    def take(self, buffer: bytearray) -> Frame | None:
+    def take(self, buffer: bytearray) -> Adu | None:
         """Remove the next frame from the buffer and return it; None while none is whole."""
         for start in range(len(buffer) - _SHORTEST_RTU + 1):
             length = _request_length(buffer, start)
@@ -86,13 +86,13 @@ class RtuFraming:
             if not length or end > len(buffer):
                 continue
             if crc16(buffer[start : end - 2]) == buffer[end - 2 : end]:
-                frame = Frame(buffer[start], bytes(buffer[start + 1 : end - 2]))
+                frame = Adu(buffer[start], bytes(buffer[start + 1 : end - 2]))
                 del buffer[:end]
                 return frame
         del buffer[:-_LONGEST_RTU]
         return None
 
-    def wrap(self, request: Frame, pdu: bytes) -> bytes:
+    def wrap(self, request: Adu, pdu: bytes) -> bytes:
         """Return the frame of a response."""
         body = bytes([request.unit_id]) + pdu
         return body + crc16(body)

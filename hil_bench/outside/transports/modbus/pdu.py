@@ -30,7 +30,7 @@ from pymodbus.pdu.register_message import (
 )
 
 from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.outside.modbus.register_map import Identification, Table
+from hil_bench.outside.modbus.register_map import DeviceIdentification, Table
 
 IDENTIFY: Final = 0x2B
 _MEI_IDENTIFICATION: Final = 0x0E
@@ -145,7 +145,7 @@ def encode_exception(function: int, code: ExceptionCode) -> bytes:
     return _encode(ExceptionResponse(function & 0x7F, code))
 
 
-def identify(pdu: bytes, identification: Identification) -> bytes:
+def identify(pdu: bytes, identification: DeviceIdentification) -> bytes:
     """Return the response to a request for the device identification.
 
     Raises:
@@ -171,7 +171,7 @@ def identify(pdu: bytes, identification: Identification) -> bytes:
     return _encode(response)
 
 
-def _identification_objects(identification: Identification) -> dict[int, bytes]:
+def _identification_objects(identification: DeviceIdentification) -> dict[int, bytes]:
     """Return the objects that are there, by their number."""
     texts = (
         identification.vendor_name,

@@ -11,7 +11,7 @@ from functools import partial
 from hil_bench.outside.modbus.exceptions import ExceptionCode
 from hil_bench.outside.modbus.rivals import ClientMemory
 from hil_bench.outside.transports.modbus.framing import (
-    Frame,
+    Adu,
     Framing,
     FramingError,
     RtuFraming,
@@ -68,7 +68,7 @@ class ModbusSession:
         self._on_failure = on_failure
         self._memory = ClientMemory()
         self._buffer = bytearray()
-        self._unanswered: Frame | None = None
+        self._unanswered: Adu | None = None
         self._response: bytes | None = None
         self._is_working = False
 
@@ -129,7 +129,7 @@ class ModbusSession:
         self._hand_over(frame)
         return True
 
-    def _hand_over(self, frame: Frame) -> None:
+    def _hand_over(self, frame: Adu) -> None:
         self._unanswered = frame
         if not self.is_writer and frame.pdu[0] in WRITES:
             refusal = encode_exception(frame.pdu[0], ExceptionCode.ILLEGAL_FUNCTION)
@@ -137,7 +137,7 @@ class ModbusSession:
             return
         self._server.handle(frame.unit_id, frame.pdu, partial(self._reply, frame), self._memory)
 
-    def _reply(self, frame: Frame, pdu: bytes) -> None:
+    def _reply(self, frame: Adu, pdu: bytes) -> None:
         if frame is self._unanswered:
             self._unanswered = None
             self._response = self._framing.wrap(frame, pdu)
@@ -158,7 +158,7 @@ class SerialSession(ModbusSession):
     An error does not end it: the line goes on with the next frame.
     """
 
-    def _hand_over(self, frame: Frame) -> None:
+    def _hand_over(self, frame: Adu) -> None:
         units = self._server.unit_ids
         if frame.unit_id == _BROADCAST:
             for unit_id in units:

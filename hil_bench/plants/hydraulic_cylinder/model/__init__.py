@@ -28,7 +28,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantState,
     balanced_state,
 )
-from hil_bench.plants.hydraulic_cylinder.model.stepping import Plant, Solver
+from hil_bench.plants.hydraulic_cylinder.model.stepping import PlantModel, Solver
 
 __all__ = [
     "ConstantLoad",
@@ -44,8 +44,8 @@ __all__ = [
     "MassOnSlope",
     "MeteringLands",
     "Model",
-    "Plant",
     "PlantInput",
+    "PlantModel",
     "PlantOptions",
     "PlantOutput",
     "PlantParameters",

@@ -32,7 +32,7 @@ class Solver(StrEnum):
     RUNGE_KUTTA = "runge-kutta"
 
 
-class Plant(Protocol):
+class PlantModel(Protocol):
     """Valve and cylinder as a bench runs them, whichever model stands behind.
 
     Attributes:

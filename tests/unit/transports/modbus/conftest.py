@@ -7,9 +7,9 @@ import pytest
 from hil_bench.outside.modbus.data_types import DATA_TYPES
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.register_map import (
-    Access,
-    Identification,
+    DeviceIdentification,
     Register,
+    RegisterAccess,
     RegisterMap,
     Table,
 )
@@ -19,7 +19,7 @@ from hil_bench.outside.transports.modbus.register_server import RegisterServer
 MAP = RegisterMap(
     "map.toml",
     "pressure_404",
-    Identification("maker", "PT-1", "1.0"),
+    DeviceIdentification("maker", "PT-1", "1.0"),
     (
         Register(
             name="value",
@@ -34,7 +34,7 @@ MAP = RegisterMap(
             address=0,
             source="offset",
             data_type=DATA_TYPES["int16"],
-            access=Access.WRITE,
+            access=RegisterAccess.WRITE,
         ),
     ),
 )

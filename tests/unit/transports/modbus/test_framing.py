@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.outside.transports.modbus.framing import (
-    Frame,
+    Adu,
     FramingError,
     RtuFraming,
     TcpFraming,
@@ -27,15 +27,15 @@ def take_all(framing, data):
 
 
 def test_a_tcp_frame():
-    assert take_all(TcpFraming(), TCP) == ([Frame(0xFF, READ, 0x1501)], b"")
-    assert TcpFraming().wrap(Frame(0xFF, READ, 0x1501), b"\x83\x02") == bytes.fromhex(
+    assert take_all(TcpFraming(), TCP) == ([Adu(0xFF, READ, 0x1501)], b"")
+    assert TcpFraming().wrap(Adu(0xFF, READ, 0x1501), b"\x83\x02") == bytes.fromhex(
         "1501 0000 0003 FF 83 02"
     )
 
 
 def test_an_rtu_frame():
-    assert take_all(RtuFraming(), RTU) == ([Frame(0x11, READ)], b"")
-    assert RtuFraming().wrap(Frame(0x11, READ), READ) == RTU
+    assert take_all(RtuFraming(), RTU) == ([Adu(0x11, READ)], b"")
+    assert RtuFraming().wrap(Adu(0x11, READ), READ) == RTU
 
 
 def test_the_check_value_of_the_crc():
@@ -83,7 +83,7 @@ def test_the_longest_tcp_frame():
 @pytest.mark.parametrize("noise", [b"\x00", b"\xff\xff\xff", b"\x11\x03\x00", bytes(40), RTU[:-1]])
 def test_an_rtu_frame_is_found_behind_noise(noise):
     frames, rest = take_all(RtuFraming(), noise + RTU)
-    assert (frames, rest) == ([Frame(0x11, READ)], b"")
+    assert (frames, rest) == ([Adu(0x11, READ)], b"")
 
 
 @pytest.mark.parametrize("position", range(len(RTU)))
@@ -98,7 +98,7 @@ def test_a_long_rtu_write():
     whole = body + crc16(body)
     assert len(whole) == 255
     frames, _ = take_all(RtuFraming(), whole)
-    assert frames == [Frame(1, whole[1:-2])]
+    assert frames == [Adu(1, whole[1:-2])]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_rtu_requests_of_every_length(body):
         buffer = bytearray(whole[:cut])
         assert RtuFraming().take(buffer) is None
         buffer += whole[cut:]
-        assert RtuFraming().take(buffer) == Frame(1, body[1:])
+        assert RtuFraming().take(buffer) == Adu(1, body[1:])
 
 
 @given(st.binary(max_size=2000))

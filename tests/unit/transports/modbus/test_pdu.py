@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from hil_bench.outside.modbus.exceptions import ExceptionCode, ModbusException
-from hil_bench.outside.modbus.register_map import Identification, Table
+from hil_bench.outside.modbus.register_map import DeviceIdentification, Table
 from hil_bench.outside.transports.modbus.pdu import (
     Request,
     _is_well_formed,
@@ -18,7 +18,7 @@ from hil_bench.outside.transports.modbus.pdu import (
     identify,
 )
 
-IDENTIFICATION = Identification("maker", "PT-1", "1.0", product_name="sensor")
+IDENTIFICATION = DeviceIdentification("maker", "PT-1", "1.0", product_name="sensor")
 
 
 # The examples of the specification: 6.1, 6.2, 6.3, 6.4, 6.5, 6.6, 6.11, 6.12, 6.16, 6.17.
@@ -225,7 +225,7 @@ def test_a_wrong_request_for_the_identification(pdu, code):
 
 
 def test_more_objects_than_fit_are_told_to_follow():
-    long = Identification(*("x" * 64 for _ in range(7)))
+    long = DeviceIdentification(*("x" * 64 for _ in range(7)))
     response = identify(bytes.fromhex("2B 0E 02 00"), long)
     assert len(response) <= 253
     # Three objects of 66 bytes fit into 247; object 3 is where to go on.

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hil_bench.outside.transports.modbus.framing import Frame, RtuFraming, crc16
+from hil_bench.outside.transports.modbus.framing import Adu, RtuFraming, crc16
 from hil_bench.outside.transports.modbus.session import tcp_session
 
 WRITING = {  # MODBUS Application Protocol V1.1b3: 6.5, 6.6, 6.11, 6.12, 6.16, 6.17
@@ -58,5 +58,5 @@ def test_who_may_not_write_reads_what_others_read(rig, pdu):
 def test_a_function_of_serial_lines_is_a_frame_at_once(body):
     body = bytes.fromhex(body)
     buffer = bytearray(body + crc16(body))
-    assert RtuFraming().take(buffer) == Frame(1, body[1:])
+    assert RtuFraming().take(buffer) == Adu(1, body[1:])
     assert buffer == b""

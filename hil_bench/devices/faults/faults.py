@@ -224,7 +224,7 @@ class Faults(PhysicalFaults):
         Without a direction, in those that it sends.
         """
         bounded("share", share, low=0.0, high=1.0)
-        which.setdefault("direction", Direction.SENT)
+        which.setdefault("direction", FaultDirection.SENT)
         rule = corruption(share, self._stream(node))
         return self._disturb(FaultKind.CORRUPT, node, rule, which)
 
@@ -233,7 +233,7 @@ class Faults(PhysicalFaults):
 
         Without a direction, those that it sends.
         """
-        which.setdefault("direction", Direction.SENT)
+        which.setdefault("direction", FaultDirection.SENT)
         return self._disturb(FaultKind.REPEAT, node, repetition(), which)
 
     def babble(

@@ -47,7 +47,10 @@ def test_the_order_is_that_of_the_test_that_certifies():
 
 
 def test_findings_of_the_eds_stand_first():
-    findings = [EdsFinding(12, "1018sub2", "no default | none"), EdsFinding(30, "", "x", Severity.ERROR)]
+    findings = [
+        EdsFinding(12, "1018sub2", "no default | none"),
+        EdsFinding(30, "", "x", Severity.ERROR),
+    ]
     text = report.markdown(RESULTS[:1], device="d", allowed=Impact.READ, eds=findings)
     assert "EDS: 1 error, 1 warning**" in text
     assert "| 12 | warning | 1018sub2 | no default \\| none |" in text

@@ -30,12 +30,16 @@ BY_HAND = {
         "top speed extending": 334.7,
         "moving mass": 262.4,
     },
-    "lift": {
-        "eigenfrequency, mid-stroke": 12.25,
-        "largest push": 125.7,
-        "pressure A at rest": 78.85,
-        "top speed extending": 502.8,
-        "moving mass": 3032.0,
+    "boom": {
+        "eigenfrequency, mid-stroke": 5.75,
+        "largest push": 164.9,
+        "pressure A at rest": 49.94,
+        "pressure A retracting": 83.7,
+        "pressure B retracting": 69.8,
+        "top speed extending": 127.3,
+        "top speed retracting": 127.3,
+        "speed in the cushion extending": 54.0,
+        "moving mass": 16027.0,
     },
     "drum": {
         "eigenfrequency": 16.78,
@@ -48,7 +52,7 @@ BY_HAND = {
 VARIANTS = {
     "press": ("sag_bar=120", "PR-1"),
     "servo": ("band_percent=12", "SV-1"),
-    "lift": ("leak_l_min_bar=0.5", "LI-1"),
+    "boom": ("leak_l_min_bar=0.1", "BO-1"),
     "drum": ("leak_l_min_bar=0.1", "DR-2"),
 }
 

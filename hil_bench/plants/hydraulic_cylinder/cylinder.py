@@ -10,13 +10,13 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     PlantInput,
     PlantOutput,
     PlantState,
-    balanced_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
     ReducedOrderPlant,
     balanced_reduced_state,
 )
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import state_of_rest
 from hil_bench.plants.hydraulic_cylinder.model.stepping import PlantModel
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     LOAD,
@@ -95,17 +95,16 @@ def build_cylinder(
     start = start or {}
     x = start.get(POSITION.name, axis.position)
     parameters, options = axis.parameters, axis.options
-    load = options.load_at(x)
     if axis.model is Model.REDUCED:
         return ReducedOrderCylinder(
             parameters,
             options=options,
             solver=axis.solver,
             dt=dt,
-            state=balanced_reduced_state(parameters, x=x, F_L=load),
+            state=balanced_reduced_state(parameters, x=x, F_L=options.load_at(x)),
             delay=axis.spool_delay,
         )
-    state = balanced_state(parameters, x=x, F_L=load)
+    state = state_of_rest(parameters, options, x)
     names = (POSITION.name, SPEED.name, P_A, P_B, SPOOL_POSITION.name)
     if start.keys() >= set(names):
         position, speed, pressure_a, pressure_b, spool = (start[name] for name in names)

@@ -80,7 +80,7 @@ USUAL: Final[Mapping[str, Range]] = {
     "cushion_b_orifice_mm": Range(0.2, 30.0, "a throttle of some percent of the port"),
     "counterbalance_setting_bar": Range(30.0, 450.0, "1.2 to 1.3 times the largest load pressure"),
     "counterbalance_pilot_ratio": Range(0.0, 10.0, "1.5 to 10 are made, 3 and 4 are common"),
-    "counterbalance_opening_bar": Range(5.0, 150.0, "from the first drop to the rated flow"),
+    "counterbalance_opening_bar": Range(5.0, 350.0, "to the full opening; wide ones damp"),
     "counterbalance_time_ms": Range(2.0, 300.0, "5 without, 100 with a damping nozzle"),
     "counterbalance_rated_flow_l_min": Range(1.0, 1000.0, "cartridges of 10 to 500 l/min"),
     "counterbalance_rated_drop_bar": Range(2.0, 70.0, "5 to 30 of the open valve"),

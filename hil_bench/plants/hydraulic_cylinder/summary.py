@@ -10,8 +10,11 @@ import numpy as np
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
-from hil_bench.plants.hydraulic_cylinder.model.steady_motion import SteadyMotion, steady_motion
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import (
+    SteadyMotion,
+    state_of_rest,
+    steady_motion,
+)
 from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
 from hil_bench.plants.kind import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
@@ -107,7 +110,7 @@ def _note(motion: SteadyMotion) -> str:
 def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
     p = axis.parameters
     load = axis.options.load_at(axis.position)
-    rest = balanced_state(p, F_L=load)
+    rest = state_of_rest(p, axis.options, axis.position)
     yield Fact("pressure A at rest", BAR.from_si(rest.P_A), "bar", "at the start of a run")
     yield Fact("pressure B at rest", BAR.from_si(rest.P_B), "bar")
     unit = axis.options.supply

@@ -96,3 +96,21 @@ def balanced_state(
     P_A = mean * parameters.A_B / parameters.mean_area + held
     P_B = mean * parameters.A_A / parameters.mean_area - held
     return PlantState(x=x, v=0.0, P_A=P_A, P_B=P_B, nu=0.0, nu_dot=0.0)
+
+
+def held_state(
+    parameters: PlantParameters, *, holds_a: bool, x: float = 0.0, F_L: float = 0.0
+) -> PlantState:
+    """Return the state of rest of a load on a counterbalance valve, the other port at the tank.
+
+    Args:
+        parameters: of the plant.
+        holds_a: whether A carries the load, else B does.
+        x: piston position [m].
+        F_L: external load [N]; one that the chamber cannot carry leaves both at the tank.
+    """
+    p = parameters
+    fed, other, force = (p.A_A, p.A_B, F_L) if holds_a else (p.A_B, p.A_A, -F_L)
+    carried = max((p.P_T * other + force) / fed, p.P_T)
+    P_A, P_B = (carried, p.P_T) if holds_a else (p.P_T, carried)
+    return PlantState(x=x, v=0.0, P_A=P_A, P_B=P_B, nu=0.0, nu_dot=0.0)

@@ -11,6 +11,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, MeteringLands
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.state import (
+    PlantState,
+    balanced_state,
+    held_state,
+)
 
 _SHUT = 1e-9  # share of its opening at which a counterbalance valve is as good as shut
 
@@ -95,6 +100,15 @@ def steady_motion(
         else:
             high = middle
     return behind_valve(high)
+
+
+def state_of_rest(parameters: PlantParameters, options: PlantOptions, x: float) -> PlantState:
+    """Return the state in which a bench begins at a position [m], under the loads of time 0."""
+    load, valve = options.load_at(x), options.counterbalance
+    if valve is None:
+        return balanced_state(parameters, x=x, F_L=load)
+    holds_a = valve.in_line_a and not (valve.in_line_b and load < 0.0)
+    return held_state(parameters, holds_a=holds_a, x=x, F_L=load)
 
 
 def _move(

@@ -65,13 +65,15 @@ def build_bench(config: BenchConfig) -> Bench:
     fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
     axes = [build_axis(axis, config.dt, list(fittings.values())) for axis in config.axes]
     buses = number_buses(config)
+    wiring = build_wiring(config, nodes)
+    plugs = wiring.plugs if wiring else {}
+    wires = {name: plugs[node] for name, node in nodes.items() if node in plugs}
     faults = Faults(
-        find_fault_points(axes, nodes, fittings, buses),
+        find_fault_points(axes, nodes, fittings, buses, wires),
         tick_ns=config.tick_ns,
         seed=config.seed,
     )
     schedule_faults(faults, config.faults)
-    wiring = build_wiring(config, nodes)
     numbers = {nodes[name]: number for name, number in buses.items()}
     switchboard = Switchboard(numbers, agenda, wiring)
     make = Bench if wiring is None else partial(WiredBench, wiring=wiring)

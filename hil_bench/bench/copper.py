@@ -3,16 +3,20 @@
 from collections.abc import Mapping
 from typing import Final
 
+from numpy.random import Generator
+
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.wiring import Bus, Plug, Wiring
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.measurement.noise import random_stream
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.wire.config import CONTROLLER, WireConfig
 from hil_bench.outside.wire.station import Station
-from hil_bench.outside.wire.wire import Wire
+from hil_bench.outside.wire.wire import Chance, Wire
 
 _BABBLER: Final = "babbling node"
 _MOST_BABBLE: Final = 1000
+_NS_PER_S: Final = 1_000_000_000
 
 
 def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | None:
@@ -28,10 +32,24 @@ def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | Non
             if node.bus == name
         }
         babbler = Station(_BABBLER, _MOST_BABBLE)
-        wire = Wire(bus.bitrate or USUAL_BITRATE, [controller, babbler, *stations.values()])
+        chance = None
+        if bus.wire.bit_error_rate:
+            stream = random_stream(config.seed, name, "bit errors")
+            chance = _gaps(stream, bus.wire.bit_error_rate)
+        wire = Wire(
+            bus.bitrate or USUAL_BITRATE,
+            [controller, babbler, *stations.values()],
+            chance=chance,
+            recovery=round(bus.wire.recovery * _NS_PER_S),
+        )
         buses.append(Bus(number, wire, controller, babbler))
-        plugs += [Plug(nodes[each], buses[-1], station) for each, station in stations.items()]
+        plugs += [Plug(nodes[each], buses[-1], station, wire) for each, station in stations.items()]
     return Wiring(buses, plugs) if buses else None
+
+
+def _gaps(stream: Generator, rate: float) -> Chance:
+    """Return what draws how many bits pass until the next wrong one, each with the same chance."""
+    return lambda: int(stream.geometric(rate)) - 1
 
 
 def make_station(name: str, config: WireConfig) -> Station:

@@ -14,6 +14,7 @@ from hil_bench.devices.faults.effects import (
 )
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.points import FaultPoints
+from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.plants.quantity import SUPPLY
 
 
@@ -22,11 +23,12 @@ def find_fault_points(
     nodes: Mapping[str, Node],
     fittings: Mapping[str, Fitting],
     buses: Mapping[str, int],
+    wires: Mapping[str, WirePoint],
 ) -> FaultPoints:
     """Return the points by the names of nodes and axes.
 
     An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
-    number of each node's bus stands in `buses`.
+    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`.
     """
     by_name = {axis.name: axis for axis in axes}
     sensors: dict[str, SensorPoint] = {}
@@ -59,6 +61,7 @@ def find_fault_points(
         },
         nodes=nodes,
         buses=buses,
+        wires=wires,
     )
 
 

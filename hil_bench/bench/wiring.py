@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
-from hil_bench.outside.wire.station import Station
+from hil_bench.outside.wire.station import Rule, Station
 from hil_bench.outside.wire.wire import Passage, Wire
 
 
@@ -19,28 +19,96 @@ class Bus:
         wire: the bus itself.
         controller: sends what comes from outside.
         babbler: sends what a babbling node sends.
+        wires: all wires of the bench.
     """
 
     number: int
     wire: Wire
     controller: Station
     babbler: Station
+    wires: list[Wire] = field(default_factory=list)
 
 
 @dataclass(slots=True)
 class Plug:
-    """A node at its bus.
+    """A node at its bus; where faults get at it.
 
     Attributes:
         node: that node.
-        bus: where it is plugged in.
+        bus: where it belongs.
         station: its CAN controller.
+        wire: what it is connected to: that of its bus, or while its plug is pulled one of its own.
+        events: what the CAN controller has to tell the node.
     """
 
     node: Node
     bus: Bus
     station: Station
+    wire: Wire
     events: list[CanEvent] = field(default_factory=list)
+    _pulled: int = 0
+
+    def disturb(self, rule: Rule, *, is_sent: bool) -> None:
+        """Have a rule disturb what the node sends, or what it reads."""
+        self._rules(is_sent=is_sent).append(rule)
+        self.wire.watch_rules()
+
+    def spare(self, rule: Rule, *, is_sent: bool) -> None:
+        """Take the rule back."""
+        self._rules(is_sent=is_sent).remove(rule)
+        self.wire.watch_rules()
+
+    def force_off(self, now: int) -> None:
+        """Make the node bus-off at `now` [ns]."""
+        self.wire.force_off(self.station, now)
+
+    def let_recover(self, now: int) -> None:
+        """Let it recover from `now` [ns] on."""
+        self.wire.let_recover(self.station, now)
+
+    def stick(self, now: int) -> None:
+        """Let its transceiver hold the bus dominant from `now` [ns] on."""
+        self.bus.wire.stick(now)
+
+    def unstick(self, now: int) -> None:
+        """Let it leave the bus at `now` [ns]."""
+        self.bus.wire.unstick(now)
+
+    def pull(self, now: int) -> None:
+        """Pull its plug at `now` [ns]: it is alone on a wire of its own."""
+        self._pulled += 1
+        if self._pulled == 1:
+            end = self.bus.wire.make_end()
+            self.bus.wires.append(end)
+            self._move(end, now)
+
+    def plug(self, now: int) -> None:
+        """Plug it in again at `now` [ns]."""
+        self._pulled -= 1
+        if not self._pulled:
+            self.bus.wires.remove(self.wire)
+            self._move(self.bus.wire, now)
+
+    def _move(self, wire: Wire, now: int) -> None:
+        self.wire.leave(self.station, now)
+        self.wire = wire
+        wire.join(self.station, now)
+
+    def _rules(self, *, is_sent: bool) -> list[Rule]:
+        return self.station.send_rules if is_sent else self.station.receive_rules
+
+    def standing(self) -> dict[str, object]:
+        """Return how its CAN controller is: its state, counters and losses."""
+        station = self.station
+        return {
+            "state": station.state.value,
+            "tec": station.tec,
+            "rec": station.rec,
+            "waiting": station.waiting,
+            "failed": station.errors,
+            "lost": station.refused,
+            "missed": station.missed,
+        }
 
 
 class Wiring:
@@ -76,8 +144,9 @@ class Wiring:
                 plug.events.append(event)
                 self._shaken.append(plug)
 
-        for wire in self._wires:
-            wire.on_event = tell
+        for bus in buses:
+            bus.wire.on_event = tell
+            bus.wires = self._wires
 
     def takes(self, frame: Frame) -> bool:
         """Return whether `put` takes a frame at any time."""
@@ -160,12 +229,12 @@ class Wiring:
         plug = self.plugs.get(node)
         if plug is None:
             return None
-        number, wire, station = plug.bus.number, plug.bus.wire, plug.station
+        number, station = plug.bus.number, plug.station
 
         def send(frame: Frame) -> None:
             if number:
                 frame = frame._replace(bus=number)
-            wire.put(station, frame, self.now)
+            plug.wire.put(station, frame, self.now)
 
         return send
 

@@ -40,7 +40,14 @@ def node_text(node: Mapping[str, Any]) -> str:
     """Return the state of a node in words."""
     device = f", {node['device']}" if node["device"] else ""
     errors = "".join(f", EMCY 0x{code:04X}" for code in node["errors"])
-    return printable(f"{node['state']}{device}{errors}")
+    can = f", {can_text(node['can'])}" if "can" in node else ""
+    return printable(f"{node['state']}{device}{errors}{can}")
+
+
+def can_text(can: Mapping[str, Any]) -> str:
+    """Return how the CAN controller of a node is, on a bus of copper; what is 0 is left out."""
+    counts = "".join(f", {can[key]} {word}" for key, word in _CAN_COUNTS.items() if can[key])
+    return f"{can['state']} TEC {can['tec']} REC {can['rec']}{counts}"
 
 
 def fault_text(fault: Mapping[str, Any]) -> str:
@@ -62,6 +69,13 @@ def health_text(health: Mapping[str, Any]) -> str:
         parts.append(f"bus {health['bus_load'] * 100:.1f} %")
     return "  ".join(parts)
 
+
+_CAN_COUNTS = {
+    "failed": "repeated",
+    "lost": "lost in a full buffer",
+    "missed": "not read",
+}
+"""What a CAN controller counts, in words."""
 
 _COUNTS = {
     "overruns": "overran",

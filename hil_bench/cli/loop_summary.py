@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.cli.live_words import can_text
 from hil_bench.outside.realtime.statistics import DurationSummary, TickSummary
 from hil_bench.outside.transports.bus_load import bitrate_text, load_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
@@ -74,6 +75,23 @@ def fault_lines(bench: Bench) -> list[str]:
         f"{'begins' if event.is_begin else 'ends'}"
         for event in list(bench.faults.events)[-_SHOWN_FAULT_EVENTS:]
     ]
+
+
+def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
+    """Return what passed each bus of copper, and which node had errors there."""
+    if bench.wiring is None:
+        return []
+    names = list(config.buses)
+    lines = [
+        f"wire      {names[number]}: {bus.wire.passed} frames passed, {bus.wire.failed} failed"
+        + (f", {bus.controller.refused} of the controller lost" if bus.controller.refused else "")
+        for number, bus in bench.wiring.buses.items()
+    ]
+    for settings, node in zip(config.nodes, bench.nodes, strict=True):
+        plug = bench.wiring.plugs.get(node)
+        if plug is not None and (plug.station.errors or plug.station.refused or plug.station.rec):
+            lines.append(f"          {settings.name}: {can_text(plug.standing())}")
+    return lines
 
 
 def helper_lines(endings: Sequence[str]) -> list[str]:

@@ -21,6 +21,7 @@ from hil_bench.cli.loop_summary import (
     load_line,
     loop_lines,
     node_lines,
+    wire_lines,
 )
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
@@ -244,6 +245,7 @@ def summary_lines(report: RunReport, run: PacedRun, setup: RunSetup) -> list[str
         *frame_lines(report.frames, bench.unrouted),
         *bus_lines(bus.parts),
         load_line(report, config.tick_ns, bus.bitrate),
+        *wire_lines(config, bench),
         *fault_lines(bench),
         *node_lines(config, bench),
         *helper_lines(run.helpers.lines()),

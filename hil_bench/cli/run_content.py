@@ -60,6 +60,7 @@ def _common(
     report: RunReport | LockStepReport, setup: RunSetup, helpers: Helpers
 ) -> dict[str, object]:
     bench = setup.session.bench
+    plugs = bench.wiring.plugs if bench.wiring else {}
     return {
         "ended_by": None if report.lost is None else str(report.lost),
         "frames": asdict(report.frames) | {"for_nobody": bench.unrouted},
@@ -79,6 +80,7 @@ def _common(
                 "node_id": node.node_id,
                 "state": node.state.name.replace("_", "-"),
                 "refused": node.counters,
+                "can": plugs[node].standing() if node in plugs else None,
                 "storage_problem": node.storage_problem,
             }
             for settings, node in zip(setup.config.nodes, bench.nodes, strict=True)

@@ -172,11 +172,14 @@ class Feed:
     def _state(self) -> dict[str, Any]:
         session = self._session
         controls = session.controls
+        wiring = session.bench.wiring
+        plugs = wiring.plugs if wiring else {}
         nodes = {
             name: {
                 "state": node.state.name.replace("_", "-"),
                 "device": fitting.state() if fitting.state is not None else None,
                 "errors": sorted(node.emcy.present),
+                **({"can": plugs[node].standing()} if node in plugs else {}),
             }
             for name, node, fitting in zip(
                 session.nodes, session.bench.nodes, session.bench.fittings, strict=True

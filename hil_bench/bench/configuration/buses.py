@@ -53,6 +53,11 @@ class BusesSection:
                 there = [name for name, node in nodes.items() if node["bus"].value == bus]
                 check_wire(wire, there, self._problems)
 
+    @property
+    def wired(self) -> list[str]:
+        """Names of the buses that are of copper."""
+        return [name for name, wire in self._wires.items() if wire is not None]
+
     def resolve(self) -> None:
         """Leave all as it is: the nodes, which come later, decide."""
 

@@ -153,6 +153,14 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             _CAN_ID,
         ),
         FaultKind.REPEAT: (_DIRECTION, _CAN_ID),
+        FaultKind.BIT_ERROR: (
+            Key("share_percent", number(PERCENT, low=0.0, high=100.0), 100.0, PERCENT, "share"),
+            _DIRECTION,
+            _CAN_ID,
+        ),
+        FaultKind.BUS_OFF: (),
+        FaultKind.STUCK_DOMINANT: (),
+        FaultKind.NO_ACKNOWLEDGE: (),
         FaultKind.BABBLE: (Key("frames_per_tick", integer(1, 1000), 4), _CAN_ID),
     }
 )

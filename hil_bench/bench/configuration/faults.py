@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes, AxesSection
+from hil_bench.bench.configuration.buses import BusesSection
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
@@ -18,6 +19,7 @@ from hil_bench.devices.faults.kinds import (
     LEAKS,
     SENSOR_KINDS,
     VALVE_KINDS,
+    WIRE_KINDS,
     FaultKind,
 )
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
@@ -73,6 +75,7 @@ class FaultsSection:
         overrides: tables of the command line.
         nodes: whose devices may have faults.
         axes: whose plants may.
+        buses: those that are of copper may.
         problems: where problems are noted.
     """
 
@@ -82,16 +85,30 @@ class FaultsSection:
         overrides: Sequence[Mapping[str, object]],
         nodes: NodesSection,
         axes: AxesSection,
+        buses: BusesSection,
         problems: Problems,
     ) -> None:
         self._faults = _read_faults(document, overrides, problems)
         self._nodes, self._axes, self._problems = nodes, axes, problems
+        self._buses = buses
 
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
         targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
         _check_faults(self._faults, targets, self._problems)
+        self._check_wires()
         _check_defects(self._faults, self._axes.records, self._problems)
+
+    def _check_wires(self) -> None:
+        """Note faults of copper on a bus that takes no time."""
+        for fault in self._faults:
+            node = self._nodes.nodes.get(fault["target"].value)
+            is_of_wire = fault["kind"].value in WIRE_KINDS
+            if is_of_wire and node is not None and node["bus"].value not in self._buses.wired:
+                place = self._problems.place(fault["kind"].table, "target")
+                name = fault["target"].value
+                wrong = f"the bus of {name} takes no time; give it [bus.wire]"
+                self._problems.add(place, wrong)
 
     def build(self) -> dict[str, Any]:
         """Return the records of the faults."""

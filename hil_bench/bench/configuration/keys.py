@@ -28,6 +28,7 @@ from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
 from hil_bench.outside.wire.station import Order
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 from hil_bench.plants.registry import DEFAULT_PLANT
+from hil_bench.units import MILLISECOND
 
 TABLES = ("bench", "bus", "buses", "plant", "nodes", "modbus", "faults")
 
@@ -59,7 +60,11 @@ BUFFER_KEYS = (
     Key("order", choice(Order), Order.PRIORITY),
 )
 
-WIRE_KEYS = BUFFER_KEYS
+WIRE_KEYS = (
+    *BUFFER_KEYS,
+    Key("bit_error_rate", number(low=0.0, high=0.01), 0.0),
+    Key("recovery_ms", number(MILLISECOND, low=0.0, high=3.6e6), 0.0, MILLISECOND, "recovery"),
+)
 
 _FIRST_KIND = next(iter(KINDS.built_in))
 

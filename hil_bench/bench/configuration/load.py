@@ -65,7 +65,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     axes = AxesSection(document, bench, problems, default=needs_axis(document))
     nodes = NodesSection(document, buses, axes, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
-    failing = FaultsSection(document, faults, nodes, axes, problems)
+    failing = FaultsSection(document, faults, nodes, axes, buses, problems)
     found = build_sections((bench, buses, axes, nodes, served, failing), problems)
     warn_of_nodes(nodes.nodes)
     return BenchConfig(path=file, **found)

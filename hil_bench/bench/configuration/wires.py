@@ -58,12 +58,14 @@ def build_wire(wire: WireSettings | None) -> WireConfig | None:
     """Return the record of a checked wire."""
     if wire is None:
         return None
+    own = [key for key in WIRE_KEYS if key not in BUFFER_KEYS]
     return WireConfig(
         BufferConfig(**convert(wire.settings, BUFFER_KEYS)),
         {
             name: BufferConfig(**convert(settings, BUFFER_KEYS))
             for name, settings in wire.stations.items()
         },
+        **convert(wire.settings, own),
     )
 
 

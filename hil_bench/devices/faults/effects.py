@@ -252,6 +252,26 @@ class LineEffect:
         self._line.meetings.remove(self._meeting)
 
 
+class WireEffect:
+    """Something of a bus of copper is wrong.
+
+    Args:
+        begin: makes it so, at a time [ns].
+        end: takes it back.
+    """
+
+    def __init__(self, begin: Callable[[int], None], end: Callable[[int], None]) -> None:
+        self._begin, self._end = begin, end
+
+    def begin(self, now: int) -> None:
+        """Make it so."""
+        self._begin(now)
+
+    def end(self, now: int) -> None:
+        """Take it back."""
+        self._end(now)
+
+
 class ResetEffect:
     """A node is without power, and then starts anew."""
 

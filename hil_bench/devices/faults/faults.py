@@ -35,6 +35,7 @@ from hil_bench.devices.faults.effects import (
     SensorEffect,
     SpoolEffect,
     SupplyEffect,
+    WireEffect,
 )
 from hil_bench.devices.faults.fault import Fault
 from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind
@@ -46,6 +47,7 @@ from hil_bench.devices.faults.line import (
     babble,
     corruption,
     delay,
+    disturbance,
     loss,
     repetition,
     silence,
@@ -63,6 +65,7 @@ from hil_bench.devices.faults.sensor_stages import (
     Shifted,
     Slowed,
 )
+from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 from hil_bench.errors import ConfigError
 
@@ -249,6 +252,55 @@ class Faults(PhysicalFaults):
         frames = count("frames_per_tick", frames_per_tick, 1, _MOST_FRAMES)
         send = babble(identifier(can_id) or 0, frames, self._points.buses.get(node, 0))
         return self.add(FaultKind.BABBLE, node, BabbleEffect(send, self.babbles), when)
+
+    def bit_error(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
+        """Disturb a bit in a share of a node's frames, 0 to 1, at random, on a bus of copper.
+
+        Without a direction, in those that it sends; "received": it misreads those of others.
+        """
+        bounded("share", share, low=0.0, high=1.0)
+        point = self._wire(node)
+        direction = choose("direction", FaultDirection, which.pop("direction", FaultDirection.SENT))
+        rule = disturbance(share, identifier(which.pop("can_id", None)), self._stream(node))
+        sides = [
+            side
+            for side, each in ((True, FaultDirection.SENT), (False, FaultDirection.RECEIVED))
+            if direction in {each, FaultDirection.BOTH}
+        ]
+
+        def begin(_now: int) -> None:
+            for is_sent in sides:
+                point.disturb(rule, is_sent=is_sent)
+
+        def end(_now: int) -> None:
+            for is_sent in sides:
+                point.spare(rule, is_sent=is_sent)
+
+        return self.add(FaultKind.BIT_ERROR, node, WireEffect(begin, end), which)
+
+    def bus_off(self, node: str, **when: Unpack[When]) -> Fault:
+        """Make a node bus-off; afterwards it recovers and sends EMCY 0x8140."""
+        point = self._wire(node)
+        effect = WireEffect(point.force_off, point.let_recover)
+        return self.add(FaultKind.BUS_OFF, node, effect, when)
+
+    def stuck_dominant(self, node: str, **when: Unpack[When]) -> Fault:
+        """Let a node's transceiver hold its bus dominant: nobody can send."""
+        point = self._wire(node)
+        effect = WireEffect(point.stick, point.unstick)
+        return self.add(FaultKind.STUCK_DOMINANT, node, effect, when)
+
+    def no_acknowledge(self, node: str, **when: Unpack[When]) -> Fault:
+        """Pull a node's plug: nobody acknowledges what it sends, and it repeats it."""
+        point = self._wire(node)
+        effect = WireEffect(point.pull, point.plug)
+        return self.add(FaultKind.NO_ACKNOWLEDGE, node, effect, when)
+
+    def _wire(self, name: str) -> WirePoint:
+        find("node", name, self._points.nodes)
+        if name not in self._points.wires:
+            raise ConfigError(f"faults: the bus of {name} takes no time; give it [bus.wire]")
+        return self._points.wires[name]
 
     def _measure(
         self, kind: FaultKind, sensor: str, make: Callable[[], SensorStage], when: When

@@ -36,6 +36,10 @@ class FaultKind(StrEnum):
     CORRUPT = "corrupt"
     REPEAT = "repeat"
     BABBLE = "babble"
+    BIT_ERROR = "bit_error"
+    BUS_OFF = "bus_off"
+    STUCK_DOMINANT = "stuck_dominant"
+    NO_ACKNOWLEDGE = "no_acknowledge"
 
 
 SENSOR_KINDS = frozenset(
@@ -66,6 +70,16 @@ DEFECTS: Final[Mapping[FaultKind, str]] = MappingProxyType(
     }
 )
 """The defect of a plant that each of these kinds is; that of a leak depends on its path."""
+
+WIRE_KINDS = frozenset(
+    {
+        FaultKind.BIT_ERROR,
+        FaultKind.BUS_OFF,
+        FaultKind.STUCK_DOMINANT,
+        FaultKind.NO_ACKNOWLEDGE,
+    }
+)
+"""Kinds that only a node may have whose bus is of copper."""
 
 DEFECT_KINDS = frozenset({FaultKind.LEAK, *DEFECTS})
 """Kinds that only the plant of an axis may have."""

@@ -9,6 +9,7 @@ from numpy.random import Generator
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.kinds import FaultDirection
+from hil_bench.devices.faults.wire_point import Disturbance
 
 
 class Passage(NamedTuple):
@@ -173,6 +174,17 @@ def repetition() -> Rule:
         return Passage(frame._replace(data=first.setdefault(frame.can_id, frame.data)))
 
     return repeat
+
+
+def disturbance(share: float, can_id: int | None, stream: Generator) -> Disturbance:
+    """Return the rule by which a share of the frames of an identifier has a wrong bit, anywhere."""
+
+    def disturb(frame: Frame) -> float | None:
+        if can_id not in {None, frame.can_id} or stream.random() >= share:
+            return None
+        return float(stream.random())
+
+    return disturb
 
 
 Babble = Callable[[Emit], None]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
+from hil_bench.devices.faults.wire_point import WirePoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,7 @@ class FaultPoints:
         plants: axes, with what may be worn or broken there.
         nodes: nodes on the bus.
         buses: the number of the bus of each node; without it all are on bus 0.
+        wires: nodes whose bus is of copper.
     """
 
     sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
@@ -26,3 +28,4 @@ class FaultPoints:
     plants: Mapping[str, DefectPoint] = field(default_factory=dict)
     nodes: Mapping[str, Node] = field(default_factory=dict)
     buses: Mapping[str, int] = field(default_factory=dict)
+    wires: Mapping[str, WirePoint] = field(default_factory=dict)

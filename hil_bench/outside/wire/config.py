@@ -30,10 +30,14 @@ class WireConfig:
     Attributes:
         buffer: of the stations that have none of their own.
         buffers: of stations, by their names.
+        bit_error_rate: chance of each bit on the bus to be disturbed.
+        recovery: time from bus-off until the software of a node asks for its recovery [s].
     """
 
     buffer: BufferConfig
     buffers: Mapping[str, BufferConfig] = field(default_factory=dict)
+    bit_error_rate: float = 0.0
+    recovery: float = 0.0
 
     def buffer_of(self, name: str) -> BufferConfig:
         """Return the buffer of a station."""

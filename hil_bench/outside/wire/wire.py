@@ -135,6 +135,7 @@ class Wire:
         self._free_at = 0
         self._going: _Attempt | None = None
         self._deaf: frozenset[Station] = frozenset()
+        self._absent: set[Station] = set()
         self._listeners: list[Station] = []
         self._shaken: set[Station] = set()
         self._ruled: list[Station] = []
@@ -144,6 +145,7 @@ class Wire:
         self._recovery = recovery
         self._off: dict[Station, Absence] = {}
         self._stuck_since: int | None = None
+        self._sticking = 0
         self._stuck_sender: Station | None = None
         self._stuck_counts: dict[Station, tuple[int, int]] = {}
         for station in stations:
@@ -204,22 +206,32 @@ class Wire:
 
     # Who is there
 
+    def make_end(self) -> "Wire":
+        """Return a wire of its own for a station whose plug is pulled."""
+        end = Wire(self.bitrate, recovery=self._recovery)
+        end.on_event = self.on_event
+        return end
+
     def join(self, station: Station, now: int) -> None:
         """Have a station take part from now on [ns]."""
         if station not in self.stations:
             self.stations.append(station)
+        self._absent.discard(station)
+        if station.is_off:
+            self._off[station] = Absence(now)
         self._take_stock()
-        if station.head is not None:
-            self._enter(station)
+        self._enter(station)
+        if self._going is None:
             self._free_at = max(self._free_at, now)
-            if self._going is None:
-                self._schedule()
+            self._search()
 
     def leave(self, station: Station, now: int) -> None:
         """Have a station take part no more; what it sends is cut off, and goes back."""
         if self._going is not None and station in self._going.senders:
             self.break_off(now)
         self.stations.remove(station)
+        self._absent.add(station)
+        self._off.pop(station, None)
         self._shaken.discard(station)
         self._heads = [entry for entry in self._heads if entry[3] is not station]
         heapq.heapify(self._heads)
@@ -234,7 +246,11 @@ class Wire:
 
     def _take_stock(self) -> None:
         self._listeners = [each for each in self.stations if not each.is_off]
-        self._deaf = frozenset(each for each in self.stations if each.is_off)
+        self._deaf = frozenset((*(each for each in self.stations if each.is_off), *self._absent))
+        if len(self._listeners) > 1:
+            for station in self._listeners:
+                if station.ready_at == NEVER:
+                    station.ready_at = 0
         self.watch_rules()
 
     # Arbitration
@@ -250,15 +266,18 @@ class Wire:
     def _schedule(self) -> None:
         """Find when the next transmission begins, or the next station recovers."""
         free_at = self._free_at
-        if self._stuck_since is not None:
-            self.due = NEVER
-        elif self._heads and free_at >= self._last_put and free_at >= self._suspended_until:
+        is_known = free_at >= self._last_put and free_at >= self._suspended_until
+        if self._heads and self._stuck_since is None and is_known:
             self.due = free_at  # at the latest then: `_begin` looks again
         else:
             self._search()
 
     def _search(self) -> None:
+        """As `_schedule`, by looking at all stations that wait."""
         due = NEVER
+        if self._stuck_since is not None:
+            self.due = due
+            return
         for _, _, number, station in self._heads:
             head = station.head
             if head is not None and head.number == number and not station.is_off:
@@ -372,7 +391,7 @@ class Wire:
             self._fail(attempt, attempt.broken)
         for station in attempt.senders:
             if not station.is_off:
-                if station.is_passive:
+                if station.ready_at != NEVER and station.is_passive:
                     station.ready_at = attempt.end + self.bits(SUSPENDED)
                     self._suspended_until = station.ready_at
                 self._enter(station)
@@ -412,6 +431,8 @@ class Wire:
         for station in attempt.senders:
             # An error-passive station that nobody acknowledges stays what it is (exception 1).
             is_alone = broken.kind is ErrorKind.ACK and station.is_passive
+            if is_alone:  # and repeats it for ever, which changes nothing until somebody is there
+                station.ready_at = NEVER
             self._count(station, partial(station.fail, 0 if is_alone else _FAILED))
         self._report(broken, attempt, attempt.end)
 
@@ -501,6 +522,7 @@ class Wire:
 
     def stick(self, now: int) -> None:
         """Let the bus be dominant from now on [ns]."""
+        self._sticking += 1
         if self._stuck_since is not None:
             return
         self._stuck_since = now
@@ -519,7 +541,8 @@ class Wire:
 
     def unstick(self, now: int) -> None:
         """Let the bus be free again; eight recessive bits and the intermission come first."""
-        if self._stuck_since is None:
+        self._sticking -= 1
+        if self._stuck_since is None or self._sticking:
             return
         self._count_stuck(now)
         self.busy += now - self._stuck_since

@@ -1,0 +1,240 @@
+"""Errors on a bus of copper, by the numbers of ISO 11898-1; a bit is 1 us at 1 Mbit/s."""
+
+import itertools
+import random
+
+import pytest
+
+from hil_bench.canopen_device.can_errors import CanEvent
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.outside.wire.bits import exact_bits, stuffed_bits
+from hil_bench.outside.wire.broken import ErrorKind, disturbed, misread, unacknowledged
+from hil_bench.outside.wire.station import CanState, Station
+from hil_bench.outside.wire.wire import Wire
+
+US = 1000
+LONG = 10**12
+
+
+class Rig:
+    """Stations a, b and c at 1 Mbit/s, and what has been told of them."""
+
+    def __init__(self, names="abc", **options):
+        self.stations = [Station(name, 100) for name in names]
+        self.wire = Wire(1_000_000, self.stations, **options)
+        self.told, self.errors = [], []
+        self.wire.on_event = lambda station, event: self.told.append((station.name, event))
+        self.wire.on_error = self.errors.append
+
+
+def always(_frame):
+    return 0.5
+
+
+def test_a_sender_that_always_fails_is_passive_after_16_and_off_after_32_errors():
+    rig = Rig()
+    a, b, _ = rig.stations
+    a.send_rules.append(always)
+    rig.wire.put(a, Frame(0x100), 0)
+    rig.wire.advance(0)
+    for _ in range(64):  # begin and end of each
+        assert rig.wire.step() is None
+    assert rig.told == [("a", CanEvent.PASSIVE), ("a", CanEvent.BUS_OFF)]
+    assert len(rig.errors) == 32
+    assert b.rec == 32  # 1 each for a receiver that notices by the flag of another
+    assert b.state is CanState.ACTIVE
+
+
+def test_bus_off_ends_after_128_times_11_recessive_bits_and_the_frame_is_still_there():
+    rig = Rig()
+    a = rig.stations[0]
+    rig.wire.force_off(a, 0)
+    rig.wire.put(a, Frame(0x100), 0)
+    rig.wire.let_recover(a, 5 * US)
+    (passed,) = rig.wire.run(LONG)
+    assert passed.begin == (5 + 1408) * US
+    assert rig.told == [("a", CanEvent.BUS_OFF), ("a", CanEvent.RECOVERED)]
+    assert (a.tec, a.rec) == (0, 0)
+
+
+def test_frames_of_others_hold_a_recovery_up_since_each_ends_with_one_sequence():
+    rig = Rig()
+    a, b, _ = rig.stations
+    rig.wire.force_off(a, 0)
+    rig.wire.let_recover(a, 0)
+    rig.wire.put(a, Frame(0x001), 0)
+    frame = Frame(0x100, bytes(8))
+    for _ in range(60):
+        rig.wire.put(b, frame, 0)
+    passed = rig.wire.run(LONG)
+    assert [each.station.name for each in passed] == ["b"] * 60 + ["a"]
+    # 60 of the 128 sequences at the ends of frames, the rest on the idle bus.
+    assert passed[-1].begin == (60 * exact_bits(frame) + 68 * 11) * US
+    assert all(a in each.deaf for each in passed[:60])
+
+
+def test_a_receiver_that_alone_sees_errors_finds_itself_out():
+    """8 more for a dominant bit behind its own flag: it is passive long before the others."""
+    rig = Rig()
+    a, b, c = rig.stations
+    b.receive_rules.append(always)
+    rig.wire.watch_rules()
+    rig.wire.put(a, Frame(0x100), 0)
+    (passed,) = rig.wire.run(LONG)
+    # 15 times 9 are 135: passive. From then on its flags disturb nobody, and it misses the frame.
+    assert len(rig.errors) == 15
+    assert (b.rec, b.missed, b.state) == (136, 1, CanState.PASSIVE)
+    assert c.rec == 14  # 15, and one less by the frame that passed
+    assert a.tec == 15 * 8 - 1
+    assert passed.deaf == {b}
+
+
+def test_passed_frames_count_down():
+    rig = Rig()
+    a, b, c = rig.stations
+    a.tec, b.rec = 1, 130
+    rig.wire._shaken.add(b)
+    for _ in range(3):
+        rig.wire.put(a, Frame(0x100), 0)
+    rig.wire.run(LONG)
+    assert (a.tec, b.rec, c.rec) == (0, 125, 0)  # from above 127 to 127, then one each
+    assert rig.told == [("b", CanEvent.ACTIVE)]
+
+
+def test_nobody_there_makes_a_station_passive_and_never_off():
+    rig = Rig("a")
+    (a,) = rig.stations
+    rig.wire.put(a, Frame(0x100), 0)
+    assert rig.wire.run(LONG // 1000) == []
+    assert (a.tec, a.state) == (128, CanState.PASSIVE)
+    assert {each.broken.kind for each in rig.errors} == {ErrorKind.ACK}
+    other = Station("b", 1)
+    rig.wire.join(other, LONG)
+    (passed,) = rig.wire.run(2 * LONG)
+    assert (passed.begin, a.tec) == (LONG, 127)
+
+
+def test_a_frame_without_acknowledge_ends_behind_the_slot():
+    bits = stuffed_bits(Frame(0x100))
+    # CRC delimiter and slot, flag of 6, delimiter of 8, intermission of 3
+    assert unacknowledged(bits).length == len(bits) + 2 + 6 + 8 + 3
+
+
+# Frame 0x000 without data begins 00000 1 00000 1: start bit and identifier, with stuff bits.
+@pytest.mark.parametrize(
+    ("position", "flags"),
+    [
+        (4, 12),  # recessive: no dominant bit before the flag, whose sixth bit the others need
+        (5, 6),  # the stuff bit is dominant: six in a row, and all notice at once
+        (6, 12),
+        (2, 12),
+    ],
+)
+def test_flags_of_sender_and_others_overlap(position, flags):
+    bits = stuffed_bits(Frame(0x000))
+    assert bits[:7] == [0, 0, 0, 0, 0, 1, 0]
+    end = disturbed(bits, position, is_passive=False, has_active_others=True)
+    assert end.length == position + 1 + flags + 8 + 3
+
+
+def test_flags_take_6_to_12_bits_as_the_standard_says():
+    dice = random.Random(1)  # noqa: S311 - no secrets
+    found = set()
+    for _ in range(300):
+        bits = stuffed_bits(Frame(dice.randrange(0x800), dice.randbytes(dice.randrange(9))))
+        position = dice.randrange(len(bits) + 9)
+        for is_passive, others in itertools.product((False, True), repeat=2):
+            end = disturbed(bits, position, is_passive=is_passive, has_active_others=others)
+            found.add(end.length - end.position - 12)
+        end = misread(bits, min(position, len(bits) - 1))
+        found.add(end.length - end.position - 12)
+    assert found <= set(range(6, 14))
+    assert {6, 12} <= found
+
+
+def test_a_passive_sender_lets_others_go_first():
+    rig = Rig()
+    a, b, _ = rig.stations
+    a.tec = 200
+    for station, can_id in ((a, 0x100), (a, 0x101), (b, 0x200)):
+        rig.wire.put(station, Frame(can_id), 0)
+    passed = rig.wire.run(LONG)
+    assert [each.frame.can_id for each in passed] == [0x100, 0x200, 0x101]
+    a.tec = 200
+    now = passed[-1].end
+    for can_id in (0x100, 0x101):
+        rig.wire.put(a, Frame(can_id), now)
+    first, second = rig.wire.run(LONG)
+    assert second.begin == first.end + 8 * US  # suspend transmission
+
+
+def test_two_stations_with_one_identifier_break_each_other_until_they_are_passive():
+    rig = Rig()
+    a, b, _ = rig.stations
+    rig.wire.put(a, Frame(0x181, b"\x00"), 0)
+    rig.wire.put(b, Frame(0x181, b"\xff"), 0)
+    passed = rig.wire.run(LONG)
+    assert [each.frame.data for each in passed] == [b"\x00", b"\xff"]
+    assert len(rig.errors) == 16
+    # 16 times 8; the one falls out once more, and both count down with what passes
+    assert (a.tec, b.tec) == (127, 135)
+
+
+def test_the_same_frame_of_two_stations_is_one_on_the_bus():
+    rig = Rig()
+    a, b, _ = rig.stations
+    for station in (a, b):
+        rig.wire.put(station, Frame(0x181, b"\x00"), 0)
+    assert len(rig.wire.run(LONG)) == 1
+    assert (a.waiting, b.waiting, rig.errors) == (0, 0, [])
+
+
+def test_a_dominant_bus_makes_receivers_passive_and_the_sender_bus_off():
+    rig = Rig()
+    a, b, _ = rig.stations
+    rig.wire.put(a, Frame(0x100, bytes(8)), 0)
+    rig.wire.run(20 * US)
+    rig.wire.stick(20 * US)
+    rig.wire.run((20 + 100) * US)
+    # noticed at bit 6: 1; behind the flag: 8; 14 bits from its begin and each 8 after it: 8
+    assert b.rec == 1 + 8 + 8 * (1 + (100 - 6 - 14) // 8)
+    rig.wire.run((20 + 254) * US)
+    assert (a.state, a.tec) == (CanState.PASSIVE, 8 + 8 * 30)
+    rig.wire.run((20 + 255) * US)
+    assert (a.state, b.state) == (CanState.BUS_OFF, CanState.PASSIVE)
+    rig.wire.unstick(1000 * US)
+    rig.wire.put(b, Frame(0x300), 1000 * US)
+    passed = rig.wire.run(LONG)
+    assert passed[0].begin == (1000 + 11) * US
+    assert [each.frame.can_id for each in passed] == [0x300, 0x100]
+
+
+def test_who_leaves_in_the_middle_of_its_frame_keeps_it():
+    rig = Rig()
+    a, _, c = rig.stations
+    rig.wire.put(a, Frame(0x100), 0)
+    rig.wire.run(20 * US)
+    rig.wire.leave(a, 20 * US)
+    assert rig.wire.run(LONG) == []
+    assert (a.waiting, c.rec) == (1, 1)
+    rig.wire.join(a, LONG)
+    assert len(rig.wire.run(2 * LONG)) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_disturbed_bus_every_frame_passes_once(seed):
+    dice = random.Random(seed)  # noqa: S311 - no secrets
+    gaps = []
+
+    def gap():
+        gaps.append(int(dice.expovariate(1 / 2000)))
+        return gaps[-1]
+
+    rig = Rig(chance=gap)
+    for number in range(300):
+        sender = rig.stations[number % 3]
+        rig.wire.put(sender, Frame(0x100 + number, bytes(8)), 0)
+    passed = rig.wire.run(LONG)
+    assert sorted(each.frame.can_id for each in passed) == [0x100 + n for n in range(300)]
+    assert len(rig.errors) == len(gaps) - 1  # each gap drawn but the last has ended with one
+    assert 5 < len(rig.errors) < 60  # 300 frames of some 125 bits: 19 are expected

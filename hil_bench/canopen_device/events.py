@@ -16,6 +16,8 @@ class NodeEventKind(Enum):
     """The communication objects, 0x1000 to 0x1FFF, are back to their defaults [0]."""
     RPDO_TIMEOUT = auto()
     """An RPDO did not come within its event timer [number of the RPDO]."""
+    SRDO_FAILED = auto()
+    """A received SRDO stayed out, came late or disagreed with itself [number of the SRDO]."""
     HEARTBEAT_LOST = auto()
     """A watched node's heartbeat stopped, or the node booted anew [its node-ID]."""
     HEARTBEAT_RESUMED = auto()

@@ -38,6 +38,7 @@ from hil_bench.canopen_device.pdo_protection import MOST_BYTES, limit_mapping, m
 from hil_bench.canopen_device.process_data import ProcessData
 from hil_bench.canopen_device.routing import RouteTable, names_identifier
 from hil_bench.canopen_device.sdo_channels import SdoChannels
+from hil_bench.canopen_device.srdo import Srdos
 from hil_bench.canopen_device.startup import Startup
 from hil_bench.canopen_device.storage import MemoryStorage, Storage
 from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
@@ -154,6 +155,7 @@ class Node:
             self._is_silent = False
             self._update_routes()
         self._process_data.expire(now)
+        self._srdos.expire(now)
         if self._error_control.expire(now):
             self.follow_error_behaviour(COMMUNICATION_ERROR)
 
@@ -235,12 +237,14 @@ class Node:
         self._error_control = ErrorControl(dictionary, self.node_id, rest, events, emcy, counters)
         self._process_data = ProcessData(dictionary, rest, events, emcy, counters)
         self._tpdos = self._process_data.tpdos
+        self._srdos = Srdos(dictionary, self.node_id, rest, events, emcy)
         self._services = (  # in the order in which they send
             self._lss,
             self._sdo,
             emcy,
             self._error_control,
             self._process_data,
+            self._srdos,
             self._time,
             self._store,
         )

@@ -7,7 +7,7 @@ from hil_bench.canopen_device.object_dictionary import Variable
 
 _IDENTIFIERS: Final = frozenset({0x1005, 0x1012})
 _FIRST_IS_IDENTIFIER: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
-_ALL_ARE_IDENTIFIERS: Final = (range(0x1016, 0x1017), range(0x1201, 0x1280))
+_ALL_ARE_IDENTIFIERS: Final = (range(0x1016, 0x1017), range(0x1201, 0x1280), range(0x1301, 0x1341))
 
 
 def names_identifier(variable: Variable) -> bool:

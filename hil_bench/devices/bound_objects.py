@@ -22,6 +22,7 @@ from hil_bench.devices.profile_objects import TpdoTrigger
 from hil_bench.devices.saturation import saturate
 
 _FULL: Final = 1.0
+_COMMANDS_LOST: Final = (NodeEventKind.RPDO_TIMEOUT, NodeEventKind.SRDO_FAILED)
 
 
 class QuantitySource:
@@ -87,7 +88,7 @@ class CommandWatch:
         while events:
             kind, detail = events.popleft()
             has_left = kind is NodeEventKind.STATE_CHANGED and detail != NmtState.OPERATIONAL
-            if has_left or kind is NodeEventKind.RPDO_TIMEOUT:
+            if has_left or kind in _COMMANDS_LOST:
                 self.interruptions += 1
 
 

@@ -1,7 +1,7 @@
 """Control modes pressure and p/Q, dither and identification of the valve on its node.
 
 100 % are 16384 of spool and of pressure, which is 200 bar here; the tick is 1 ms. The gain
-0x2380.01 is 1.00 by default. Without integral time (0x2380.02 = 0) the spool is gain times
+0x2380.01 is 1.00. Without integral time (0x2380.02 = 0) the spool is gain times
 deviation.
 """
 
@@ -30,6 +30,7 @@ def make_valve(bare):
     def make(mode, sense=1, integral_ms=0):
         bare.valve.pressure_control.fit_sensor(FULL, sense)
         set_up(bare, x6043=mode, x6380=8192)
+        assert bare.write(0x2380, 1, 100, 2) is None
         assert bare.write(0x2380, 2, integral_ms, 2) is None
         return activate(bare)
 

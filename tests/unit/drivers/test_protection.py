@@ -87,7 +87,7 @@ def load(tmp_path):
 
 @pytest.fixture
 def rig(load):
-    with VirtualBench(load()) as bench, Network(bench.bus) as network:
+    with VirtualBench(load()) as bench, Network(bench.bus, clock=bench.now) as network:
         sensor = PositionSensor(network, 4)
         sensor.setup(transmission_type=254, event_timer=0.01, protected=True)
         network.start_node()
@@ -128,7 +128,7 @@ def test_lost_frames_show_by_the_counter(rig):
 
 
 def test_an_unprotected_sensor_is_refused_where_protection_is_asked_for(load):
-    with VirtualBench(load("[]")) as bench, Network(bench.bus) as network:
+    with VirtualBench(load("[]")) as bench, Network(bench.bus, clock=bench.now) as network:
         sensor = PositionSensor(network, 4)
         sensor.setup(transmission_type=254, event_timer=0.01, protected=True)
         network.start_node()
@@ -138,7 +138,7 @@ def test_an_unprotected_sensor_is_refused_where_protection_is_asked_for(load):
 
 
 def test_a_mapping_that_leaves_no_room_is_refused(load):
-    with VirtualBench(load()) as bench, Network(bench.bus) as network:
+    with VirtualBench(load()) as bench, Network(bench.bus, clock=bench.now) as network:
         network.pump(0.01)
         node = PositionSensor(network, 4).node
         node.write(0x1800, 1, 0xC0000184)

@@ -27,7 +27,7 @@ def config(tmp_path):
 
 
 def test_the_drivers_read_both_channels(config):
-    with embedded_bus(config) as bus, Network(bus) as network:
+    with embedded_bus(config) as bus, Network(bus, clock=bus.now) as network:
         channels = [PositionSensor(network, 4, ENCODER_REDUNDANT_406, channel=n) for n in (1, 2)]
         for sensor in channels:
             sensor.setup()

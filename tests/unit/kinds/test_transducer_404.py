@@ -32,7 +32,7 @@ def load(tmp_path):
 
 
 def test_the_drivers_read_every_channel(load):
-    with embedded_bus(load(TRANSDUCER + SINGLES)) as bus, Network(bus) as network:
+    with embedded_bus(load(TRANSDUCER + SINGLES)) as bus, Network(bus, clock=bus.now) as network:
         channels = [PressureSensor(network, 2, TRANSDUCER_404, channel=n) for n in (1, 2)]
         singles = [PressureSensor(network, node, PRESSURE_404) for node in (3, 4)]
         temperature = TemperatureSensor(network, 2, TRANSDUCER_404, channel=3)
@@ -50,7 +50,7 @@ def test_the_drivers_read_every_channel(load):
 
 
 def test_a_pressure_driver_on_the_temperature_says_so(load):
-    with embedded_bus(load(TRANSDUCER)) as bus, Network(bus) as network:
+    with embedded_bus(load(TRANSDUCER)) as bus, Network(bus, clock=bus.now) as network:
         sensor = PressureSensor(network, 2, TRANSDUCER_404, channel=3)
         with pytest.raises(DeviceMismatchError, match=r"0x6131\.03.*no pressure"):
             sensor.setup()

@@ -10,6 +10,7 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.codes import abort_text, nmt_text
 from hil_bench.eyes.frame_words import emcy_words, meaning_of
 from hil_bench.eyes.identifiers import function_of
+from hil_bench.eyes.j1939 import describe
 from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.eyes.sight import LENGTH_OF_EMCY, Service, Sight
 from hil_bench.eyes.transfers import Transfer, Way
@@ -20,7 +21,10 @@ LENGTH_OF_SDO: Final = 8
 
 def extended_sight(logged: LoggedFrame) -> Sight:
     """Return what is said of a frame with a 29-bit identifier."""
-    words = f"not CANopen, 29-bit identifier 0x{logged.frame.can_id:08X}"
+    frame = logged.frame
+    words = f"not CANopen, 29-bit identifier 0x{frame.can_id:08X}"
+    if not frame.is_remote:
+        words = f"{words}; J1939: {describe(frame.can_id, frame.data)}"
     return Sight(logged.now, logged.frame, Service.OTHER, "29-bit", words=words)
 
 

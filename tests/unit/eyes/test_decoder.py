@@ -64,7 +64,8 @@ def texts(*frames, nodes=None):
           "manufacturer 01 00 00 00 00"))),
         (Frame(0x080, b"\x07"), ("a master", "SYNC", "counter 7")),
         (Frame(0x18EEFF00, b"\x01", is_extended=True),
-         ("", "29-bit", "not CANopen, 29-bit identifier 0x18EEFF00")),
+         ("", "29-bit", ("not CANopen, 29-bit identifier 0x18EEFF00; "
+          "J1939: PGN 60928 address claimed, from 0"))),
         (Frame(0x7E5, b"\x5e" + bytes(7)), ("", "LSS request", "inquire node-ID")),
         (Frame(0x601, b"\x40"), ("valve", "SDO request", "[40]  ! 1 bytes, 8 are right")),
     ],

@@ -1,8 +1,8 @@
 """The valve of a bench closes the pressure loop with the plant's pressure.
 
-0.3 of 200 bar are 60 bar. The free cylinder moves to its end stop first. The spool's overlap, 23 % of
-its opening (3781), is compensated as docs/devices.md has it; 2 % of the full pressure, 4 bar, is what
-such a loop may be off.
+0.3 of 200 bar are 60 bar. The free cylinder moves to its end stop first. The spool's overlap, 23 %
+of its opening (3781), is compensated as docs/devices.md has it; 2 % of the full pressure, 4 bar, is
+what such a loop may be off.
 """
 
 import pytest

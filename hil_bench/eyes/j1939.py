@@ -1,0 +1,183 @@
+"""What a frame with a 29-bit identifier says if it is one of SAE J1939 or ISO 11783.
+
+The identifier holds priority (3 bits), data page (2), PDU format PF (8), PDU specific PS (8) and
+source address (8). A PF below 240 is sent to the address PS, and the parameter group number (PGN)
+is data page and PF; from 240 on PS belongs to the PGN and all are meant.
+
+Nothing in a frame says that it is J1939; this is how such a frame would be read. Names of the
+parameter groups as public tools have them (SAE J1939 DA and ISO 11783-7 were not at hand).
+"""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+GLOBAL: Final = 0xFF
+"""The address of all."""
+
+_TO_ALL: Final = 240
+_REQUEST, _CLAIM, _TRANSPORT, _ACKNOWLEDGE = 0xEA00, 0xEE00, 0xEC00, 0xE800
+_DIAGNOSES: Final = (0xFECA, 0xFECB)
+
+_GROUPS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        0x0000: "TSC1, torque/speed control",
+        _ACKNOWLEDGE: "acknowledgement",
+        _REQUEST: "request",
+        0xEB00: "TP.DT, transport data",
+        _TRANSPORT: "TP.CM, transport connection",
+        _CLAIM: "address claimed",
+        0xEF00: "proprietary A",
+        0xF003: "EEC2, accelerator pedal",
+        0xF004: "EEC1, engine speed",
+        0xFDD6: "BJM1, basic joystick",
+        0xFDD7: "EJM1, extended joystick",
+        0xFDD8: "BJM2, basic joystick",
+        0xFDD9: "EJM2, extended joystick",
+        0xFECA: "DM1, active trouble codes",
+        0xFECB: "DM2, previous trouble codes",
+        0xFECC: "DM3, clear previous trouble codes",
+        0xFED8: "commanded address",
+        0xFEDA: "software identification",
+        0xFEE5: "engine hours",
+        0xFEEB: "component identification",
+        0xFEEC: "vehicle identification",
+        0xFEEE: "ET1, engine temperature",
+        0xFEEF: "EFL/P1, fluid level and pressure",
+        0xFEF1: "CCVS, cruise control and vehicle speed",
+        0xFEF2: "LFE, fuel economy",
+        0xFEF5: "AMB, ambient conditions",
+        0xFEF7: "VEP1, electrical power",
+    }
+)
+_RANGES: Final = (
+    (range(0xFE10, 0xFE20), "auxiliary valve {} estimated flow"),
+    (range(0xFE20, 0xFE30), "auxiliary valve {} measured flow"),
+    (range(0xFE30, 0xFE40), "auxiliary valve {} command"),
+    (range(0xFF00, 0x10000), "proprietary B"),
+)
+_TRANSPORTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        16: "RTS, {size} bytes in {packets} packets, {group}",
+        17: "CTS, {first} packets from {second}, {group}",
+        19: "end of message, {size} bytes, {group}",
+        32: "BAM, {size} bytes in {packets} packets, {group}",
+        255: "abort, reason {first}, {group}",
+    }
+)
+"""What a TP.CM says, by its control byte."""
+_ADDRESS_NULL: Final = 254
+
+
+class Identifier(NamedTuple):
+    """What a 29-bit identifier says.
+
+    Attributes:
+        priority: 0, the highest, to 7.
+        group: the PGN.
+        source: address of the sender.
+        destination: address of the receiver; `GLOBAL` for all.
+    """
+
+    priority: int
+    group: int
+    source: int
+    destination: int
+
+
+def split(can_id: int) -> Identifier:
+    """Return the parts of a 29-bit identifier."""
+    page, specific = can_id >> 24 & 3, can_id >> 8 & 0xFF
+    is_to_all = (can_id >> 16 & 0xFF) >= _TO_ALL
+    group = page << 16 | (can_id >> 16 & 0xFF) << 8 | (specific if is_to_all else 0)
+    return Identifier(can_id >> 26 & 7, group, can_id & 0xFF, GLOBAL if is_to_all else specific)
+
+
+def group_name(group: int) -> str:
+    """Return a parameter group in words; empty for one that is not known here."""
+    for numbers, text in _RANGES:
+        if group in numbers:
+            return text.format(group - numbers.start)
+    return _GROUPS.get(group, "")
+
+
+def describe(can_id: int, data: bytes) -> str:
+    """Return what a frame says, as J1939 would read it."""
+    _, group, source, destination = split(can_id)
+    name = group_name(group)
+    words = f"PGN {group}" + (f" {name}" if name else "")
+    way = f"from {_address(source)}" + (
+        "" if destination == GLOBAL else f" to {_address(destination)}"
+    )
+    content = _CONTENTS[group](data) if group in _CONTENTS else ""
+    return f"{words}, {way}" + (f": {content}" if content else "")
+
+
+def _address(address: int) -> str:
+    return "none" if address == _ADDRESS_NULL else str(address)
+
+
+def _group_of(data: bytes) -> str:
+    group = int.from_bytes(data[:3], "little")
+    name = group_name(group)
+    return f"PGN {group}" + (f" {name}" if name else "")
+
+
+def _request(data: bytes) -> str:
+    return _group_of(data) if len(data) >= 3 else ""
+
+
+def _acknowledge(data: bytes) -> str:
+    if len(data) < 8 or data[0] > 3:
+        return ""
+    what = ("done", "refused", "access denied", "cannot respond")[data[0]]
+    return f"{what}, {_group_of(data[5:])}"
+
+
+def _claim(data: bytes) -> str:
+    """Return the NAME: what the device is, of whom, which one."""
+    if len(data) != 8:
+        return ""
+    name = int.from_bytes(data, "little")
+    return (
+        f"manufacturer {name >> 21 & 0x7FF}, function {name >> 40 & 0xFF}, "
+        f"identity {name & 0x1FFFFF}"
+    )
+
+
+def _transport(data: bytes) -> str:
+    if len(data) != 8:
+        return ""
+    template = _TRANSPORTS.get(data[0], "")
+    return template.format(
+        size=data[1] | data[2] << 8,
+        packets=data[3],
+        first=data[1],
+        second=data[2],
+        group=_group_of(data[5:]),
+    )
+
+
+def _diagnosis(data: bytes) -> str:
+    """Return the lamps and the first trouble code, by the conversion method of version 4."""
+    if len(data) < 6:
+        return ""
+    lamps = [
+        lamp
+        for shift, lamp in ((6, "malfunction"), (4, "stop"), (2, "warning"), (0, "protect"))
+        if data[0] >> shift & 3 == 1
+    ]
+    number = data[2] | data[3] << 8 | data[4] >> 5 << 16
+    lit = f"lamp {' and '.join(lamps)}" if lamps else "no lamp"
+    return f"{lit}, SPN {number} FMI {data[4] & 0x1F}" if number else f"{lit}, no trouble code"
+
+
+_CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
+    {
+        _REQUEST: _request,
+        _ACKNOWLEDGE: _acknowledge,
+        _CLAIM: _claim,
+        _TRANSPORT: _transport,
+        **dict.fromkeys(_DIAGNOSES, _diagnosis),
+    }
+)

@@ -99,6 +99,7 @@ _PHYSICAL_KEYS = {
     "supply_unit": "supply",
     "lands": "flow_saturation",
     "the cushion": "cushion_a_length_mm",
+    **{key.name: key.name for keys in CUSHION_KEYS.values() for key in keys},
     "pump_control": "pump_control",
     "counterbalance": "counterbalance",
 }
@@ -256,7 +257,7 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
     """Return the cushion of an end.
 
     Raises:
-        ParameterError: half of its data are missing.
+        ParameterError: half of its data are missing, or make no sense.
     """
     keys = CUSHION_KEYS[end]
     given = [key.name for key in keys if axis[key.name].value is not None]
@@ -264,10 +265,11 @@ def _build_cushion(axis: Settings, end: str) -> Cushion | None:
         return None
     if len(given) == 1:
         other = next(key.name for key in keys if key.name not in given)
-        raise ParameterError(
-            f"{given[0]} says no cushion by itself: give {other} too", "the cushion"
-        )
-    return Cushion(**convert(axis, keys))
+        raise ParameterError(f"a cushion has a length and an orifice: give {other} too", given[0])
+    try:
+        return Cushion(**convert(axis, keys))
+    except ParameterError as error:
+        raise ParameterError(str(error), f"{end}_{error.symbols[0]}_mm") from None
 
 
 def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
@@ -281,9 +283,7 @@ def _build_counterbalance(axis: Settings) -> CounterbalanceValve | None:
         return None
     for key in (COUNTERBALANCE_KEYS[0], *COUNTERBALANCE_RATING):
         if axis[key.name].value is None:
-            raise ParameterError(
-                f"counterbalance says no valve by itself: give {key.name} too", "counterbalance"
-            )
+            raise ParameterError(f"a valve needs its data: give {key.name} too", "counterbalance")
     flow, drop = convert(axis, COUNTERBALANCE_RATING).values()
     for key, value in zip(COUNTERBALANCE_RATING, (flow, drop), strict=True):
         require_positive(key.name, value, "")
@@ -306,7 +306,7 @@ def _build_pump(axis: Settings) -> VariablePump | None:
         return None
     if axis["supply"].value is not Supply.UNIT:
         raise ParameterError(
-            'pump_control says no pump by itself: give supply = "unit" too', "pump_control"
+            'a constant supply has no pump: give supply = "unit" too', "pump_control"
         )
     return VariablePump(senses_load=control is PumpControl.LOAD, **convert(axis, PUMP_KEYS))
 

@@ -148,11 +148,19 @@ def verdict(frequency: float, period_us: int, needed: float) -> str:
 def _impact_facts(axis: CylinderConfig) -> Iterator[Fact]:
     p = axis.parameters
     mass = p.m + axis.options.load_mass
-    speed = max(steady_motion(p, axis.options, extends=extends).speed for extends in (True, False))
+    motions = [
+        steady_motion(p, axis.options, extends=extends, cushioned=True) for extends in (True, False)
+    ]
+    speed = max(motion.speed for motion in motions)
     push = max(p.P_S * p.A_A, p.P_S * p.A_B)
     yield Fact("moving mass", mass, "kg")
     yield Fact("time to top speed, at least", 1e3 * mass * speed / push, "ms", "mass by full force")
-    yield Fact("energy at the end stop", 0.5 * mass * speed * speed, "J", "at the higher top speed")
+    yield Fact(
+        "energy at the end stop",
+        0.5 * mass * speed * speed,
+        "J",
+        "at the higher speed, in the cushion if there is one",
+    )
     stop = axis.options.end_stop
     if stop is not None:
         depth = speed * math.sqrt(mass / stop.stiffness)

@@ -5,7 +5,11 @@ import pytest
 from hil_bench.analysis.errors import OperatingPointError
 from hil_bench.analysis.operating_point import find_operating_point
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.extensions import LuGreFriction, SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    CounterbalanceValve,
+    LuGreFriction,
+    SupplyUnit,
+)
 from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
 
 
@@ -14,6 +18,11 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
     [
         PlantOptions(bristles=LuGreFriction()),
         PlantOptions(supply=SupplyUnit()),
+        PlantOptions(
+            counterbalance=CounterbalanceValve(
+                in_line_a=True, setting=1e7, pilot_ratio=3.0, conductance=1e-6
+            )
+        ),
         PlantOptions(loads=(ConstantLoad(10.0),)),
     ],
 )

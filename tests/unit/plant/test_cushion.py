@@ -123,5 +123,8 @@ def test_what_makes_no_sense_is_refused():
     with pytest.raises(ConfigError, match="give cushion_a_orifice_mm too"):
         load_config(tables={"plant": {"axis1": {"cushion_a_length_mm": 30}}})
     keys = {"cushion_a_length_mm": 0, "cushion_a_orifice_mm": 1}
-    with pytest.raises(ConfigError, match=r"length_mm: .* = 0 m; must be greater than 0"):
+    with pytest.raises(ConfigError, match=r"cushion_a_length_mm: .* = 0 m; must be greater than 0"):
+        load_config(tables={"plant": {"axis1": keys}})
+    keys = {"cushion_b_length_mm": 30, "cushion_b_orifice_mm": 0}
+    with pytest.raises(ConfigError, match=r"cushion_b_orifice_mm: .* = 0 m; must be greater"):
         load_config(tables={"plant": {"axis1": keys}})

@@ -53,7 +53,7 @@ def check_components(options: PlantOptions, solver: Solver) -> None:
         return
     symbol = "pump_control" if options.counterbalance is None else "counterbalance"
     raise ParameterError(
-        f"{symbol}: {solver.value} has no counterbalance valve and no pump that swivels; "
+        f"{solver.value} has no counterbalance valve and no pump that swivels: "
         f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value} is right",
         symbol,
     )

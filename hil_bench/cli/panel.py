@@ -8,9 +8,9 @@ from pathlib import Path
 from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
+from hil_bench.panel import DEFAULT_PORT
 
 _NICENESS = 5
-_DEFAULT_PORT = 8408  # that of `hil_bench.panel.server`, which is imported only when it runs
 _EXAMPLES = """\
 examples:
   hil-bench panel
@@ -34,7 +34,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--port",
         type=int,
         metavar="PORT",
-        help=f"port (default {_DEFAULT_PORT} or, where that is in use, a free one; 0: a free one)",
+        help=f"port (default {DEFAULT_PORT} or, where that is in use, a free one; 0: a free one)",
     )
     parser.add_argument(
         "--listen",

@@ -7,9 +7,9 @@ import json
 from collections.abc import Callable
 from typing import Any, Self
 
-from hil_bench.errors import BusError, ConfigError, ControllerError, WaitTimeoutError, printable
+from hil_bench.errors import BusError, WaitTimeoutError, printable
 from hil_bench.outside.feed.client import TIMEOUT
-from hil_bench.outside.feed.messages import PATIENCE, VERSION, encode
+from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of
 from hil_bench.outside.feed.places import HAS_SOCKETS, place_of
 
 _MOST_LINE = 1 << 24
@@ -78,11 +78,7 @@ class BenchLink:
             raise BusError(f"bench {self.name}: its greeting is not JSON") from None
         if self.hello.get("type") == "error":
             raise BusError(f"bench {self.name}: {printable(str(self.hello.get('error')))}")
-        if self.hello.get("version") != VERSION:
-            raise BusError(
-                f"bench {self.name}: speaks version {self.hello.get('version')} of the feed, and "
-                f"the panel version {VERSION}; use the same version of hil-bench for both"
-            )
+        check_version(self.name, self.hello)
 
     async def request(self, action: str, **fields: object) -> Any:  # noqa: ANN401 - what it answers
         """Ask the bench for something and return its answer.
@@ -107,10 +103,7 @@ class BenchLink:
             ) from None
         finally:
             self._open.pop(number, None)
-        if "error" in answer:
-            kind = ConfigError if answer.get("kind") == "usage" else ControllerError
-            raise kind(str(answer["error"]))
-        return answer.get("value")
+        return value_of(answer)
 
     async def listen(self, take: Take) -> None:
         """Pass on what the bench says, until a `BusError` tells that it is gone."""

@@ -8,17 +8,16 @@ from typing import Any
 from hil_bench.canopen_device.cob_id import can_id
 from hil_bench.canopen_device.datatypes import BooleanType, IntegerType, RealType
 from hil_bench.canopen_device.eds import load_eds
-from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
+from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import MappingEntry
+from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.config.objects import name_object
 from hil_bench.errors import ConfigError
 
 Get = Callable[[str, str], Awaitable[Any]]
 """Returns what an object of a node holds, by the node's name and the object's: "0x1017"."""
 
-_PDOS = {
-    "RPDO": (range(0x1400, 0x1600), 0x200),
-    "TPDO": (range(0x1800, 0x1A00), 0x200),
-}
+_TO_MAPPING = 0x200
 _MOST_MAPPED = 64
 
 
@@ -38,7 +37,7 @@ def list_objects(device: Mapping[str, Any]) -> list[dict[str, object]]:
     """Return the objects of a device; `EdsError` where its EDS cannot be read."""
     return [
         {
-            "name": object_name(variable),
+            "name": name_object(variable.index, variable.subindex),
             "text": variable.name,
             "type": variable.data_type.name,
             "is_number": isinstance(variable.data_type, (BooleanType, IntegerType, RealType)),
@@ -54,27 +53,22 @@ async def list_pdos(hello: Mapping[str, Any], get: Get) -> list[dict[str, object
     found = []
     for node, device in hello.get("devices", {}).items():
         objects = _objects(device)
-        for kind, (indices, to_mapping) in _PDOS.items():
+        for kind, indices in COMMUNICATION_INDICES.items():
             for index in objects.indices(indices):
-                identifier = can_id(await get(node, f"0x{index:04X}.01") or 0)
+                identifier = can_id(await get(node, name_object(index, 1)) or 0)
                 if identifier is None:
                     continue
-                raws = await _mapping(node, index + to_mapping, get)
+                raws = await _mapping(node, index + _TO_MAPPING, get)
                 found.append(
                     {
                         "id": identifier,
                         "bus": device["bus"],
                         "node": node,
-                        "pdo": f"{kind}{index - indices.start + 1}",
+                        "pdo": f"{kind.value}{index - indices.start + 1}",
                         "signals": [*_signals(raws, objects)],
                     }
                 )
     return found
-
-
-def object_name(variable: Variable) -> str:
-    """Return the name of an object: "0x1017.00"."""
-    return f"0x{variable.index:04X}.{variable.subindex:02X}"
 
 
 def _objects(device: Mapping[str, Any]) -> ObjectDictionary:
@@ -87,9 +81,9 @@ def _load(eds: str, node_id: int) -> ObjectDictionary:
 
 
 async def _mapping(node: str, index: int, get: Get) -> list[int]:
-    count = await get(node, f"0x{index:04X}.00") or 0
+    count = await get(node, name_object(index, 0)) or 0
     return [
-        int(await get(node, f"0x{index:04X}.{sub:02X}") or 0)
+        int(await get(node, name_object(index, sub)) or 0)
         for sub in range(1, min(count, _MOST_MAPPED) + 1)
     ]
 
@@ -101,7 +95,9 @@ def _signals(raws: list[int], objects: ObjectDictionary) -> Iterator[dict[str, o
         variable = objects.find(entry.index, entry.subindex)
         yield {
             "text": variable.name if variable else "",
-            "name": object_name(variable) if variable else f"0x{entry.index:04X}",
+            "name": name_object(entry.index, entry.subindex)
+            if variable
+            else f"0x{entry.index:04X}",
             "type": variable.data_type.name if variable else "",
             "shift": shift,
             "bits": entry.bits,

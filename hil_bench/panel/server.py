@@ -13,13 +13,13 @@ import uvicorn
 
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
+from hil_bench.panel import DEFAULT_PORT
 from hil_bench.panel.app import Panel
 from hil_bench.panel.desk import Desk
 from hil_bench.panel.guard import Secret
 from hil_bench.panel.hub import Hub
 
 LOOPBACK = "127.0.0.1"
-DEFAULT_PORT = 8408
 
 SHORTEST_PASSWORD = 12
 """Characters."""

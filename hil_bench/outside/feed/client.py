@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
-from hil_bench.errors import BusError, ConfigError, ControllerError, WaitTimeoutError, printable
-from hil_bench.outside.feed.messages import PATIENCE, VERSION, encode
+from hil_bench.errors import BusError, ConfigError, WaitTimeoutError, printable
+from hil_bench.outside.feed.messages import PATIENCE, check_version, encode, value_of
 from hil_bench.outside.feed.places import HAS_SOCKETS, find_names, place_of
 
 TIMEOUT = 5.0
@@ -97,11 +97,8 @@ class FeedClient:
                 )
             if message.get("type") != "answer" or message.get("id") not in {number, None}:
                 self._kept.append(message)
-            elif "error" in message:
-                kind = ConfigError if message.get("kind") == "usage" else ControllerError
-                raise kind(printable(str(message["error"])))
             else:
-                return message.get("value")
+                return value_of(message)
 
     def receive(self, timeout: float) -> dict[str, Any] | None:
         """Return the next message that is no answer; None where none comes in time [s].
@@ -114,11 +111,7 @@ class FeedClient:
         message = self._read(self._timeout)
         if message is None:
             raise WaitTimeoutError(f"bench {self.name}: no greeting in {self._timeout:g} s")
-        if message.get("version") != VERSION:
-            raise BusError(
-                f"bench {self.name}: speaks version {message.get('version')} of the feed, and this "
-                f"program version {VERSION}; use the same version of hil-bench for both"
-            )
+        check_version(self.name, message)
         return message
 
     def _send(self, line: bytes) -> None:

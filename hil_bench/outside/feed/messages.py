@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import BusError, ConfigError, ControllerError, printable
 
 VERSION = 1
 """Version of the messages; it changes where a reader of the one before would err."""
@@ -236,3 +236,31 @@ def _refuse_constant(name: str) -> NoReturn:
 def _shown(value: object) -> str:
     text = ascii(value)
     return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]}..."
+
+
+def check_version(bench: str, hello: Mapping[str, Any]) -> None:
+    """Refuse a bench that speaks another version.
+
+    Args:
+        bench: its name.
+        hello: its greeting.
+
+    Raises:
+        BusError: it does.
+    """
+    if hello.get("version") != VERSION:
+        wrong = (
+            f"speaks version {hello.get('version')} of the feed, and this program version {VERSION}"
+        )
+        raise BusError(f"bench {bench}: {wrong}; use the same version of hil-bench for both")
+
+
+def value_of(answer: Mapping[str, Any]) -> Any:  # noqa: ANN401 - what a bench answers
+    """Return what a bench answers to a request.
+
+    `ConfigError`: the request is wrong. `ControllerError`: the bench cannot do it.
+    """
+    if "error" in answer:
+        kind = ConfigError if answer.get("kind") == "usage" else ControllerError
+        raise kind(printable(str(answer["error"])))
+    return answer.get("value")

@@ -1,6 +1,14 @@
 """Frames on the buses of a bench: which of the buses, and how long each is taken."""
 
+from hil_bench.canopen_device.frame import Frame
+
 BUS_SHIFT = 11
+
+
+ERROR_FLAG = 0x2000_0000
+"""Bit of the identifier of an error frame, as SocketCAN has it: `linux/can/error.h` says what the
+other bits and its eight bytes mean. Recordings and the eyes know such frames; no device ever gets
+one."""
 
 
 def address_of(can_id: int, bus: int) -> int:
@@ -9,6 +17,11 @@ def address_of(can_id: int, bus: int) -> int:
     It is ``frame.can_id | frame.bus << BUS_SHIFT``, and written so where each frame passes.
     """
     return can_id | bus << BUS_SHIFT
+
+
+def is_error_frame(frame: Frame) -> bool:
+    """Return whether a frame is what an adapter reports of an error."""
+    return frame.can_id >= ERROR_FLAG and not frame.is_extended
 
 
 def frame_bits(length: int, *, is_extended: bool = False) -> float:

@@ -32,6 +32,7 @@ class WiredBench(Bench):
 
     Attributes:
         passages: what this tick has heard from buses of copper, in the order of the ends.
+        errors: error frames since the last tick, with their times [ns].
         direct: what it has received from other buses.
         at_once: what it has sent there.
     """
@@ -55,6 +56,7 @@ class WiredBench(Bench):
         )
         self.wiring = wiring
         self.passages: Sequence[Passage] = ()
+        self.errors: Sequence[tuple[Frame, int]] = ()
         self.direct: Sequence[Frame] = ()
         self.at_once: Sequence[Frame] = ()
         self.is_timeless = _never
@@ -68,6 +70,7 @@ class WiredBench(Bench):
         wiring.now = now
         self.direct = direct = wiring.put_all(frames, now)
         self.passages = passages = wiring.take_passed()
+        self.errors = wiring.take_errors()
         heard = [
             wiring.frame_of(passage)
             for passage in passages
@@ -81,7 +84,7 @@ class WiredBench(Bench):
 
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Put frames on the buses; they are answered in a tick, since they take time."""
-        self.passages = ()
+        self.passages, self.errors = (), ()
         self.direct = direct = self.wiring.put_all(frames, now)
         self.at_once = at_once = super().serve(direct, now) if direct else []
         return at_once

@@ -2,12 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
 
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
+from hil_bench.outside.wire.error_frames import broken_frame, event_frame
 from hil_bench.outside.wire.station import Rule, Station
-from hil_bench.outside.wire.wire import Passage, Wire
+from hil_bench.outside.wire.wire import ErrorFrame, Passage, Wire
+
+_MOST_ERRORS: Final = 10_000
 
 
 @dataclass(slots=True)
@@ -123,6 +128,8 @@ class Wiring:
         plugs: by the nodes.
         now: the time at which nodes put frames [ns].
         passed: what has passed since the last tick, in the order of the ends.
+        errors: error frames since then, as the adapter of the controller reports them, with their
+            times [ns].
         is_direct: whether a user in the same thread puts frames at any time, not with a tick.
     """
 
@@ -131,6 +138,7 @@ class Wiring:
         self.plugs = {plug.node: plug for plug in plugs}
         self.now = 0
         self.passed: list[Passage] = []
+        self.errors: list[tuple[Frame, int]] = []
         self.is_direct = True
         self._wires = [bus.wire for bus in buses]
         self._outside = frozenset(bus.controller for bus in buses)
@@ -140,13 +148,27 @@ class Wiring:
 
         def tell(station: Station, event: CanEvent) -> None:
             plug = stations.get(station)
-            if plug is not None:
+            if plug is None:
+                self._keep_event(station, event)
+            else:
                 plug.events.append(event)
                 self._shaken.append(plug)
 
         for bus in buses:
             bus.wire.on_event = tell
             bus.wires = self._wires
+            bus.wire.on_error = partial(self._keep_error, bus)
+
+    def _keep_event(self, station: Station, event: CanEvent) -> None:
+        for bus in self.buses.values():
+            if station is bus.controller:
+                frame = event_frame(event, station, bus.number)
+                if frame is not None and len(self.errors) < _MOST_ERRORS:
+                    self.errors.append((frame, bus.wire.free_at))
+
+    def _keep_error(self, bus: Bus, error: ErrorFrame) -> None:
+        if len(self.errors) < _MOST_ERRORS:
+            self.errors.append((broken_frame(error, bus.controller, bus.number), error.end))
 
     def takes(self, frame: Frame) -> bool:
         """Return whether `put` takes a frame at any time."""
@@ -197,6 +219,11 @@ class Wiring:
     def is_outside(self, passage: Passage) -> bool:
         """Return whether a frame came from outside the bench."""
         return passage.station in self._outside
+
+    def take_errors(self) -> list[tuple[Frame, int]]:
+        """Return the error frames, once."""
+        errors, self.errors = self.errors, []
+        return errors
 
     def take_passed(self) -> list[Passage]:
         """Return what has passed, once."""

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     left_out = LeftOut()
     decoder = Decoder(_nodes(args))
     check_nodes(args.node, decoder)
-    frames = from_first(read_frames(args.log, left_out))
+    frames = from_first(read_frames(args.log, left_out, errors=True))
     if args.output is None and args.dbc is None:
         count = _print(args, decoder, frames)
     else:

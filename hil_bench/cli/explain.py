@@ -46,7 +46,9 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    found = explain(read_frames(args.log, left_out), known_nodes(args, config), bitrate)
+    found = explain(
+        read_frames(args.log, left_out, errors=True), known_nodes(args, config), bitrate
+    )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")
     print_results(args, _lines(found, bitrate), _content(found))

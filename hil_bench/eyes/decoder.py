@@ -14,6 +14,7 @@ from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.eyes.frame_sights import (
     LENGTH_OF_SDO,
     emcy_sight,
+    error_sight,
     extended_sight,
     heartbeat_sight,
     nmt_sight,
@@ -28,7 +29,7 @@ from hil_bench.eyes.identifiers import function_of
 from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.eyes.sight import Service, Sight
 from hil_bench.eyes.transfers import SdoChannel, Transfer
-from hil_bench.frame import BUS_SHIFT, address_of
+from hil_bench.frame import BUS_SHIFT, ERROR_FLAG, address_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ class Decoder:
         """Return what a frame says; nothing for one in the middle of an SDO transfer."""
         sights = self.expire(logged.now) if logged.now >= self._look_at else []
         frame = logged.frame
+        if frame.can_id >= ERROR_FLAG and not frame.is_extended:
+            return [*sights, error_sight(logged)]
         if frame.is_extended:
             return [*sights, extended_sight(logged)]
         key = frame.can_id | frame.bus << BUS_SHIFT

@@ -8,6 +8,7 @@ from typing import Final
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.codes import abort_text, nmt_text
+from hil_bench.eyes.error_words import error_text
 from hil_bench.eyes.frame_words import emcy_words, meaning_of
 from hil_bench.eyes.identifiers import function_of
 from hil_bench.eyes.j1939 import describe
@@ -26,6 +27,11 @@ def extended_sight(logged: LoggedFrame) -> Sight:
     if not frame.is_remote:
         words = f"{words}; J1939: {describe(frame.can_id, frame.data)}"
     return Sight(logged.now, logged.frame, Service.OTHER, "29-bit", words=words)
+
+
+def error_sight(logged: LoggedFrame) -> Sight:
+    """Return what an error frame says: the adapter that recorded it reports."""
+    return Sight(logged.now, logged.frame, Service.OTHER, "error", problem=error_text(logged.frame))
 
 
 def plain_sight(service: Service, logged: LoggedFrame) -> Sight:

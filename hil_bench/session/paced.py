@@ -4,12 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from hil_bench.bench.configuration import RealtimeConfig
+from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.sdo import QUEUE_LENGTH as SDO_QUEUE_LENGTH
 from hil_bench.errors import BusError, TimingError
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
+from hil_bench.outside.transports.socketcan import SocketCanTransport
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
 from hil_bench.session.session import Session
 
@@ -30,6 +32,8 @@ ROUNDS_BETWEEN_TICKS = 16
 flood of what nobody here listens to costs no more than that."""
 
 _MILLISECOND = 1_000_000
+
+_VIRTUAL_CHANNELS = ("vcan", "vxcan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +136,9 @@ class _Bus:
         self._transport = transport
         self._pacer = pacer
         self._hears_all = hears_all
+        # A driver of real hardware would send them as data frames.
+        is_virtual = getattr(transport, "channel", "").startswith(_VIRTUAL_CHANNELS)
+        self._reports_errors = is_virtual and isinstance(transport, SocketCanTransport)
         self._held: list[Frame] = []
         self._routes = session.bench.routes
 
@@ -154,6 +161,8 @@ class _Bus:
         if self._bench.routes is not self._routes:
             self.listen()
         self._transport.send(frames)
+        if self._reports_errors and isinstance(self._bench, WiredBench) and self._bench.errors:
+            self._transport.send([frame for frame, _ in self._bench.errors])
 
     def serve(self) -> None:
         """Answer SDO requests until shortly before the next tick, where the bus allows that.

@@ -4,6 +4,7 @@ A runner calls `tick` and `serve` and knows nothing else of the bench; an observ
 passed and knows nothing of the runner. All times are bench time: nanoseconds since power-on.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from hil_bench.bench.assembly import build_bench
@@ -136,11 +137,17 @@ class Session:
         wiring = bench.wiring
 
         def tell(_received: Sequence[Frame], _sent: Sequence[Frame], now: int) -> None:
+            errors = deque(bench.errors)
             for passage in bench.passages:
+                while errors and errors[0][1] <= passage.end:
+                    frame, time = errors.popleft()
+                    observe((frame,), (), time)
                 if wiring.is_outside(passage):
                     observe((passage.frame,), (), passage.end)
                 else:
                     observe((), (passage.frame,), passage.end)
+            for frame, time in errors:
+                observe((frame,), (), min(time, now))
             if bench.direct or bench.at_once:
                 observe(bench.direct, bench.at_once, now)
 

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from statistics import fmean
 
 from hil_bench.eyes.codes import emergency_text, is_error_reset
-from hil_bench.eyes.explain.finding import Cause, Finding, milliseconds, seconds
+from hil_bench.eyes.explain.finding import EVIDENCE, Cause, Finding, milliseconds, seconds
 from hil_bench.eyes.sight import Service, Sight
-from hil_bench.frame import frame_bits
+from hil_bench.frame import frame_bits, is_error_frame
 
 _FEWEST = 5
 _MISSED = 1.5
@@ -97,6 +97,32 @@ class Syncs:
         before, self._counter = self._counter, counter
         if counter is not None and before is not None and counter not in {before + 1, 1}:
             self._jumps.append(sight)
+
+
+class ErrorFrames:
+    """Keeps what the adapter reports of errors on the bus."""
+
+    def __init__(self) -> None:
+        self._sights: list[Sight] = []
+        self._count = 0
+
+    def hear(self, sight: Sight) -> None:
+        """Take a sight."""
+        if is_error_frame(sight.frame):
+            self._count += 1
+            if len(self._sights) < EVIDENCE:
+                self._sights.append(sight)
+
+    def findings(self, _end: int) -> Iterator[Finding]:
+        """Yield that there were some.
+
+        Yields:
+            At most one finding.
+        """
+        if self._sights:
+            first = self._sights[0]
+            text = f"{self._count} error frames, the first at {seconds(first.now)}: {first.problem}"
+            yield Finding(Cause.ERROR_FRAMES, "", first.now, text, tuple(self._sights))
 
 
 class Emergencies:

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from hil_bench.eyes.decoder import Decoder
-from hil_bench.eyes.explain.bus import EXPLAINED, Emergencies, Load, Syncs
+from hil_bench.eyes.explain.bus import EXPLAINED, Emergencies, ErrorFrames, Load, Syncs
 from hil_bench.eyes.explain.finding import Cause, Finding, Watch
 from hil_bench.eyes.explain.heartbeats import Heartbeats
 from hil_bench.eyes.explain.presence import Presence
@@ -50,6 +50,7 @@ def explain(frames: Iterable[LoggedFrame], known: Iterable[KnownNode], bitrate: 
         Heartbeats(decoder),
         Transfers(decoder),
         ProcessData(decoder),
+        ErrorFrames(),
         Syncs(),
         Emergencies(),
     )

@@ -21,6 +21,7 @@ class Cause(Enum):
     NO_BOOT_UP = "no boot-up", "CiA 301, 7.2.8.3.3"
     NODE_ID_CLASH = "two devices have one node-ID", "CiA 301, 7.2.4 and 7.2.8.3.3"
     IDENTIFIER_CLASH = "two nodes send one identifier", "CiA 301, 7.5.2.37"
+    ERROR_FRAMES = "error frames", "ISO 11898-1"
     RESTART = "restarts by itself", "CiA 301, 7.2.8.3.3"
     OTHER_DEVICE = "is not what its EDS says", "CiA 301, 7.4.1 and 7.5.2.21"
     MAPPING = "mapping does not go with the EDS", "CiA 301, 7.5.2.36 and 7.5.2.38"

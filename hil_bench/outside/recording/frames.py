@@ -15,6 +15,7 @@ from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_reader import read_mdf
@@ -38,6 +39,14 @@ _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 _ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
 """A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most
 of them python-can makes data frames."""
+
+_ERROR_PARTS = re.compile(
+    r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
+)
+_ERROR_CLASSES = 0x1FFF_FFFF
+_ERROR_BITS = ERROR_FLAG | _ERROR_CLASSES
+_MOST_BUSES = 32
+_KEPT_ERRORS = 10_000
 
 _DIRECTIONS = (" R", " T")
 """How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
@@ -181,7 +190,9 @@ class LeftOut:
     ending: str = ""
 
 
-def read_frames(path: Path, left_out: LeftOut | None = None) -> Iterator[LoggedFrame]:
+def read_frames(
+    path: Path, left_out: LeftOut | None = None, *, errors: bool = False
+) -> Iterator[LoggedFrame]:
     """Yield the frames of a recording.
 
     A log whose writer was killed ends with its last complete frame. Error frames and CAN FD frames
@@ -191,6 +202,7 @@ def read_frames(path: Path, left_out: LeftOut | None = None) -> Iterator[LoggedF
     Args:
         path: the log.
         left_out: counts what is left out.
+        errors: whether to yield error frames, too; see `hil_bench.frame.ERROR_FLAG`.
 
     Yields:
         The frames, in the order of the file.
@@ -210,13 +222,18 @@ def read_frames(path: Path, left_out: LeftOut | None = None) -> Iterator[LoggedF
     left_out = left_out or LeftOut()
     with file:
         if suffix == ".blf":
-            yield from map(logged_frame_of, _messages(path, _BlfReader, file, left_out))
+            messages = _messages(path, _BlfReader, file, left_out, errors=errors)
+            yield from map(logged_frame_of, messages)
             return
         lines = _CompleteLines(file, encoding="utf-8")
-        for message in _messages(path, _TEXT_READERS[suffix], lines, left_out):
+        for message in _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors):
+            if errors:
+                yield from lines.take_errors()
             logged = logged_frame_of(message)
             is_silent = suffix == ".log" and not lines.says_direction
             yield logged._replace(is_received=None) if is_silent else logged
+        if errors:
+            yield from lines.take_errors()
         left_out.ending = left_out.ending or lines.ending
         left_out.error_frames += lines.error_frames
 
@@ -245,10 +262,23 @@ class _CompleteLines(io.TextIOWrapper):
     ending = ""
     error_frames = 0
 
+    def __init__(self, file: IO[bytes], encoding: str) -> None:
+        super().__init__(file, encoding=encoding)
+        self._errors: list[LoggedFrame] = []
+
+    def take_errors(self) -> list[LoggedFrame]:
+        """Return the error frames that were left out since the last call."""
+        errors, self._errors = self._errors, []
+        self.error_frames -= len(errors)
+        return errors
+
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
         line = super().__next__()
         while _ERROR_FRAME.match(line):
             self.error_frames += 1
+            parts = _ERROR_PARTS.match(line)
+            if parts is not None and len(self._errors) < _KEPT_ERRORS:
+                self._errors.append(_error_of(parts))
             line = super().__next__()
         if not line.endswith("\n"):
             self.ending = "its last line is cut off"
@@ -257,8 +287,16 @@ class _CompleteLines(io.TextIOWrapper):
         return line
 
 
+def _error_of(match: re.Match[str]) -> LoggedFrame:
+    """Return the error frame of a line of a candump log."""
+    time, bus, can_id, data = match.groups()
+    number = int(bus) % _MOST_BUSES if bus else 0
+    frame = Frame(int(can_id, 16) & _ERROR_BITS, bytes.fromhex(data).ljust(8, b"\0"), bus=number)
+    return LoggedFrame(frame, round(float(time) * 1e9), None)
+
+
 def _messages(
-    path: Path, reader: _Reader, source: IO[Any], left_out: LeftOut
+    path: Path, reader: _Reader, source: IO[Any], left_out: LeftOut, *, errors: bool
 ) -> Iterator[can.Message]:
     """Yield messages until the end, or until what a killed writer left half written.
 
@@ -281,9 +319,9 @@ def _messages(
             left_out.ending = f"what follows cannot be read ({reason})"
             return
         is_empty = False
-        left_out.error_frames += message.is_error_frame
+        left_out.error_frames += message.is_error_frame and not errors
         left_out.fd_frames += message.is_fd
-        if not (message.is_error_frame or message.is_fd):
+        if not ((message.is_error_frame and not errors) or message.is_fd):
             yield message
 
 
@@ -293,6 +331,10 @@ def _begin(reader: _Reader, source: IO[Any]) -> Iterator[can.Message]:
 
 def logged_frame_of(message: can.Message) -> LoggedFrame:
     """Return a message of python-can as a recording holds it."""
+    if message.is_error_frame:
+        data = bytes(message.data).ljust(8, b"\0")[:8]
+        frame = Frame(ERROR_FLAG | message.arbitration_id & _ERROR_CLASSES, data)
+        return LoggedFrame(frame, round(message.timestamp * 1e9), message.is_rx)
     frame = Frame(
         message.arbitration_id,
         bytes(message.data),
@@ -305,10 +347,12 @@ def logged_frame_of(message: can.Message) -> LoggedFrame:
 def message_of(logged: LoggedFrame) -> can.Message:
     """Return a recorded frame as python-can's message; the channel of the first bus is "can0"."""
     frame = logged.frame
+    is_error = frame.can_id >= ERROR_FLAG
     return can.Message(
         timestamp=logged.now * 1e-9,
-        arbitration_id=frame.can_id,
-        is_extended_id=frame.is_extended,
+        arbitration_id=frame.can_id & ~ERROR_FLAG,
+        is_extended_id=frame.is_extended or is_error,
+        is_error_frame=is_error,
         is_remote_frame=frame.is_remote,
         data=frame.data,
         is_rx=logged.is_received is not False,

@@ -41,7 +41,7 @@ class Listener:
         self._last = 0
 
     def hear(self, timeout: float) -> LoggedFrame | None:
-        """Return the next frame, None where none comes in time.
+        """Return the next frame or error frame, None where none comes in time.
 
         Its time counts from the first frame, and never runs back.
 
@@ -61,8 +61,10 @@ class Listener:
         if message.is_error_frame or message.is_fd:
             self.error_frames += message.is_error_frame
             self.fd_frames += not message.is_error_frame
-            return None
-        self.frames += 1
+            if message.is_fd:
+                return None
+        else:
+            self.frames += 1
         if self._origin is None:
             self._origin = message.timestamp
         now = round((message.timestamp - self._origin) * 1e9)

@@ -151,6 +151,11 @@ class Wire:
         for station in stations:
             self.join(station, 0)
 
+    @property
+    def free_at(self) -> int:
+        """When the bus is free again, or has been since [ns]."""
+        return self._free_at
+
     def bits(self, count: int) -> int:
         """Return the time of some bits [ns]."""
         return count * _NS_PER_S // self.bitrate

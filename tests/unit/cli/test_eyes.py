@@ -160,13 +160,13 @@ def test_a_log_that_is_cut_off_says_so(folder, capsys):
     assert len(shown.out.splitlines()) == 7
 
 
-def test_what_is_left_out_of_a_log_is_counted(folder, capsys):
+def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder, capsys):
     error, fd = "(0.010000) can0 20000008#0000000000000000\n", "(0.011) can0 181##1AABB\n"
     with (folder / "t.log").open("a") as file:
         file.write(error + fd)
     assert main(["decode", "t.log"]) == 0
-    said = capsys.readouterr().err
-    assert "1 error frames" in said
+    shown, said = capsys.readouterr()
+    assert "! error while receiving" in shown
     assert "1 CAN FD frames left out" in said
 
 

@@ -29,11 +29,17 @@ class Slope:
 
 @dataclass
 class Lines:
-    """Pieces exp(v) x + own polynomial, measured with noise; jumps where v passes `jump_at`."""
+    """Pieces exp(v) x + own polynomial, measured with noise; jumps where v passes `jump_at`.
+
+    The first line has the teeth of a saw, `saw` high: nearly everywhere they show a slope by v that
+    is not there.
+    """
 
     measured: Values
     jump: float = 0.0
     jump_at: float = 0.0
+    saw: float = 0.0
+    tooth: float = 1.0
     spreads: Values = field(default_factory=lambda: np.full(4, 100.0))
     states: Values = field(init=False)
     steps: Values = field(init=False)
@@ -41,6 +47,10 @@ class Lines:
     def __post_init__(self) -> None:
         self.states = np.zeros((len(self.measured), 4))
         self.steps = np.full_like(self.states, 1e-3)
+
+    @property
+    def _is_first(self) -> Values:
+        return np.asarray(np.arange(len(self.measured)) == 0, dtype=np.float64)
 
     def raw(self, guesses: list[Values], states: list[Values]) -> Values:
         """Return the residuals, shape (guesses, pieces, values)."""
@@ -50,9 +60,18 @@ class Lines:
                 + own @ BASIS.T
                 - self.measured
                 + self.jump * (guess[0] > self.jump_at) * np.sign(PLACES)
+                + np.outer(self._is_first, self.saw * (guess[0] / self.tooth % 1.0) * PLACES)
                 for guess, own in zip(guesses, states, strict=True)
             ]
         )
+
+    def anchor(self, guess: Values) -> Values:
+        """Return the residuals from `states`; the lines have no solver whose steps are cut."""
+        return np.asarray(self.raw([guess], [self.states])[0])
+
+    def beside(self, guesses: list[Values], states: list[Values]) -> Values:
+        """Return what `raw` does."""
+        return self.raw(guesses, states)
 
     def shorten(self, sizes: Values) -> None:
         self.steps = np.minimum(1e-3, 0.03 / np.maximum(sizes, 1e-9))

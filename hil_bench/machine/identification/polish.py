@@ -12,9 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.machine.identification.loss import cost_of
-from hil_bench.machine.identification.quadratic import Quadratic, project, step_down
+from hil_bench.machine.identification.quadratic import (
+    Quadratic,
+    find_deviations,
+    project,
+    step_down,
+)
 from hil_bench.machine.identification.shooting import Shooting
-from hil_bench.machine.identification.tangent import Tangents
+from hil_bench.machine.identification.tangent import Tangent, Tangents
 from hil_bench.machine.identification.uncertainty import leave_out_wild
 from hil_bench.machine.identification.unknowns import Unknowns
 
@@ -35,6 +40,8 @@ One standard deviation off the optimum costs 0.5.
 """
 
 MOST_STEPS = 40
+_MEASURED = 1.0  # decrement below which the gradient is measured
+_REACH = 0.5  # deviations, over which it is
 _IDLE = 3  # steps one after the other that gain nothing
 _STUCK = 0.1  # of the cost, that a piece's start could still gain
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-8, 1e8
@@ -107,6 +114,7 @@ class Polish:
         (costs,) = self._costs(variables, [self.shooting.states])
         cost = float(costs.sum()) + self._expect(variables)
         optimum, quadratic = self._look(variables, cost)
+        is_near = False
         while not optimum.is_reached and optimum.steps < most and idle < _IDLE:
             found = self._step(optimum, quadratic, damping)
             if found is None:
@@ -115,18 +123,25 @@ class Polish:
             gain, steps = optimum.cost - cost, optimum.steps + 1
             idle = idle + 1 if gain <= GAINED else 0
             damping = max(_EASE * damping, _LEAST_DAMPING)
-            optimum, quadratic = self._look(variables, cost)
+            is_near = is_near or optimum.decrement < _MEASURED
+            optimum, quadratic = self._look(variables, cost, is_near=is_near)
             optimum = replace(optimum, gain=gain, steps=steps)
             report()
         return optimum
 
-    def _look(self, variables: Values, cost: float) -> tuple[Optimum, Quadratic]:
+    def _look(
+        self, variables: Values, cost: float, *, is_near: bool = False
+    ) -> tuple[Optimum, Quadratic]:
         """Return how far the optimum is, and the cost about this point."""
         tangent = self._tangents.at(variables)
         slopes = project(tangent)
-        is_tame = leave_out_wild(slopes)[:, np.newaxis, np.newaxis]
-        tangent, slopes = tangent._replace(slopes=tangent.slopes * is_tame), slopes * is_tame
+        is_tame = leave_out_wild(slopes)
+        kept = is_tame[:, np.newaxis, np.newaxis]
+        tangent, slopes = tangent._replace(slopes=tangent.slopes * kept), slopes * kept
         quadratic = Quadratic.of(tangent, self._expected(variables), self.unknowns.spreads)
+        quadratic = self._bend(variables, tangent, quadratic)
+        if is_near:
+            quadratic = self._measure_pull(variables, quadratic, is_tame)
         pull, information = quadratic.reduce(np.zeros(len(quadratic.own)))
         step = step_down(pull, information, self._free(variables, pull), damping=0.0)
         return Optimum(
@@ -166,6 +181,54 @@ class Polish:
                 return trial, cost, damping
             damping *= _TIGHTEN
         return None
+
+    def _bend(self, variables: Values, tangent: Tangent, quadratic: Quadratic) -> Quadratic:
+        """Return the quadratic with the cost's true bend along each start's vaguest direction.
+
+        Along it the residuals hardly change to first order, so that what bends the cost is their
+        second derivative, which Gauss-Newton leaves out: it would see gains that are not there.
+        """
+        direction, size = quadratic.vaguest()
+        move = direction * size[:, np.newaxis] * self.shooting.spreads
+        ends = [self.shooting.states + move, self.shooting.states - move]
+        above, below = self._costs(variables, ends)
+        here = cost_of(tangent.raw).sum(axis=1)
+        return quadratic.bent(direction, (above + below - 2.0 * here) / size**2)
+
+    def _measure_pull(self, variables: Values, quadratic: Quadratic, is_tame: Marks) -> Quadratic:
+        """Return the quadratic with the gradient that the cost has over half a deviation.
+
+        The solver's motion jumps a little where it crosses a branch, and one slope that is a
+        difference across a jump outweighs the gradient that is left near the optimum. Slopes count
+        along directions in which the cost is no parabola that far off, as where nothing is known.
+        """
+        pull, information = quadratic.reduce(np.zeros(len(quadratic.own)))
+        free = self._free(variables, pull)
+        ways = np.zeros((int(free.sum()), len(variables)))
+        ways[:, free] = _REACH * find_deviations(information[np.ix_(free, free)])
+        rises, steps = [], []
+        for sign in (1.0, -1.0):
+            trials = np.clip(variables + sign * ways, *self.unknowns.bounds)
+            steps.append(trials - variables)
+            bends = 0.5 * np.einsum("wv,vu,wu->w", steps[-1], information, steps[-1])
+            rises.append(self._follow(trials, steps[-1], quadratic, is_tame) - bends)
+        here = self._follow(variables[np.newaxis], np.zeros_like(ways[:1]), quadratic, is_tame)
+        is_parabola = np.abs(rises[0] + rises[1] - 2.0 * here) < _REACH**2
+        across = (steps[0] - steps[1])[:, free]
+        found = pull.copy()
+        measured = np.where(is_parabola, rises[0] - rises[1], across @ pull[free])
+        found[free] = np.linalg.solve(across, measured)
+        return quadratic._replace(pull=quadratic.pull + found - pull)
+
+    def _follow(
+        self, trials: Values, steps: Values, quadratic: Quadratic, is_tame: Marks
+    ) -> Values:
+        """Return the cost at each of some trials that lie steps away, the starts following."""
+        guesses = [self.unknowns.guess(trial) for trial in trials]
+        moves = np.array([quadratic.swing(step) for step in steps])
+        states = self.shooting.states + moves * self.shooting.spreads
+        costs = cost_of(self.shooting.raw(guesses, list(states))).sum(axis=2)
+        return np.asarray(costs @ is_tame + [self._expect(trial) for trial in trials])
 
     def _costs(self, variables: Values, states: list[Values]) -> Values:
         """Return the cost of each piece from each of some states, shape (states, pieces)."""

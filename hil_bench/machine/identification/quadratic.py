@@ -12,6 +12,8 @@ from hil_bench.machine.identification.tangent import Tangent
 Values = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
 
+_NEAR = 0.03  # deviations
+
 
 class Quadratic(NamedTuple):
     """The normal equations of the variables and of the starts.
@@ -70,6 +72,30 @@ class Quadratic(NamedTuple):
         alone, across = self._solve(damping)
         return np.asarray(-alone - across @ step)
 
+    def swing(self, step: Values) -> Values:
+        """Return how far the starts' best places move with the variables, shape (pieces, 4)."""
+        _, across = self._solve(np.zeros(len(self.own)))
+        return np.asarray(-across @ step)
+
+    def vaguest(self) -> tuple[Values, Values]:
+        """Return the direction of each start of which least is known, and how far to look there.
+
+        Returns:
+            Unit vectors, shape (pieces, 4), and how far the start's best step goes along them, or
+            a small part of a deviation, whichever is further, shape (pieces,).
+        """
+        values, vectors = np.linalg.eigh(self.own)
+        direction = vectors[:, :, 0]
+        alone, _ = self._solve(np.zeros(len(self.own)))
+        size = np.abs(np.einsum("pk,pk->p", alone, direction))
+        return direction, np.maximum(size, _NEAR / np.sqrt(np.maximum(values[:, 0], 1e-300)))
+
+    def bent(self, direction: Values, bend: Values) -> "Quadratic":
+        """Return the same with second derivatives of at least `bend` along each direction."""
+        seen = np.einsum("pk,pkl,pl->p", direction, self.own, direction)
+        more = np.maximum(bend - seen, 0.0)
+        return self._replace(own=self.own + np.einsum("p,pk,pl->pkl", more, direction, direction))
+
     def own_gains(self) -> Values:
         """Return by how much the cost of each piece would fall by its start alone."""
         alone, _ = self._solve(np.zeros(len(self.own)))
@@ -90,6 +116,14 @@ def project(tangent: Tangent) -> Values:
     raw, own, slopes = tangent
     bent = (own * bend_of(raw)[..., np.newaxis]).transpose(0, 2, 1)
     return np.asarray(slopes - own @ np.linalg.solve(bent @ own, bent @ slopes))
+
+
+def find_deviations(information: Values) -> Values:
+    """Return uncorrelated steps of the variables of one standard deviation each, row by row."""
+    scale = 1.0 / np.sqrt(np.diag(information))
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    sizes = 1.0 / np.sqrt(np.maximum(values, ROUNDING))
+    return np.asarray(sizes[:, np.newaxis] * vectors.T * scale)
 
 
 def step_down(pull: Values, information: Values, free: Marks, damping: float) -> Values:

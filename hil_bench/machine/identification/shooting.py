@@ -22,7 +22,14 @@ from hil_bench.machine.identification.smoothing import smooth_states
 from hil_bench.machine.identification.spool import recorded_spool
 from hil_bench.machine.identification.unknowns import Guess
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.batch import LANES, run_starts, spread_setpoints
+from hil_bench.plants.hydraulic_cylinder.model.batch import (
+    LANES,
+    NO_CUTS,
+    Cuts,
+    run_starts,
+    spread_setpoints,
+)
+from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN
 
 Values = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
@@ -82,6 +89,7 @@ class Shooting:
     _smooth: Values = field(init=False)
     _measured: Values = field(init=False)
     _setpoints: list[Values] = field(init=False)
+    _cuts: list[Cuts] = field(init=False, default_factory=list)
     _basis: Values = field(init=False)
     _sizes: Values = field(init=False)
 
@@ -118,8 +126,18 @@ class Shooting:
         for number, row in enumerate(self.pieces.rows.tolist()):
             self.states[number] = starts.get(row, self.states[number])
 
-    def predict(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+    def predict(
+        self,
+        guesses: Sequence[Guess],
+        states: Sequence[Values],
+        cuts: Sequence[Cuts] | None = None,
+    ) -> Values:
         """Return what each guess, from the states that go with it, says of each piece.
+
+        Args:
+            guesses: the parameters.
+            states: for each guess, at the start of each piece.
+            cuts: of the solver's steps, block by block, as `run_starts` takes them.
 
         Returns:
             Position [m] and the pressures that the sensors show [Pa], shape (guesses, pieces, rows
@@ -136,7 +154,9 @@ class Shooting:
             number, block = job
             pieces = slice(block * LANES, (block + 1) * LANES)
             starts = np.hstack([states[number][pieces], spools[number][pieces]])
-            run = self._run(guesses[number].parameters, block, starts)
+            run = self._run(
+                guesses[number].parameters, block, starts, None if cuts is None else cuts[block]
+            )
             seen[number, pieces] = run[:, :, [0, 2, 3]]
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -228,11 +248,12 @@ class Shooting:
 
         The next steps for slopes are short enough for each piece.
         """
-        moved = [self.states, *(self.states + self.steps * one for one in np.eye(4))]
-        raw = self.raw([guess] * 5, moved)
-        slopes = (raw[1:] - raw[0]).transpose(1, 2, 0) / self.steps[:, np.newaxis]
+        here = self.anchor(guess)
+        moved = [self.states + self.steps * one for one in np.eye(4)]
+        raw = self.beside([guess] * 4, moved)
+        slopes = (raw - here).transpose(1, 2, 0) / self.steps[:, np.newaxis]
         self.shorten(np.linalg.norm(slopes, axis=1))
-        return raw[0], slopes * self.spreads
+        return here, slopes * self.spreads
 
     def shorten(self, sizes: Values) -> None:
         """Make the steps for slopes small beside the noise, by the norms of the slopes."""
@@ -281,7 +302,13 @@ class Shooting:
             ends[part] = self._run(guess.parameters, block, starts)[:, -1, :4]
         return ends
 
-    def _run(self, parameters: PlantParameters, block: int, starts: Values) -> Values:
+    def _run(
+        self,
+        parameters: PlantParameters,
+        block: int,
+        starts: Values,
+        cuts: Cuts | None = None,
+    ) -> Values:
         """Return what a plant shows in the pieces of a block, as `run_starts` does."""
         starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
         return run_starts(
@@ -290,11 +317,29 @@ class Shooting:
             self._setpoints[block],
             dt=self.record.interval / self.substeps,
             every=self.substeps,
+            cuts=NO_CUTS if cuts is None else cuts,
         )
+
+    def anchor(self, guess: Guess) -> Values:
+        """Return the residuals from `states`, shape (pieces, values), and keep the steps' cuts.
+
+        `beside` follows them.
+        """
+        self._cuts = [np.full_like(block, OPEN, dtype=np.int64) for block in self._setpoints]
+        return np.asarray(self._residuals([guess], [self.states], self._cuts)[0])
+
+    def beside(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
+        """Return what `raw` does, with the solver's steps cut as where `anchor` was."""
+        return self._residuals(guesses, states, self._cuts)
 
     def raw(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
         """Return residuals of signals and then of the states, shape (guesses, pieces, values)."""
-        seen = (self.predict(guesses, states) - self._measured) / self.scale
+        return self._residuals(guesses, states, None)
+
+    def _residuals(
+        self, guesses: Sequence[Guess], states: Sequence[Values], cuts: Sequence[Cuts] | None
+    ) -> Values:
+        seen = (self.predict(guesses, states, cuts) - self._measured) / self.scale
         seen = np.nan_to_num(seen, nan=_AWFUL, posinf=_AWFUL, neginf=-_AWFUL)
         offsets = np.array([[0.0, 0.0, *guess.offsets] for guess in guesses])[:, np.newaxis]
         starts = (np.array(states) + offsets - self._smooth) / self.spreads

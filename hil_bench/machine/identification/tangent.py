@@ -2,6 +2,7 @@
 
 The solver's motion has tiny jumps where a step crosses a branch, above all where the piston comes
 to rest. A difference across a jump is no slope, and grows without limit as the step shrinks. So the
+runs of which slopes are taken cut their steps alike (`model.cuts`), which leaves few jumps; and the
 pieces with the steepest slopes are looked at from both sides, and the lesser slope counts.
 """
 
@@ -56,12 +57,13 @@ class Tangents:
         shooting = self.shooting
         is_high = variables + self._steps > self.unknowns.bounds[1]
         steps = np.where(is_high, -self._steps, self._steps)
-        raw = shooting.raw([self.unknowns.guess(variables)], [shooting.states])[0]
+        guess = self.unknowns.guess(variables)
+        raw = shooting.anchor(guess)
         slopes = self._slopes(shooting, variables, steps, raw)
         steep = _steepest(slopes, LANES)
         behind = shooting.part(steep)
         behind.steps = -shooting.steps[steep]
-        others = self._slopes(behind, variables, -steps, raw[steep])
+        others = self._slopes(behind, variables, -steps, behind.anchor(guess))
         is_less = np.linalg.norm(others, axis=1) < np.linalg.norm(slopes[steep], axis=1)
         slopes[steep] = np.where(is_less[:, np.newaxis], others, slopes[steep])
         sizes = np.linalg.norm(slopes, axis=1)
@@ -75,7 +77,7 @@ class Tangents:
         here, states = self.unknowns.guess(variables), shooting.states
         near = [self.unknowns.guess(variables + step) for step in np.diag(steps)]
         moved = [states + shooting.steps * one for one in np.eye(_STATES)]
-        seen = shooting.raw([here] * _STATES + near, moved + [states] * len(near))
+        seen = shooting.beside([here] * _STATES + near, moved + [states] * len(near))
         whole = np.hstack([shooting.steps, np.tile(steps, (len(states), 1))])
         return np.asarray((seen - raw).transpose(1, 2, 0) / whole[:, np.newaxis])
 

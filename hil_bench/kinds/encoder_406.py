@@ -1,5 +1,6 @@
 """The linear position sensor of CiA 406 as a kind of device."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -59,8 +60,9 @@ class EncoderKind(DeviceKind[EncoderConfig]):
         return self.dress(config, device, surroundings)
 
     def stroke(self, config: EncoderConfig, surroundings: Surroundings) -> tuple[float, float]:
-        """Return the positions at the ends of the axis [m]."""
-        return surroundings.axes[str(config.axis)].limits(_POSITION)
+        """Return the positions at the ends of the axis [m]; (0, 0) where it has none."""
+        ends = surroundings.axes[str(config.axis)].limits(_POSITION)
+        return ends if all(map(math.isfinite, ends)) else (0.0, 0.0)
 
     def dress(
         self, config: EncoderConfig, device: EncoderDevice, surroundings: Surroundings

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
@@ -134,6 +135,20 @@ class PlantKind(ABC, Generic[AxisT]):
             problems: where problems are noted.
         """
         return settings
+
+    def specialise(
+        self, settings: Settings, folder: Path, problems: Problems
+    ) -> "PlantKind[AxisT] | None":
+        """Return the kind of one axis, where its quantities are what a file says.
+
+        What is wrong is noted, and None returned.
+
+        Args:
+            settings: of the axis, one for each key.
+            folder: that relative paths of the settings start from.
+            problems: where problems are noted.
+        """
+        return self
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the keys of an axis whose defaults fit badly to the rest, and why."""

@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from hil_bench.plants.fmu.kind import FMU
 from hil_bench.plants.hydraulic_cylinder.kind import HYDRAULIC_CYLINDER
 from hil_bench.plants.kind import PlantKind
 from hil_bench.plants.rotary.kind import ROTARY
@@ -25,7 +26,7 @@ def _find_fault(kind: PlantKind[Any]) -> str:
 PLANTS: Final = Registry[PlantKind[Any]](
     "hil_bench.plants",
     PlantKind,  # type: ignore[type-abstract]
-    {kind.name: kind for kind in (HYDRAULIC_CYLINDER, ROTARY)},
+    {kind.name: kind for kind in (HYDRAULIC_CYLINDER, ROTARY, FMU)},
     _find_fault,
 )
 

@@ -1,6 +1,7 @@
 """The tables ``[plant.NAME]``: the axes, each with the kind of its plant."""
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from hil_bench.bench.configuration.loop import LoopSection
@@ -30,6 +31,7 @@ class AxesSection:
     Args:
         document: the file.
         loop: with the step of the plants' solvers.
+        folder: that relative paths in the file start from.
         problems: where problems are noted.
         default: whether a file without a plant has one default axis; else it has none.
 
@@ -39,9 +41,15 @@ class AxesSection:
     """
 
     def __init__(
-        self, document: Document, loop: LoopSection, problems: Problems, *, default: bool
+        self,
+        document: Document,
+        loop: LoopSection,
+        folder: Path,
+        problems: Problems,
+        *,
+        default: bool,
     ) -> None:
-        self.axes = _read_axes(document, problems, default=default)
+        self.axes = _read_axes(document, folder, problems, default=default)
         self.records: tuple[AxisConfig, ...] = ()
         self._loop, self._problems = loop, problems
 
@@ -64,7 +72,9 @@ class AxesSection:
         return (axis.settings for axis in self.axes.values())
 
 
-def _read_axes(document: Document, problems: Problems, *, default: bool) -> dict[str, AxisSettings]:
+def _read_axes(
+    document: Document, folder: Path, problems: Problems, *, default: bool
+) -> dict[str, AxisSettings]:
     sections = read_named_sections(document, "plant", problems)
     if default and not sections:
         sections = {_DEFAULT_AXIS: {}}
@@ -81,6 +91,10 @@ def _read_axes(document: Document, problems: Problems, *, default: bool) -> dict
             settings = read_table(table, given, kind.keys, problems)
             if len(settings) == len(kind.keys):
                 settings = kind.derive(settings, problems)
+                special = kind.specialise(settings, folder, problems)
+                if special is None:
+                    problems.raise_any()  # without its quantities nothing else can be checked
+                kind = special or kind
             axes[name] = AxisSettings(kind, said | settings)
     return axes
 

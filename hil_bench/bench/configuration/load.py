@@ -62,7 +62,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     on_bus = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
     buses = BusesSection(document, on_bus | dict(bus_options or {}), problems)
-    axes = AxesSection(document, bench, problems, default=needs_axis(document))
+    axes = AxesSection(document, bench, base, problems, default=needs_axis(document))
     nodes = NodesSection(document, buses, axes, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
     failing = FaultsSection(document, faults, nodes, axes, buses, problems)

@@ -1,0 +1,71 @@
+"""The keys of a table ``[plant.NAME]`` with ``kind = "fmu"``; `docs/fmu.md` tells their meaning."""
+
+import re
+from typing import Final
+
+from hil_bench.config.settings import Key
+from hil_bench.config.values import describe, find_nearest, number, text
+from hil_bench.errors import ConfigError
+from hil_bench.units import KILOGRAM, NEWTON, UNITS_OF, Unit
+
+UNITS: Final = {
+    **{unit.symbol: (symbol, unit) for symbol, units in UNITS_OF.items() for unit in units},
+    "1": ("-", Unit("-", "")),
+    **{unit.symbol: (unit.symbol, unit) for unit in (NEWTON, KILOGRAM)},
+    "kN": ("N", Unit("kN", "_kn", 1e3)),
+    "N.m": ("N m", Unit("N m", "_n_m")),
+    "m3/s": ("m³/s", Unit("m³/s", "_m3_s")),
+    "r/min": ("rad/s", UNITS_OF["rad/s"][-1]),
+}
+"""Units of an FMU's variables: the SI unit, and what one of them is; spelled as FMI does, too."""
+
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
+
+
+def _bound(value: object) -> dict[str, dict[str, str]]:
+    """Read variables by the names of their quantities, each with a unit where one is given.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    right = 'give NAME = "VARIABLE", or NAME = { variable = "VARIABLE", unit = "mm" }'
+    if not isinstance(value, dict):
+        raise ConfigError(f"{describe(value)} is not a table; {right}")
+    bound = {}
+    for name, given in value.items():
+        if not _NAME.fullmatch(name):
+            what = "is no good as a name"
+            raise ConfigError(f"{describe(name)} {what}; give at most 32 letters, digits or _")
+        told = {"variable": given} if isinstance(given, str) else given
+        is_table = isinstance(told, dict) and told.keys() <= {"variable", "unit"}
+        if not is_table or not all(isinstance(each, str) for each in told.values()):
+            raise ConfigError(f"{name} = {describe(given)} binds nothing; {right}")
+        if "variable" not in told:
+            raise ConfigError(f"{name} has no variable; {right}")
+        if told.get("unit", "-") not in UNITS:
+            nearest = find_nearest(told["unit"], list(UNITS))
+            raise ConfigError(f"{name}: {describe(told['unit'])} is no known unit; {nearest} is")
+        bound[name] = dict(told)
+    return bound
+
+
+def _numbers(value: object) -> dict[str, float]:
+    """Read numbers by the names of their variables.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not isinstance(value, dict):
+        raise ConfigError(f"{describe(value)} is not a table; give VARIABLE = NUMBER")
+    read = number()
+    return {name: read(given) for name, given in value.items()}
+
+
+FMU_KEYS: Final = (
+    Key("file", text, example='"axis.fmu"'),
+    Key("command", text, example='"u"'),
+    Key("full_command", number(low=-1e9, high=1e9), 1.0),
+    Key("outputs", _bound, example='{ position = "x" }'),
+    Key("inputs", _bound),
+    Key("parameters", _numbers),
+)

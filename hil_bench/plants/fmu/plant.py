@@ -1,0 +1,97 @@
+"""An FMU as a plant of a bench."""
+
+import ctypes
+import math
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping
+from pathlib import Path
+
+from hil_bench.errors import ParameterError
+from hil_bench.plants.fmu.archive import unpack
+from hil_bench.plants.fmu.configuration import FULL_SCALE, FmuConfig
+from hil_bench.plants.fmu.slave import Slave, SlaveError
+
+
+class FmuPlant:
+    """One instance of an FMU, moved on by its own solver, a communication step a plant step.
+
+    Args:
+        axis: its record.
+        dt: communication step [s].
+
+    Raises:
+        ParameterError: the FMU cannot be started.
+    """
+
+    def __init__(self, axis: FmuConfig, dt: float) -> None:
+        self._axis, self._dt, self._steps = axis, dt, 0
+        self._names = [quantity.name for quantity in axis.kind.outputs]
+        self._factors = [binding.factor for binding in axis.outputs]
+        self._read = (ctypes.c_uint32 * len(axis.outputs))(*(b.reference for b in axis.outputs))
+        self._values = (ctypes.c_double * len(axis.outputs))()
+        inputs = (axis.command, *(binding.reference for binding in axis.inputs.values()))
+        self._written = (ctypes.c_uint32 * len(inputs))(*inputs)
+        self._given = (ctypes.c_double * len(inputs))(
+            0.0, *(binding.start for binding in axis.inputs.values())
+        )
+        self._places = {name: place for place, name in enumerate(axis.inputs, 1)}
+        folder = Path(tempfile.mkdtemp(prefix="hil-bench-fmu-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        unpack(axis.path, folder)
+        try:
+            self._slave = slave = Slave(axis.description, folder, axis.name)
+            weakref.finalize(self, slave.end)  # before its folder goes: the last is called first
+            slave.start(axis.parameters)
+            slave.set(self._written, self._given)
+            self._output = self._look(0.0)
+        except SlaveError as error:
+            raise ParameterError(f"plant.{axis.name}: {axis.path}: {error}") from None
+
+    @property
+    def output(self) -> tuple[float, ...]:
+        """The present outputs in SI."""
+        return self._output
+
+    def drive(self, command: float, steps: int) -> tuple[float, ...]:
+        """Move on under a command, as a share of `FULL_SCALE`.
+
+        Raises:
+            ParameterError: a step has failed, or the FMU shows what is no number.
+        """
+        self._given[0] = command / FULL_SCALE * self._axis.full_command
+        try:
+            self._slave.set(self._written, self._given)
+            for step in range(self._steps, self._steps + steps):
+                self._slave.step(step * self._dt, self._dt)
+            self._steps += steps
+            self._output = self._look(command)
+        except SlaveError as error:
+            time = self._steps * self._dt
+            where = f"plant.{self._axis.name}: {self._axis.path}"
+            raise ParameterError(f"{where}: at {time:.4g} s: {error}") from None
+        return self._output
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Stay where it is: nobody but its own solver moves an FMU."""
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set an input [SI]; let go, it has its start value."""
+        binding = self._axis.inputs[name]
+        given = binding.start if value is None else value / binding.factor
+        self._given[self._places[name]] = given
+
+    def _look(self, command: float) -> tuple[float, ...]:
+        """Return the outputs in SI, and the command where no variable follows it.
+
+        Raises:
+            SlaveError: one is no number.
+        """
+        self._slave.get(self._read, self._values)
+        seen = [value * factor for value, factor in zip(self._values, self._factors, strict=True)]
+        if not math.isfinite(math.fsum(seen)):
+            for name, value in zip(self._names, seen, strict=False):
+                if not math.isfinite(value):
+                    raise SlaveError(f"{name} is {value}; a finite number is right")
+        return (*seen, command) if self._axis.echoes_command else tuple(seen)

@@ -1,0 +1,101 @@
+"""An FMU on a bench: bound to quantities, moved tick by tick, and what it says when it fails."""
+
+import gc
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from hil_bench.errors import ParameterError
+from hil_bench.plants.fmu.configuration import FULL_SCALE
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+
+
+@VERSIONS
+def test_moves_under_its_command(load, version):
+    config = load(version)
+    (axis,) = config.axes
+    assert [(q.name, q.unit, q.output) for q in axis.kind.quantities] == [
+        ("position", "m", 0),
+        ("speed", "m/s", 1),
+        ("spool_position", "-", 2),
+        ("spool_setpoint", "-", None),
+    ]
+    plant = axis.kind.build(axis, config.dt)
+    assert plant.output == (0.0, 0.0, 0.0)
+    seen = plant.drive(0.4 * FULL_SCALE, 100)  # u = 40: 0.5 · 40 mm/s for 0.1 s
+    assert seen == pytest.approx((2e-3, 20e-3, 0.4 * FULL_SCALE), rel=1e-9)
+
+
+@VERSIONS
+def test_takes_parameters_and_inputs(load, version):
+    config = load(version, parameters="{ gain = 2, damping = 10 }")
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    (load_input,) = axis.influences
+    assert (load_input.name, load_input.unit) == ("load", "N")
+    plant.influence("load", 50.0)  # 50 / 10 mm/s backwards
+    assert plant.drive(0.01 * FULL_SCALE, 1)[1] == pytest.approx((2.0 * 1.0 - 5.0) * 1e-3)
+    plant.influence("load", None)
+    assert plant.drive(0.01 * FULL_SCALE, 1)[1] == pytest.approx(2e-3)
+
+
+def test_a_variable_may_be_in_another_unit_than_it_says(load):
+    config = load(
+        outputs='{ position = { variable = "x", unit = "um" }, speed = "v", spool_position = "v" }'
+    )
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    seen = plant.drive(0.4 * FULL_SCALE, 100)
+    assert seen == pytest.approx((2e-6, 20e-3, 0.2 * FULL_SCALE))  # v = 20 of 100
+
+
+def test_the_encoder_knows_the_range_that_the_fmu_declares(load):
+    (axis,) = load().axes
+    assert axis.limits("position") == pytest.approx((-0.1, 0.1))
+
+
+@VERSIONS
+def test_a_step_that_fails_ends_in_one_line(load, version):
+    config = load(version, parameters="{ fails_at = 0.05 }")
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    plant.drive(0.0, 40)
+    with pytest.raises(ParameterError) as caught:
+        plant.drive(0.0, 20)
+    assert str(caught.value) == (
+        f"plant.axis1: {config.path.parent / 'slider.fmu'}: at 0.04 s: "
+        f"fmi{version}DoStep failed with status 3 (error): the slider has left its rail"
+    )
+
+
+@VERSIONS
+def test_what_is_no_number_ends_in_one_line(load, version):
+    config = load(version, parameters="{ breaks_at = 0.05 }")
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    with pytest.raises(
+        ParameterError, match=r"at 0.05 s: position is nan; a finite number is right"
+    ):
+        plant.drive(0.0, 50)
+
+
+def test_a_refused_instance_is_one_line(load):
+    from support.fmus import describe_2  # noqa: PLC0415
+
+    config = load(description=describe_2().replace("{slider}", "{other}"))
+    (axis,) = config.axes
+    with pytest.raises(ParameterError, match=r"Failed to instantiate model$"):
+        axis.kind.build(axis, config.dt)
+
+
+def test_leaves_no_folder_behind(load):
+    config = load()
+    (axis,) = config.axes
+    before = set(Path(tempfile.gettempdir()).glob("hil-bench-fmu-*"))
+    plant = axis.kind.build(axis, config.dt)
+    (folder,) = set(Path(tempfile.gettempdir()).glob("hil-bench-fmu-*")) - before
+    del plant
+    gc.collect()
+    assert not folder.exists()

@@ -18,6 +18,7 @@ import hil_drivers.modbus
 from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.campaign.reading import read_campaign
+from hil_bench.machine.fmu_export.export import export_axis
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation
@@ -134,6 +135,10 @@ def test_a_toml_snippet_loads(block, tmp_path):
         return
     for name in re.findall(r'"(\w+\.(?:pem|key))"', block.text):
         (tmp_path / name).touch()
+    if "axis.fmu" in block.text:
+        pytest.importorskip("pythonfmu")
+        config = load_config()
+        export_axis(config, config.axes[0], tmp_path / "axis.fmu")
     beginning = BEGINNINGS.get(block.text.partition("\n")[0], "")
     path.write_text(beginning + block.text, encoding="utf-8")
     load_config(path)

@@ -32,6 +32,7 @@ VERBS = {
     "new": "write a bench.toml from data sheets, and print what the axis can do",
     "check": "check a bench, and print each value with its origin",
     "check-eds": "find what is wrong in EDS files, with line numbers",
+    "export-fmu": "write an axis as an FMU for co-simulation in other tools",
     "analyse": "the paper's analyses, of Table I or of your bench: numbers, tables, figures",
     "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
     "plot": "draw a recording",

@@ -1,0 +1,60 @@
+"""`hil-bench export-fmu`: an axis as an FMU for co-simulation."""
+
+import argparse
+from pathlib import Path
+
+from hil_bench.bench.configuration import AxisConfig, BenchConfig, load_config
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import ConfigError
+from hil_bench.machine.fmu_export.export import export_axis, validate
+
+_EXAMPLES = """\
+examples:
+  hil-bench export-fmu axis.fmu                            the built-in axis
+  hil-bench export-fmu axis.fmu bench.toml --axis axis2
+
+The FMU runs in a Python that has hil-bench: in FMPy, and in tools that bring a Python.
+
+exit code 1 where FMPy finds something wrong in it
+"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    parser = subparsers.add_parser(
+        "export-fmu",
+        description="Write an axis of a bench as an FMU for co-simulation (FMI 2.0): inputs are "
+        "its command,\nload and supply pressure, outputs all of its quantities, in SI.",
+        epilog=_EXAMPLES,
+    )
+    parser.add_argument("fmu", type=Path, metavar="FMU", help="the file to write")
+    parser.add_argument("config", nargs="?", metavar="BENCH.toml", help="the bench (built-in)")
+    parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the FMU and check it."""
+    config = load_config(args.config)
+    axis = _find_axis(config, args.axis)
+    export_axis(config, axis, args.fmu)
+    problems = validate(args.fmu)
+    size = args.fmu.stat().st_size / 1e6
+    print(f"wrote {args.fmu}: {axis.name}, a {axis.kind.name}, {size:.1f} MB")
+    for problem in problems:
+        print(f"{args.fmu}: {problem}")
+    return ExitCode.CHECK_FAILED if problems else ExitCode.DONE
+
+
+def _find_axis(config: BenchConfig, name: str | None) -> AxisConfig:
+    """Return the axis of a name; the first without one.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    if name is None:
+        return config.first_axis
+    axes = {axis.name: axis for axis in config.axes}
+    if name not in axes:
+        raise ConfigError(f"--axis {name}: is no axis of this bench; give {' or '.join(axes)}")
+    return axes[name]

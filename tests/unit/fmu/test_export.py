@@ -1,0 +1,140 @@
+"""An axis as an FMU: FMPy finds nothing wrong, and it moves as the axis does."""
+
+import importlib.util
+import math
+from pathlib import Path
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.cli import main
+from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.errors import ConfigError
+from hil_bench.machine.fmu_export.export import export_axis, validate
+
+ROOT = Path(__file__).parents[3]
+DRUM = ROOT / "examples" / "machines" / "drum.toml"
+BACK = """
+[bench]
+step_us = 1000
+[plant.axis1]
+kind = "fmu"
+file = "axis.fmu"
+command = "spool_setpoint"
+outputs = { position = "position", speed = "speed", P_A = "P_A", spool_position = "spool_position" }
+inputs = { load = "load", supply_pressure = "supply_pressure" }
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+"""
+
+pytestmark = pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in ("fmpy", "pythonfmu")),
+    reason="needs fmpy and pythonfmu",
+)
+
+
+def export(folder: Path, source: Path | None = None) -> Path:
+    config = load_config(source)
+    export_axis(config, config.axes[0], folder / "axis.fmu")
+    return folder / "axis.fmu"
+
+
+def test_fmpy_finds_nothing_wrong(tmp_path: Path) -> None:
+    assert validate(export(tmp_path)) == []
+
+
+def test_the_axis_put_back_is_the_axis(tmp_path: Path) -> None:
+    """The same kernel makes the same steps; what differs is the rounding of the share."""
+    export(tmp_path)
+    (tmp_path / "bench.toml").write_text(BACK)
+    own, back = load_config(), load_config(tmp_path / "bench.toml")
+    axis, copy = own.axes[0], back.axes[0]
+    plant, other = axis.kind.build(axis, own.dt), copy.kind.build(copy, back.dt)
+    for tick in range(600):
+        if tick == 300:
+            for each in (plant, other):
+                each.influence("load", 2000.0)
+                each.influence("supply_pressure", 80e5)
+        share = 0.7 * math.sin(tick * 0.01)
+        seen = plant.drive(share * axis.full_scale, 20)
+        shown = other.drive(share * copy.full_scale, 1)
+        assert shown[:3] == pytest.approx(seen[:3], rel=1e-9, abs=1e-12)
+        assert shown[3] / copy.full_scale == pytest.approx(seen[4] / axis.full_scale, abs=1e-12)
+    assert abs(seen[0]) > 0.002  # it has moved
+
+
+def test_a_motor_runs_in_fmpy(tmp_path: Path) -> None:
+    import fmpy  # noqa: PLC0415 - an extra
+
+    path = export(tmp_path, DRUM)
+    run = fmpy.simulate_fmu(
+        str(path),
+        stop_time=0.2,
+        step_size=1e-3,
+        output_interval=1e-3,
+        start_values={"spool_setpoint": 0.5},
+    )
+    config = load_config(DRUM)
+    axis = config.axes[0]
+    plant = axis.kind.build(axis, config.dt)
+    for _ in range(200):
+        seen = plant.drive(0.5 * config.full_scale(axis), 20)
+    assert run["speed"][-1] == pytest.approx(seen[1], rel=1e-9)
+    assert run["angle"][-1] == pytest.approx(seen[0], rel=1e-9)
+
+
+def test_two_instances_live_side_by_side(tmp_path: Path) -> None:
+    """The first one goes on as if the second were not there."""
+    export(tmp_path)
+    (tmp_path / "bench.toml").write_text(BACK)
+    config = load_config(tmp_path / "bench.toml")
+    axis = config.axes[0]
+    one, other = (axis.kind.build(axis, config.dt) for _ in range(2))
+    for _ in range(100):
+        one.drive(0.5 * axis.full_scale, 1)
+    assert other.drive(0.0, 1)[0] == pytest.approx(0.0, abs=1e-15)
+    assert one.output[0] > 1e-3
+
+
+def test_a_step_that_is_no_multiple_is_refused(tmp_path: Path) -> None:
+    export(tmp_path)
+    (tmp_path / "bench.toml").write_text(BACK.replace("step_us = 1000", "step_us = 125"))
+    config = load_config(tmp_path / "bench.toml")
+    plant = config.axes[0].kind.build(config.axes[0], config.dt)
+    with pytest.raises(ConfigError, match="at 0 s: fmi2DoStep failed with status"):
+        plant.drive(0.0, 1)
+
+
+def test_only_axes_of_our_own_are_exported(tmp_path: Path) -> None:
+    export(tmp_path)
+    (tmp_path / "bench.toml").write_text(BACK)
+    config = load_config(tmp_path / "bench.toml")
+    with pytest.raises(ConfigError, match=r"^plant.axis1: a fmu cannot be exported; give an axis"):
+        export_axis(config, config.axes[0], tmp_path / "other.fmu")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["axis.zip"], "axis.zip: is no name of an FMU; give one that ends in .fmu"),
+        (["a.fmu", str(DRUM), "--axis", "b"], "--axis b: is no axis of this bench; give axis1"),
+        (["no/folder/axis.fmu"], ""),
+    ],
+)  # fmt: skip
+def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = main(["export-fmu", *words])
+    out, err = capsys.readouterr()
+    if message:
+        assert (code, err.splitlines()[0]) == (ExitCode.USAGE, f"hil-bench: error: {message}")
+    else:
+        assert code == ExitCode.DONE
+        assert out.startswith("wrote no/folder/axis.fmu: axis1, a hydraulic_cylinder, ")
+
+
+def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
+    config = load_config()
+    with pytest.raises(ConfigError, match=r"needs PythonFMU and FMPy.*hil-bench\[fmu\]"):
+        export_axis(config, config.axes[0], tmp_path / "axis.fmu")

@@ -125,7 +125,7 @@ def test_the_settings_name_each_fault(write: Write) -> None:
         (fault("drift", "position", "drift_bar_s = 1\ndrift_mm_s = 2"), "faults[1].drift_bar_s: is not what this sensor measures; give drift_mm_s"),
         (IO + fault("disable", "io"), 'faults[1].target: "io" is no valve with an enable input; this bench has none'),
         (TWO_SOURCES + fault("freeze", "io"), 'faults[1].target: "io" is no sensor; give one of io.0x6401.01, io.0x6401.02'),
-        (TWO_SOURCES.replace("position", "speed").replace('"mm"', '"m/s"') + fault("offset", "io.0x6401.02", "offset_mm = 1"), 'faults[1].kind: "offset" is for pressures and positions'),
+        (TWO_SOURCES.replace("position", "speed").replace('"mm"', '"m/s"') + fault("offset", "io.0x6401.02", "offset_mm = 1"), 'faults[1].kind: "offset" is for pressures, positions and angles'),
     ],
 )  # fmt: skip
 def test_a_mistake_is_told(write: Write, text: str, message: str) -> None:

@@ -111,7 +111,7 @@ def register(*lines: str, table: str = "input_registers") -> str:
             (
                 'input_registers.p.unit: "furlong" is unknown; give one of "-", "%", "Pa", "mbar", '
                 '"kPa", "bar", "MPa", "m", "mm", "um", "m/s", "mm/s", "s", "ms", "us", '
-                '"m³/s", "l/min"'
+                '"m³/s", "l/min", "rad", "deg", "rev", "rad/s", "deg/s", "rpm", "N m"'
             ),
         ),
         (

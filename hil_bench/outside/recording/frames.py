@@ -77,6 +77,8 @@ def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
 class _CandumpFile(BlockFile):
     """Appends lines as candump -L writes them."""
 
+    has_error_frames = True
+
     def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
         self._file.append("".join(map(_candump_line, frames)).encode())
 
@@ -101,6 +103,8 @@ class _AscWriter(ASCWriter):
 
 class _AscFile(BlockFile):
     """Has python-can write lines into memory, and appends them to the file as one block."""
+
+    has_error_frames = True
 
     def __init__(self, path: Path, started: datetime | None) -> None:
         super().__init__(path)
@@ -134,6 +138,8 @@ class _Text(io.StringIO):
 
 class _BlfFile(BlockFile):
     """Has python-can write containers into memory, and appends them to the file as one block."""
+
+    has_error_frames = True
 
     def __init__(self, path: Path) -> None:
         self._writer = _BlockBlfWriter()

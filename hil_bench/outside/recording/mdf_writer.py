@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 import hil_bench
-from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
@@ -66,7 +65,6 @@ class MdfFile(BlockFile):
 
     def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
         """Append frames."""
-        frames = [logged for logged in frames if logged.frame.can_id < ERROR_FLAG]
         data = [_data_record(logged) for logged in frames if not logged.frame.is_remote]
         remote = [_head_record(logged) for logged in frames if logged.frame.is_remote]
         for group, records, dtype in (

@@ -63,6 +63,7 @@ _PANELS = (
         (_Curve("position_setpoint", "", RED, minus="position"),),
         share=0.8,
     ),
+    _Panel("Angle", (_Curve("angle", "actual", BLUE),), share=1.0, measured="rad"),
     _Panel(
         "Pressure",
         (_Curve(P_A, "$P_A$", ORANGE), _Curve(P_B, "$P_B$", GREEN)),

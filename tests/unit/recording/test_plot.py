@@ -1,3 +1,4 @@
+import math
 import sys
 from pathlib import Path
 
@@ -57,6 +58,15 @@ def test_each_quantity_has_a_panel_in_its_display_unit() -> None:
         ("Pressure [bar]", [50.0, 40.0]),
         ("Spool [%]", [50.0, 25.0]),
     ]
+
+
+def test_a_shaft_has_a_panel_in_revolutions() -> None:
+    recorder = ChannelRecorder([Channel("axis1.angle", "rad"), Channel("axis1.P_A", "Pa")], 2)
+    for tick in range(2):
+        recorder.append([tick * 1e-3, 4.0 * math.pi * tick, 50e5])
+    angle, pressure = plot.result_figure(recorder.result()).axes
+    assert (angle.get_ylabel(), pressure.get_ylabel()) == ("Angle [rev]", "Pressure [bar]")
+    assert list(angle.lines[0].get_ydata()) == pytest.approx([0.0, 2.0])
 
 
 def test_a_spool_recorded_in_metres_is_drawn_in_millimetres() -> None:

@@ -21,6 +21,7 @@ class FaultKind(StrEnum):
     DROP_SUPPLY = "drop_supply"
     LEAK = "leak"
     AERATE = "aerate"
+    WEAR_SPOOL = "wear_spool"
     JAM = "jam"
     DROP_LOAD = "drop_load"
     WEAR_PUMP = "wear_pump"
@@ -62,6 +63,7 @@ VALVE_KINDS = frozenset(
 DEFECTS: Final[Mapping[FaultKind, str]] = MappingProxyType(
     {
         FaultKind.AERATE: "entrained_air",
+        FaultKind.WEAR_SPOOL: "null_opening",
         FaultKind.JAM: "dry_friction",
         FaultKind.DROP_LOAD: "load_loss",
         FaultKind.WEAR_PUMP: "pump_loss",

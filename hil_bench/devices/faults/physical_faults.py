@@ -77,6 +77,12 @@ class PhysicalFaults(FaultSchedule):
         """Let air into the oil: a share of the volume at atmospheric pressure."""
         return self._wear(FaultKind.AERATE, axis, _Wear("entrained_air", share, growth), when)
 
+    def wear_spool(
+        self, axis: str, opening: float, *, growth: float = 0.0, **when: Unpack[When]
+    ) -> Fault:
+        """Round the edges of the spool: the opening that leaks in the centre grows by this [m]."""
+        return self._wear(FaultKind.WEAR_SPOOL, axis, _Wear("null_opening", opening, growth), when)
+
     def jam(self, axis: str, force: float, *, growth: float = 0.0, **when: Unpack[When]) -> Fault:
         """Let piston or load rub with a further dry friction [N]."""
         return self._wear(FaultKind.JAM, axis, _Wear("dry_friction", force, growth), when)

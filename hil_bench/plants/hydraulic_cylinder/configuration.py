@@ -62,11 +62,13 @@ from hil_bench.plants.quantity import SUPPLY, Influence
 _SUPPLY_LIMIT = 1e9  # [Pa], ten times that of a water jet cutter
 
 _LARGEST_LEAK = 5e-3 / 60.0 / 1e5  # [m³/(s Pa)], 5 l/min a bar: a hose that has burst
+_MOST_WORN = 5e-4  # [m], a spool that hardly closes
 _DEFECTS = (
     Influence("internal_leakage", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
     Influence("leakage_a", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
     Influence("leakage_b", "m³/(s Pa)", 0.0, _LARGEST_LEAK),
     Influence("entrained_air", "-", 0.0, MOST_AIR),
+    Influence("null_opening", "m", 0.0, _MOST_WORN),
     Influence("dry_friction", "N", 0.0, LOAD_LIMIT),
 )
 _LOAD_DEFECTS = (Influence("load_loss", "-", 0.0, 1.0),)

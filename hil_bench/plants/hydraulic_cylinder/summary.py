@@ -148,20 +148,27 @@ def verdict(frequency: float, period_us: int, needed: float) -> str:
 def _impact_facts(axis: CylinderConfig) -> Iterator[Fact]:
     p = axis.parameters
     mass = p.m + axis.options.load_mass
-    motions = [
-        steady_motion(p, axis.options, extends=extends, cushioned=True) for extends in (True, False)
-    ]
-    speed = max(motion.speed for motion in motions)
+    top = _fastest(axis, cushioned=False)
+    speed = _fastest(axis, cushioned=True)
     push = max(p.P_S * p.A_A, p.P_S * p.A_B)
     yield Fact("moving mass", mass, "kg")
-    yield Fact("time to top speed, at least", 1e3 * mass * speed / push, "ms", "mass by full force")
+    yield Fact("time to top speed, at least", 1e3 * mass * top / push, "ms", "mass by full force")
     yield Fact(
         "energy at the end stop",
         0.5 * mass * speed * speed,
         "J",
-        "at the higher speed, in the cushion if there is one",
+        "at the higher speed there",
     )
     stop = axis.options.end_stop
     if stop is not None:
         depth = speed * math.sqrt(mass / stop.stiffness)
         yield Fact("  depth of impact, at most", 1e3 * depth, "mm", "without the stop's damping")
+
+
+def _fastest(axis: CylinderConfig, *, cushioned: bool) -> float:
+    """Return the higher of both steady speeds with the valve wide open [m/s]."""
+    p, options = axis.parameters, axis.options
+    return max(
+        steady_motion(p, options, extends=extends, cushioned=cushioned).speed
+        for extends in (True, False)
+    )

@@ -40,6 +40,7 @@ EXAMPLES = {
     FaultKind.DROP_SUPPLY: ("axis1", "pressure_bar = 20", {"pressure": 20e5}),
     FaultKind.LEAK: ("axis1", 'leak_l_min_bar = 0.06\npath = "a"\ngrowth_s = 2', {"conductance": 1e-11, "path": LeakPath.A, "growth": 2.0}),
     FaultKind.AERATE: ("axis1", "air_percent = 2", {"share": 0.02, "growth": 0.0}),
+    FaultKind.WEAR_SPOOL: ("axis1", "opening_um = 20", {"opening": pytest.approx(20e-6), "growth": 0.0}),
     FaultKind.JAM: ("axis1", "force_n = 5000", {"force": 5000.0, "growth": 0.0}),
     FaultKind.DROP_LOAD: ("axis1", "", {"share": 1.0, "growth": 0.0}),
     FaultKind.WEAR_PUMP: ("axis1", "loss_percent = 30", {"share": 0.3, "growth": 0.0}),

@@ -85,6 +85,19 @@ def test_air_softens_the_oil_by_the_mixture_law():
     assert 50e5 - end.P_A == pytest.approx(expected, rel=1e-3)
 
 
+def test_a_worn_spool_leaks_as_an_orifice_in_its_centre():
+    """Q = K x_0² / (x_0 + beta) (sqrt(P_S - P_A) - sqrt(P_A - P_T)), Eryilmaz and Wilson."""
+    plant = held_plant()
+    plant.restart(plant.state._replace(P_A=30e5, P_B=30e5))
+    plant.defects = Defects(null_opening=40e-6)
+    p = plant.parameters
+    opening = (40e-6) ** 2 / (40e-6 + p.beta)
+    flow = p.K * opening * (math.sqrt(p.P_S - 30e5) - math.sqrt(30e5))
+    assert plant.step(PlantInput(0.0), 1).Q_A == pytest.approx(flow, rel=1e-3)
+    plant.defects = Defects()
+    assert plant.step(PlantInput(0.0), 1).Q_A == 0.0
+
+
 def test_a_plant_whose_defects_are_mended_goes_on_as_one_without():
     sound, mended = FullOrderPlant(paper_parameters()), FullOrderPlant(paper_parameters())
     mended.defects = Defects(leakage_a=LEAK)

@@ -90,4 +90,5 @@ def test_a_worn_friction_that_is_a_force_is_none_of_a_motor(motor: Motor) -> Non
         "leakage_a",
         "leakage_b",
         "entrained_air",
+        "null_opening",
     }

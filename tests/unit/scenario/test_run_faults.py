@@ -20,6 +20,7 @@ KEYS = {
     "drop_supply": 'target = "axis1"\npressure_bar = "sag_bar"',
     "leak": 'target = "axis1"\nleak_l_min_bar = 0.1\npath = "b"\ngrowth_s = 0.005',
     "aerate": 'target = "axis1"\nair_percent = 2',
+    "wear_spool": 'target = "axis1"\nopening_um = 30\ngrowth_s = 0.01',
     "jam": 'target = "axis1"\nforce_n = 1000',
     "drop_load": 'target = "axis1"',
     "wear_pump": 'target = "axis1"\nloss_percent = 40',

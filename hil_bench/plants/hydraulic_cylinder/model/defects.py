@@ -12,7 +12,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     RELIEF_PRESSURE,
     pack_extended,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extensions import EntrainedAir, SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    EntrainedAir,
+    MeteringLands,
+    SupplyUnit,
+)
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -35,6 +39,7 @@ class Defects:
         leakage_a: adds to C_LA, from chamber A to the tank [m³/(s Pa)].
         leakage_b: adds to C_LB, from chamber B to the tank [m³/(s Pa)].
         entrained_air: adds to the volume of air in the oil at atmospheric pressure [-].
+        null_opening: adds to x_0, the opening that leaks in the centre of the valve [m].
         dry_friction: adds to F_c and F_s [N].
         load_loss: share of the loads, with their mass, that is gone [-].
         pump_loss: share of the pump's flow that is lost [-].
@@ -46,6 +51,7 @@ class Defects:
     leakage_a: float = 0.0
     leakage_b: float = 0.0
     entrained_air: float = 0.0
+    null_opening: float = 0.0
     dry_friction: float = 0.0
     load_loss: float = 0.0
     pump_loss: float = 0.0
@@ -55,7 +61,8 @@ class Defects:
     @property
     def needs_extension(self) -> bool:
         """Whether the paper's equations cannot hold them."""
-        return bool(self.leakage_a or self.leakage_b or self.entrained_air)
+        amounts = (self.leakage_a, self.leakage_b, self.entrained_air, self.null_opening)
+        return any(amounts)
 
 
 def pack_defective(
@@ -88,6 +95,7 @@ def pack_defective(
         C_LA=options.C_LA + defects.leakage_a,
         C_LB=options.C_LB + defects.leakage_b,
         air=_aerate(options.air, defects.entrained_air),
+        lands=_round_off(options.lands, defects.null_opening),
         supply=None if options.supply is None else _wear_supply(options.supply, defects),
         loads=tuple(_lighten(load, 1.0 - defects.load_loss) for load in options.loads),
     )
@@ -104,6 +112,13 @@ def _aerate(air: EntrainedAir | None, more: float) -> EntrainedAir | None:
     if air is None:
         return EntrainedAir(air_fraction=min(more, MOST_AIR))
     return replace(air, air_fraction=min(air.air_fraction + more, MOST_AIR))
+
+
+def _round_off(lands: MeteringLands | None, more: float) -> MeteringLands | None:
+    if not more:
+        return lands
+    lands = MeteringLands() if lands is None else lands
+    return replace(lands, null_opening=lands.null_opening + more)
 
 
 def _wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:

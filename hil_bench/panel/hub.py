@@ -161,13 +161,16 @@ class Hub:
     async def _care(self, link: BenchLink) -> None:
         """Ask the bench for what browsers want, whenever that changes."""
         while True:
+            self._change.clear()  # before the look, so that none in between is missed
             wanted = bool(self.viewers), any(viewer.wants_frames for viewer in self.viewers)
             if wanted != self._watched:
-                self._watched = wanted
                 rows = 0.0 if wanted[0] else None
-                with contextlib.suppress(HilBenchError):
+                try:
                     await link.request("watch", rows_every_s=rows, frames=wanted[1])
-            self._change.clear()
+                except HilBenchError:
+                    await asyncio.sleep(RETRY)
+                    continue
+                self._watched = wanted
             await self._change.wait()
 
     async def _beat(self) -> None:

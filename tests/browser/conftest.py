@@ -54,12 +54,14 @@ class Pages:
         self._browser = browser
         self.complaints = []
 
-    def open(self, port, secret=SECRET, **options):
+    def open(self, port, secret=SECRET, *, clocked=False, **options):
         context = self._browser.new_context(
             **{"viewport": {"width": 1280, "height": 900}, **options}
         )
         context.set_default_timeout(PATIENCE)
         page = context.new_page()
+        if clocked:
+            page.clock.install()
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("console", self._note)
         page.goto(f"http://127.0.0.1:{port}/#{secret}")

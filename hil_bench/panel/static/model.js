@@ -19,6 +19,7 @@ export class Model {
     this.commands = [];
     this.spans = [];
     this.emcy = {};
+    this.events = [];
     link.on("rows", ({ rows }) => rows.forEach((row) => this.store.push(row)));
     link.on("state", (state) => this.takeState(state));
     link.on("health", (health) => {
@@ -42,6 +43,7 @@ export class Model {
     this.commands = [];
     this.spans = [];
     this.emcy = {};
+    this.events = [];
     this.missed = 0;
   }
 
@@ -59,10 +61,13 @@ export class Model {
 
   takeState(state) {
     for (const [name, node] of Object.entries(state.nodes)) {
-      const before = this.state.nodes[name]?.errors ?? [];
+      const before = this.state.nodes[name];
       for (const code of node.errors) {
-        if (!before.includes(code)) this.emcy[name] = { code, time: state.time };
+        if (before?.errors.includes(code)) continue;
+        this.emcy[name] = { code, time: state.time };
+        this.note("emcy", state.time);
       }
+      if (before && (before.state !== node.state || before.device !== node.device)) this.note("state", state.time);
     }
     this.state = state;
     for (const fault of state.faults) this.openSpan(fault.kind, fault.target, fault.begins);
@@ -83,14 +88,24 @@ export class Model {
     const isKnown = this.spans.some(
       (span) => span.kind === kind && span.target === target && Math.abs(span.begin - begin) < 1e-6,
     );
-    if (!isKnown) this.spans.push({ kind, target, begin, end: null });
+    if (!isKnown) {
+      this.spans.push({ kind, target, begin, end: null });
+      this.note("fault", begin);
+    }
     if (this.spans.length > MOST_MARKS) this.spans.shift();
   }
 
   takeCommand(command) {
     if (this.commands.some((each) => each.entry === command.entry)) return;
     this.commands.push(command);
+    if (command.do === "mark") this.note("mark", command.time);
     if (this.commands.length > MOST_FRAMES) this.commands.shift();
+  }
+
+  // Keep what a trigger may wait for.
+  note(what, time) {
+    this.events.push({ what, time });
+    if (this.events.length > MOST_MARKS) this.events.shift();
   }
 
   takeFrames(frames) {

@@ -1,0 +1,84 @@
+"""What goes wrong around a page: sleep, slow lines, clocks that jump. It says so and recovers."""
+
+import re
+
+import pytest
+from support.live_bench import live_bench, panel
+
+pytestmark = pytest.mark.browser
+expect = pytest.importorskip("playwright.sync_api").expect
+
+HOUR = 3_600_000  # [ms]
+
+
+def expect_time_to_pass(page):
+    clock = page.locator("#clock")
+    expect(clock).to_have_text(re.compile(r"\d+\.\d\d s"))
+    before = clock.inner_text()
+    expect(clock).not_to_have_text(before)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_browser_that_was_asleep_for_an_hour_goes_on(pages, monkeypatch):
+    with live_bench(), panel() as port:
+        page = pages.open(port, clocked=True)
+        expect_time_to_pass(page)
+        monkeypatch.setattr("hil_bench.panel.viewer.MOST_WAITING", 0)  # it is given up
+        page.clock.fast_forward(HOUR)
+        expect(page.locator("#banner")).to_contain_text("the panel does not answer")
+        monkeypatch.undo()
+        page.clock.fast_forward(HOUR)
+        expect(page.locator("#banner")).to_be_hidden()
+        expect_time_to_pass(page)
+
+
+@pytest.mark.usefixtures("folder")
+def test_rows_after_an_hour_leave_a_gap_and_no_more(pages):
+    with live_bench() as bench, panel() as port:
+        page = pages.open(port)
+        expect_time_to_pass(page)
+        page.locator("#tab-scope").click()
+        count = len(bench.session.channels)
+        later = page.evaluate(
+            """(count) => {
+              const { link, model } = hilBench;
+              const time = model.store.last + 3600;
+              link.tell('rows', { rows: [[time, ...new Array(count).fill(0.001)]] });
+              return time;
+            }""",
+            count,
+        )
+        expect(page.locator("#clock")).to_have_text(f"{later:.2f} s")
+        assert page.evaluate("() => hilBench.model.store.first") < 60.0
+        view = page.evaluate(
+            "() => { const { view } = hilBench.views.find(({ id }) => id === 'scope');"
+            " return [view.begin_s, view.end_s]; }"
+        )
+        assert view == [pytest.approx(later - 10.0), pytest.approx(later)]
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_clock_of_the_computer_may_jump(pages):
+    with live_bench(), panel() as port:
+        page = pages.open(port, clocked=True)
+        expect_time_to_pass(page)
+        for moment in ("2001-01-01", "2038-01-20"):
+            page.clock.set_system_time(moment)
+            expect_time_to_pass(page)
+            expect(page.locator("#banner")).to_be_hidden()
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatch):
+    with live_bench() as bench, panel() as port:
+        page = pages.open(port)
+        expect_time_to_pass(page)
+        monkeypatch.setattr("hil_bench.panel.viewer.MOST_UNREAD", -1)  # nothing may wait
+        expect(page.locator("#banner")).to_contain_text("bench time stands still at")
+        monkeypatch.undo()
+        expect(page.locator("#banner")).to_be_hidden()
+        expect(page.locator("#brief")).to_contain_text(re.compile(r"this page missed \d+ messages"))
+        expect_time_to_pass(page)
+        # What it must have comes over any line.
+        bench.session.bench.faults.freeze("position")
+        expect(page.locator(".active-faults")).to_contain_text("freeze position")

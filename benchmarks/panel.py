@@ -1,8 +1,9 @@
 """What a panel costs the loop, and what people get from it: ``python benchmarks/panel.py``.
 
 A bench of two axes (18 channels at 1 kHz) runs in real time with a panel in front of it. In turns,
-nobody looks at it and three WebSocket clients do, of which one never reads; lateness comes from the
-loop's own histograms. Then a browser (chromium by playwright) shows all channels in the scope.
+nobody looks at it, three WebSocket clients do, of which one never reads, and three pages in
+chromium (by playwright), of which one stands still; lateness comes from the loop's own histograms.
+Then a page shows all channels in the scope.
 
 ``--memory-minutes 60`` does something else: a bench of one axis runs with one page on the scope,
 which draws five pictures a second to leave the machine to others, and each minute has its line of
@@ -21,6 +22,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,7 @@ BENCH = ROOT / "examples" / "two_axes.toml"
 ONE_AXIS = ROOT / "examples" / "one_axis.toml"
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 CLICKS = 20
+PAINTS = 5
 
 _PERCENTILES = (50, 99, 99.9)
 
@@ -121,60 +124,85 @@ def main() -> None:
             return
         stand = Stand(stack, BENCH, options.realtime)
         time.sleep(2.0)
-        compare_loop(stand, options)
-        look_by_browser(stand, options.browser_seconds)
+        with chromium() as browser:
+            compare_loop(stand, options, browser)
+            look_by_browser(stand, options.browser_seconds, browser)
+        print("load of the machine in the last minutes:", *map("{:.1f}".format, os.getloadavg()))
 
 
-def compare_loop(stand: Stand, options: argparse.Namespace) -> None:
-    """Print lateness without clients and with three, and what a client costs."""
-    nobody: dict[float, int] = {}
-    three: dict[float, int] = {}
-    used: dict[str, dict[str, float]] = {"nobody": {}, "three": {}}
-    received = 0
-    for _ in range(options.rounds):
-        _turn(stand, options.seconds, nobody, used["nobody"])
-        clients = [Client(stand.address, reads=number < 2) for number in range(3)]
-        _turn(stand, options.seconds, three, used["three"])
-        received += sum(client.bytes for client in clients)
-        for client in clients:
-            client.close()
-    print("| clients | ticks | p50 [us] | p99 | p99.9 | loop | feed | panel |")
-    print("|---|---|---|---|---|---|---|---|")
-    whole = options.rounds * options.seconds
-    for name, found in (("nobody", nobody), ("three", three)):
-        times = " | ".join(f"{_percentile(found, each):.0f}" for each in _PERCENTILES)
-        shares = " | ".join(f"{100 * each / whole:.1f} %" for each in used[name].values())
-        print(f"| {name} | {sum(found.values())} | {times} | {shares} |")
-    print(f"bytes a second to a client that reads: {received / 2 / whole:.0f}")
-
-
-def look_by_browser(stand: Stand, seconds: float) -> None:
-    """Print what a browser sees."""
+@contextlib.contextmanager
+def chromium() -> Iterator[Any]:
+    """Yield Debian's browser."""
     from playwright.sync_api import sync_playwright  # noqa: PLC0415 - the rest runs without it
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path="/usr/bin/chromium", args=["--no-sandbox"]
         )
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.goto(stand.address)
-        page.wait_for_selector("#clock:not(:text('–'))")
-        paint = page.evaluate(
-            "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
-        )
-        page.click("#tab-scope")
-        for box in page.locator(".channel input").all():
-            box.check()
-        page.wait_for_timeout(3000)
-        watch = page.context.new_cdp_session(page)
-        watch.send("Performance.enable", {"timeDomain": "threadTicks"})
-        before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(watch)
-        frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
-        used = _page_seconds(watch) - used
-        after = _state(page), _resident(stand.panel.pid)
-        clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
+        yield browser
         browser.close()
-    print(f"first contentful paint: {paint:.0f} ms")
+
+
+def compare_loop(stand: Stand, options: argparse.Namespace, browser: Any) -> None:  # noqa: ANN401
+    """Print lateness without clients and with three, and what a client costs."""
+    names = "nobody", "three clients", "three pages"
+    counts: dict[str, dict[float, int]] = {name: {} for name in names}
+    used: dict[str, dict[str, float]] = {name: {} for name in names}
+    received = 0
+    for _ in range(options.rounds):
+        _turn(stand, options.seconds, counts["nobody"], used["nobody"])
+        clients = [Client(stand.address, reads=number < 2) for number in range(3)]
+        _turn(stand, options.seconds, counts["three clients"], used["three clients"])
+        received += sum(client.bytes for client in clients)
+        for client in clients:
+            client.close()
+        pages = [_open(browser, stand) for _ in range(3)]
+        stalled = pages[0].context.new_cdp_session(pages[0])
+        stalled.send("Debugger.enable")
+        stalled.send("Debugger.pause")  # its script goes no further
+        _turn(stand, options.seconds, counts["three pages"], used["three pages"])
+        stalled.send("Debugger.disable")
+        for page in pages:
+            page.close()
+    print("| clients | ticks | p50 [us] | p99 | p99.9 | loop | feed | panel |")
+    print("|---|---|---|---|---|---|---|---|")
+    whole = options.rounds * options.seconds
+    for name, found in counts.items():
+        times = " | ".join(f"{_percentile(found, each):.0f}" for each in _PERCENTILES)
+        shares = " | ".join(f"{100 * each / whole:.1f} %" for each in used[name].values())
+        print(f"| {name} | {sum(found.values())} | {times} | {shares} |")
+    print(f"bytes a second to a client that reads: {received / 2 / whole:.0f}")
+
+
+def _open(browser: Any, stand: Stand) -> Any:  # noqa: ANN401 - a browser and a page of playwright
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(stand.address)
+    page.wait_for_selector("#clock:not(:text('–'))")
+    return page
+
+
+def look_by_browser(stand: Stand, seconds: float, browser: Any) -> None:  # noqa: ANN401 - likewise
+    """Print what a browser sees."""
+    paints = []
+    for _ in range(PAINTS):
+        page = _open(browser, stand)
+        paints.append(page.evaluate(FIRST_PAINT))
+        page.close()
+    page = _open(browser, stand)
+    page.click("#tab-scope")
+    for box in page.locator(".channel input").all():
+        box.check()
+    page.wait_for_timeout(3000)
+    watch = page.context.new_cdp_session(page)
+    watch.send("Performance.enable", {"timeDomain": "threadTicks"})
+    before, used = (_state(page), _resident(stand.panel.pid)), _page_seconds(watch)
+    frames = page.evaluate(COUNT_FRAMES, seconds * 1000)
+    used = _page_seconds(watch) - used
+    after = _state(page), _resident(stand.panel.pid)
+    clicks = [page.evaluate(CLICK) * 1e3 for _ in range(CLICKS)]
+    page.close()
+    shown = ", ".join(f"{paint:.0f}" for paint in sorted(paints))
+    print(f"first contentful paint [ms]: {shown}")
     print(
         f"pictures a second, 18 channels at 1 kHz: {frames:.1f}, "
         f"{1e3 * used / (frames * seconds):.1f} ms of the page's thread each"
@@ -190,12 +218,7 @@ def look_by_browser(stand: Stand, seconds: float) -> None:
 
 def watch_memory(stand: Stand, minutes: int) -> None:
     """Print each minute how much memory the page and the processes use."""
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - the rest runs without it
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path="/usr/bin/chromium", args=["--no-sandbox"]
-        )
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.add_init_script(SLOW_PICTURES)
         page.goto(stand.address)
@@ -213,11 +236,12 @@ def watch_memory(stand: Stand, minutes: int) -> None:
             print(f"| {minute} | {rows} | {script:.2f} | {whole:.1f} | {rest} |", flush=True)
             if minute < minutes:
                 page.wait_for_timeout(60_000)
-        browser.close()
 
 
 SLOW_PICTURES = """window.requestAnimationFrame = (draw) =>
   setTimeout(() => draw(performance.now()), 200);"""
+
+FIRST_PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
 
 COUNT_FRAMES = """async (length) => {
   const begin = performance.now();

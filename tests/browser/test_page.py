@@ -1,9 +1,9 @@
 """The page as people use it: start, plot, pause, cursor, break, record, lose the bench."""
 
 import re
-from pathlib import Path
 
 import pytest
+from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 
 from hil_bench.scenario.load import load_scenario
@@ -11,7 +11,6 @@ from hil_bench.scenario.load import load_scenario
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
 
-AXE = Path(__file__).parent / "vendor" / "axe.min.js"
 VIEWS = ("machine", "scope", "devices", "bus", "faults", "loop", "record")
 
 
@@ -241,19 +240,10 @@ def test_everything_is_reached_by_keyboard(page):
 def test_nothing_serious_is_found_by_axe(pages, port, scheme, keep):
     page = pages.open(port, color_scheme=scheme, viewport={"width": 1024, "height": 768})
     wait_for_rows(page)
-    source = AXE.read_text(encoding="utf-8")
     for name in VIEWS:
         section = view(page, name)
         expect(section).to_be_visible()
         width = page.locator("html").evaluate("html => html.scrollWidth")
         assert width <= 1024, name
         keep(page, f"{name}-{scheme}-1024")
-        found = page.locator("html").evaluate(
-            f"async () => {{ {source}; return (await axe.run()).violations; }}"
-        )
-        serious = [
-            (each["id"], [node["html"] for node in each["nodes"]])
-            for each in found
-            if each["impact"] in {"serious", "critical"}
-        ]
-        assert serious == [], name
+        assert serious_problems(page) == [], name

@@ -1,6 +1,7 @@
 """The page while a commissioning, a twin, tests or a campaign run."""
 
 import pytest
+from support.axe import serious_problems
 from support.live_bench import live_bench, panel
 from support.live_work import live_work
 from support.patience import GUARD
@@ -107,3 +108,17 @@ def test_keys_go_to_the_views_that_are_there(pages):
         expect(page.locator("#view-work")).to_be_visible()
         page.keyboard.press("3")
         expect(page.locator("#view-work")).to_be_visible()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everybody_can_use_it_on_a_small_screen(pages, scheme, keep):
+    with live_work() as (feed, _), panel() as port:
+        feed.show(RAMP)
+        page = pages.open(port, color_scheme=scheme, viewport={"width": 1024, "height": 768})
+        expect(page.locator("#view-work")).to_contain_text("1 failed")
+        feed.wait_for_client(GUARD)
+        show_rows(feed)
+        expect(page.locator("tr.loud")).to_be_visible()
+        assert page.locator("html").evaluate("html => html.scrollWidth") <= 1024
+        keep(page, f"work-{scheme}-1024")
+        assert serious_problems(page) == []

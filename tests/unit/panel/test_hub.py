@@ -18,9 +18,9 @@ class Link:
     """A bench that is asked for things."""
 
     name = "bench"
-    hello = {"fault_targets": {}}
 
     def __init__(self, on_request):
+        self.hello = {"fault_targets": {}}
         self.asked = []
         self.on_request = on_request
 

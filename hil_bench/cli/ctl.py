@@ -241,6 +241,9 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
     for name, unit in hello["channels"]:
         shown = shown_in(unit)
         yield f"value  {name:{width}}  {value_text(values.get(name), shown):>10} {shown.symbol}"
+    if work := state.get("work"):
+        part = f"{work['done']} of {work['total']}  " if work["total"] else ""
+        yield printable(f"work   {part}{work['now'] or work['verdict']}".rstrip())
     for fault in state["faults"]:
         yield f"fault  {fault['number']}  {fault_text(fault)}"
     if not state["faults"]:

@@ -3,6 +3,7 @@
 import pytest
 from support.feed_loop import Wire
 
+from hil_bench.cli.ctl import status_lines
 from hil_bench.errors import ConfigError
 from hil_bench.outside.feed.client import FeedClient
 from hil_bench.outside.feed.process import CAPACITY, MOST_COMMANDS
@@ -117,6 +118,19 @@ def test_rows_go_to_who_wants_each_of_them_and_the_newest_to_everybody(loop):
     assert [line for line in none.lines() if line["type"] == "rows"] == []
     with loop.connect() as client:
         assert client.request("status")["values"] == {"time": 0.2, "axis1.position": 0.5}
+
+
+def test_the_status_in_the_shell_has_a_line_for_it(loop):
+    loop.feed.show(WorkState(now="ramp\x1b[2J", done=4, total=8))
+    loop.feed.put_row((0.2, 0.5))
+    with loop.connect() as client:
+        hello = {**client.hello, "pid": 1, "bench": "commission plan.toml"}
+        lines = [*status_lines(hello, client.request("status"))]
+    assert lines[:3] == [
+        "bench  commission  process 1, commission plan.toml, at 0.200 s",
+        "value  axis1.position     500.000 mm",
+        "work   4 of 8  ramp\\x1b[2J",
+    ]
 
 
 def test_stop_is_answered_before_it_acts(loop):

@@ -11,6 +11,9 @@ PRESSURE_404 = Path(__file__).with_name("pressure_404.eds")
 TRANSDUCER_404 = Path(__file__).with_name("transducer_404.eds")
 """Transducer of two pressures and a temperature, profile CiA 404."""
 
+DRIVE_402 = Path(__file__).with_name("drive_402.eds")
+"""Drive of an axis that turns, profile CiA 402."""
+
 ENCODER_406 = Path(__file__).with_name("encoder_406.eds")
 """Absolute linear encoder, profile CiA 406."""
 
@@ -26,6 +29,7 @@ REGISTERS = Path(__file__).with_name("registers")
 """Folder of register maps (TOML), one a device profile by its name, see docs/modbus.md."""
 
 __all__ = [
+    "DRIVE_402",
     "ENCODER_406",
     "ENCODER_REDUNDANT_406",
     "IMITATIONS",

@@ -5,6 +5,7 @@ from typing import Any, Final
 from hil_bench.config.values import describe
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chains import CHAIN_TABLE
+from hil_bench.kinds.drive_402 import DRIVE
 from hil_bench.kinds.encoder_406 import ENCODER
 from hil_bench.kinds.encoder_redundant_406 import REDUNDANT_ENCODER
 from hil_bench.kinds.generic import GENERIC
@@ -40,7 +41,7 @@ KINDS: Final = Registry[DeviceKind[Any]](
         kind.name: kind
         for kind in (
             *(VALVE, PRESSURE, TRANSDUCER, ENCODER),
-            *(REDUNDANT_ENCODER, ROTARY_ENCODER, GENERIC),
+            *(REDUNDANT_ENCODER, ROTARY_ENCODER, DRIVE, GENERIC),
         )
     },
     _find_fault,

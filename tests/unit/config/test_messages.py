@@ -73,7 +73,7 @@ ONE_VALUE = [
     # Nodes
     ("[nodes.v]\nnode_id = 1", 'nodes.v.profile: missing; give for example profile = "valve_408", or eds = "vendor.eds" for a device made from that file alone'),
     ('[nodes.v]\nprofile = "valve_408"', "nodes.v.node_id: missing; give for example node_id = 1"),
-    ('[nodes.v]\nprofile = "valve"\nnod = 1', 'nodes.v.profile: "valve" is unknown; give one of "valve_408", "pressure_404", "transducer_404", "encoder_406", "encoder_redundant_406", "rotary_encoder_406", "generic"'),
+    ('[nodes.v]\nprofile = "valve"\nnod = 1', 'nodes.v.profile: "valve" is unknown; give one of "valve_408", "pressure_404", "transducer_404", "encoder_406", "encoder_redundant_406", "rotary_encoder_406", "drive_402", "generic"'),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2', 'nodes.p.source: missing; give for example source = "P_A"'),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_S"', 'nodes.p.source: "P_S" is unknown; give one of "P_A", "P_B"'),
     ('[nodes.p]\nprofile = "pressure_404"\nnode_id = 2\nsource = "P_A"\nspan_bar = 250', "nodes.p.span_bar: 250 is not a range; give [start, end] in bar, start below end"),

@@ -12,6 +12,7 @@ from dcf.lint import lint
 from dcf.parse import parse_file
 
 from device_profiles import (
+    DRIVE_402,
     ENCODER_406,
     ENCODER_REDUNDANT_406,
     IMITATIONS,
@@ -32,6 +33,7 @@ FILES = [
     ENCODER_406,
     ENCODER_REDUNDANT_406,
     ROTARY_ENCODER_406,
+    DRIVE_402,
     *IMITATED,
 ]
 DOCUMENT = Path(__file__).parents[3] / "docs" / "devices.md"
@@ -173,6 +175,7 @@ def test_identifiers_follow_the_node_id(path, node_id):
         (TRANSDUCER_404, 0x00020194, 0x414),
         (ENCODER_406, 0x00080196, 0x406),
         (ROTARY_ENCODER_406, 0x00020196, 0x407),
+        (DRIVE_402, 0x00020192, 0x402),
         (ENCODER_REDUNDANT_406, 0x000A0196, 0x416),
     ],
 )
@@ -215,6 +218,10 @@ def pdo(dictionary, communication):
         (ENCODER_406, 0x1801, (0xC0000285, 1, 0, [0x60040020, 0x60300110])),
         (ENCODER_REDUNDANT_406, 0x1800, (0x40000185, 254, 10, [0x60200120, 0x60300110])),
         (ENCODER_REDUNDANT_406, 0x1801, (0x40000285, 254, 10, [0x60200220, 0x60300210])),
+        (DRIVE_402, 0x1400, (0x205, 255, 0, [0x60400010, 0x60600008])),
+        (DRIVE_402, 0x1401, (0x305, 255, 0, [0x607A0020, 0x60FF0020])),
+        (DRIVE_402, 0x1800, (0x40000185, 255, 10, [0x60410010, 0x60610008])),
+        (DRIVE_402, 0x1801, (0x40000285, 255, 10, [0x60640020, 0x606C0020])),
         # "Imitated devices" there.
         (
             IMITATIONS / "encoder_multi_sensor.eds",

@@ -20,7 +20,7 @@ from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
-from hil_bench.cli.verbosity import add_verbosity_arguments
+from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
 from hil_bench.errors import HilBenchError
 
 VERBS = {
@@ -149,9 +149,7 @@ def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
             importlib.import_module(f"hil_bench.cli.{verb.replace('-', '_')}").add_parser(
                 subparsers
             )
-            add_verbosity_arguments(
-                subparsers.choices[verb], verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS
-            )
+            add_verbosity_below(subparsers.choices[verb])
         else:
             subparsers.add_parser(verb)
     return parser

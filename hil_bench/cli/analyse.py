@@ -13,6 +13,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import print_lines
 
 _EXAMPLES = """\
 examples:
@@ -49,7 +50,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(args.config)
     study: Study = args.study(args, config, find_cylinder(config, args.axis, "an analysis"))
     files = [] if args.output is None else write_study(study, args.output)
-    print(_json(study, files) if args.json else _text(study, files))
+    if args.json:
+        print(_json(study, files))
+    else:
+        print_lines(args, _text(study, files))
     return ExitCode.DONE
 
 
@@ -75,8 +79,8 @@ def _run_paper(args: argparse.Namespace) -> int:
         print(json.dumps({"statements": found, "files": files}, indent=2, ensure_ascii=False))
     else:
         for statement in statements:
-            print(f"{statement.verdict:25} {statement.place:16} {statement.claim}")
-        print(f"\nreport    {files[0]}")
+            print_lines(args, f"{statement.verdict:25} {statement.place:16} {statement.claim}")
+        print_lines(args, f"\nreport    {files[0]}")
     return ExitCode.DONE
 
 

@@ -22,7 +22,6 @@ from hil_bench.analysis.simulation import Setup
 from hil_bench.analysis.study import Study
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.verbosity import add_verbosity_arguments
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import balanced_state
 
@@ -74,7 +73,6 @@ def add_analysis(
         parser.add_argument("--axis", metavar="NAME", help="the axis; the first one by default")
         parser.add_argument("--output", type=Path, metavar="DIR", help="where files go")
     add_json_argument(parser)
-    add_verbosity_arguments(parser, verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS)
     parser.set_defaults(study=study)
     return parser
 

@@ -15,6 +15,7 @@ from hil_bench.cli.controller_side import (
     seen_from_bus,
 )
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.comparison import Difference, Mend, compare
 from hil_bench.machine.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
@@ -79,7 +80,8 @@ def check_bus(args: argparse.Namespace, config: BenchConfig) -> int:
         if args.apply and plans and _is_wanted(plans, args):
             _apply_all(opened.network, plans, store=args.store)
             differences = compare(opened.network, seen)
-            print(_verdict(differences), file=sys.stderr)
+            if not args.quiet:
+                print(_verdict(differences), file=sys.stderr)
     return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
 
 
@@ -88,8 +90,9 @@ def _print_differences(differences: Sequence[Difference], args: argparse.Namespa
         print(json.dumps([_as_json(difference) for difference in differences], indent=2))
         return
     for difference in differences:
-        print(f"{difference.what}; {_mending(difference, args)}")
-    print(_verdict(differences), file=sys.stderr)
+        print_lines(args, f"{difference.what}; {_mending(difference, args)}")
+    if not args.quiet:
+        print(_verdict(differences), file=sys.stderr)
 
 
 def _as_json(difference: Difference) -> dict[str, object]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.machine.conformance.eds_check import EdsFinding, Severity, check_eds
 
 _EXAMPLES = """\
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps({path: [f._asdict() for f in some] for path, some in found.items()}))
     else:
         for path, findings in found.items():
-            print("\n".join((*(f"{path}:{f}" for f in findings), f"{path}: {_summary(findings)}")))
+            print_lines(args, *(f"{path}:{f}" for f in findings), f"{path}: {_summary(findings)}")
     fails = any(
         args.strict or finding.severity is Severity.ERROR
         for findings in found.values()

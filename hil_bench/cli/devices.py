@@ -7,7 +7,7 @@ from dataclasses import asdict
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.device_table import device_table, read_devices
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, print_lines
 
 _EXAMPLES = """\
 examples:
@@ -36,5 +36,5 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([asdict(device) for device in read_devices(config)], indent=2))
     else:
-        print(device_table(config))
+        print_lines(args, device_table(config))
     return ExitCode.DONE

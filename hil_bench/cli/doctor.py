@@ -11,7 +11,7 @@ from dataclasses import asdict
 from hil_bench import __version__
 from hil_bench.bench.configuration import RealtimePolicy, load_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.session.doctor.buses import examine_buses
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(found_content(topics, tests), indent=2))
     else:
         is_coloured = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-        print("\n".join(report_lines(topics, tests, is_coloured=is_coloured)))
+        print_lines(args, *report_lines(topics, tests, is_coloured=is_coloured))
     return ExitCode.DONE
 
 

@@ -12,7 +12,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.cli.summary import facts_of, summary_lines
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import catalogue_lines
@@ -171,7 +171,7 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the file is there already, a datum makes no sense, or it cannot be written.
     """
     if args.catalogue:
-        print("\n".join(catalogue_lines()))
+        print_lines(args, *catalogue_lines())
         return ExitCode.DONE
     if args.file.exists() and not args.force:
         raise ConfigError(f"{args.file}: is there already; give another name, or --force")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil_bench.cli.ctl import add_bench_argument
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError
 from hil_bench.panel import DEFAULT_PORT
 
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     )
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
-    run_panel(plan, lambda address: print(f"panel  {address}", flush=True))
+    run_panel(plan, lambda address: print_lines(args, f"panel  {address}"))
     return ExitCode.DONE
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from hil_bench.bench.configuration import BenchConfig, ModbusUnitConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError
 from hil_bench.outside.modbus.register_map import Register, RegisterAccess
 
@@ -58,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if args.csv:
         write_csv(config)
     else:
-        print("\n\n".join("\n".join(_unit_lines(unit)) for unit in _units(config)))
+        units = ("\n".join(_unit_lines(unit)) for unit in _units(config))
+        print_lines(args, "\n\n".join(units))
     return ExitCode.DONE
 
 

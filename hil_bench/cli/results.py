@@ -1,4 +1,8 @@
-"""What a verb found: lines for people, JSON for a program, or nothing under --quiet."""
+"""What a verb found: lines for people, JSON for a program, or nothing under --quiet.
+
+Under -q no verb prints anything but errors. What an option asks for a program is printed all the
+same: --json, --csv, a schema, a completion script.
+"""
 
 import argparse
 import json
@@ -18,6 +22,12 @@ def is_silent(args: argparse.Namespace) -> bool:
     return bool(args.quiet or args.json)
 
 
+def print_lines(args: argparse.Namespace, *lines: str) -> None:
+    """Print lines for people, none under --quiet."""
+    if not args.quiet:
+        print(*lines, sep="\n", flush=True)
+
+
 def print_results(
     args: argparse.Namespace, lines: Iterable[str], content: Mapping[str, object]
 ) -> None:
@@ -31,9 +41,8 @@ def print_results(
     if args.json:
         text = json.dumps(plain(content), indent=2, ensure_ascii=False, allow_nan=False)
         print(text)
-    elif not args.quiet:
-        for line in lines:
-            print(line)
+    else:
+        print_lines(args, *lines)
     sys.stdout.flush()  # before an error may follow on standard error
 
 

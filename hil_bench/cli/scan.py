@@ -12,7 +12,7 @@ from hil_bench.cli.controller_side import (
     open_network,
 )
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.results import add_json_argument
+from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.discovery import NODE_IDS, Method
 from hil_bench.machine.commissioning.identity import NodeDescription
@@ -78,7 +78,10 @@ def run(args: argparse.Namespace) -> int:
     with open_network(args, config) as opened:
         if args.listen is not None:
             traffic = listen(opened.network, args.listen)
-            print(_traffic_json(traffic) if args.json else _traffic_text(traffic, opened, args))
+            if args.json:
+                print(_traffic_json(traffic))
+            else:
+                print_lines(args, _traffic_text(traffic, opened, args))
             return ExitCode.DONE if traffic.frames else ExitCode.CHECK_FAILED
         found = survey(
             opened.network,
@@ -87,7 +90,10 @@ def run(args: argparse.Namespace) -> int:
             patience=args.patience,
             lss=args.lss,
         )
-        print(_survey_json(found) if args.json else _survey_text(found, opened, args))
+        if args.json:
+            print(_survey_json(found))
+        else:
+            print_lines(args, _survey_text(found, opened, args))
     return ExitCode.DONE if found.nodes or found.unconfigured else ExitCode.CHECK_FAILED
 
 

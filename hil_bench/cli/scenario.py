@@ -99,10 +99,9 @@ def run_convert(args: argparse.Namespace) -> int:
     return ExitCode.DONE
 
 
-def run_schema(args: argparse.Namespace) -> int:
+def run_schema(_args: argparse.Namespace) -> int:
     """Print the schema of scenario files."""
-    if not args.quiet:
-        print(json.dumps(scenario_schema(), indent=2))
+    print(json.dumps(scenario_schema(), indent=2))
     return ExitCode.DONE
 
 

@@ -15,5 +15,18 @@ def add_verbosity_arguments(
         help="say more; twice: all, with the traceback of an error",
     )
     parser.add_argument(
-        "-q", "--quiet", action="store_true", default=quiet, help="say nothing but errors"
+        "-q",
+        "--quiet",
+        action="store_true",
+        default=quiet,
+        help="print nothing but errors; what --json and its like ask for is printed all the same",
     )
+
+
+def add_verbosity_below(parser: argparse.ArgumentParser) -> None:
+    """Add -v and -q to the parser of a verb, and to those of the words that may follow it."""
+    add_verbosity_arguments(parser, verbose=argparse.SUPPRESS, quiet=argparse.SUPPRESS)
+    for action in parser._actions:  # noqa: SLF001 - argparse has no other list of them
+        if isinstance(action, argparse._SubParsersAction):  # noqa: SLF001 - likewise
+            for below in action.choices.values():
+                add_verbosity_below(below)

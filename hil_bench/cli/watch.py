@@ -55,7 +55,9 @@ def run(args: argparse.Namespace) -> int:
         return watch_bus(args, console)
     with bench_errors(), connect(args.bench) as client:
         if args.once:
-            console.print(picture(client))
+            shown = picture(client)
+            if not args.quiet:
+                console.print(shown)
             return ExitCode.DONE
         follow(client, console, lambda: connect(client.name))
     return ExitCode.DONE

@@ -57,7 +57,8 @@ def watch_bus(args: argparse.Namespace, console: "Console") -> int:
             for passed in moments:
                 if passed >= ONCE or interrupted.requested:
                     break
-            console.print(view.render())
+            if not args.quiet:
+                console.print(view.render())
         else:
             with Live(console=console, screen=True, auto_refresh=False) as live:
                 for _ in moments:

@@ -150,6 +150,12 @@ def stray_sdo_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
     return Sight(*head, f"{meaning}, of no transfer that was seen to begin")
 
 
+def transfer_title(node: KnownNode, transfer: Transfer) -> str:
+    """Return what a transfer is about: way, object and name."""
+    name = node.reader(transfer.index, transfer.subindex).name
+    return f"{transfer.way.value} {transfer.place} {name}".rstrip()
+
+
 def transfer_sight(node: KnownNode, transfer: Transfer, now: int, frame: Frame) -> Sight:
     """Return what an SDO transfer says that has ended, well or not.
 
@@ -161,8 +167,7 @@ def transfer_sight(node: KnownNode, transfer: Transfer, now: int, frame: Frame) 
     """
     raw = bytes(transfer.data)
     reader = node.reader(transfer.index, transfer.subindex)
-    what = f"{transfer.way.value} {transfer.place}"
-    what += f" {reader.name}" if reader.name else ""
+    what = transfer_title(node, transfer)
     duration = f"{(transfer.end - transfer.begin) * 1e-6:.3g} ms"
     if transfer.is_done:
         problem = reader.why_not(raw)

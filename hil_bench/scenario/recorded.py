@@ -51,21 +51,14 @@ class Judged(NamedTuple):
     trace: Trace
 
 
-def judge_recording(
-    requirements: Path, signals: Recording, source: str = "recording"
-) -> list[Finding]:
-    """Return what a recording says of each requirement of a file.
+def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Judged:
+    """Return what a recording says of each requirement of a file, and the recording on its ticks.
 
     Args:
         requirements: a file with ``[[expect]]``: a scenario, or that alone.
         signals: the recording.
         source: how messages name it.
     """
-    return judge_with_trace(requirements, signals, source).findings
-
-
-def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Judged:
-    """Return the same as `judge_recording`, and the recording on its ticks."""
     expectations, parameters = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.explain.finding import Cause, Finding, seconds
+from hil_bench.eyes.frame_sights import transfer_title
 from hil_bench.eyes.sight import Sight
 from hil_bench.eyes.transfers import Transfer, Way
 
@@ -56,8 +57,8 @@ class Transfers:
         for (node, *_), sights in self._aborted.items():
             first = sights[0]
             again = f", {len(sights)} times" if len(sights) > 1 else ""
-            words = first.words.rpartition(",")[0]
-            text = f"{node}: {words} {first.problem}{again}, first at {seconds(first.now)}"
+            title = self._title(first)
+            text = f"{node}: {title} {first.problem}{again}, first at {seconds(first.now)}"
             yield Finding(Cause.SDO_ABORT, node, first.now, text, tuple(sights))
         for node, sights in self._silent.items():
             late = [s for s in sights if s.transfer and end - s.transfer.end > _CUT_OFF]
@@ -67,6 +68,10 @@ class Transfers:
                 text = f"{node}: {late[0].words} is {late[0].problem}, at {seconds(begin)}"
                 text += f"; so are {len(late) - 1} more" if len(late) > 1 else ""
                 yield Finding(Cause.SDO_NO_ANSWER, node, begin, text, tuple(late))
+
+    def _title(self, sight: Sight) -> str:
+        node = self._decoder.nodes[sight.frame.bus, sight.node_id or 0]
+        return "" if sight.transfer is None else transfer_title(node, sight.transfer)
 
     def _difference(self, sight: Sight, transfer: Transfer) -> str:
         """Return what an answer says else than the EDS; empty for nothing."""

@@ -1,11 +1,13 @@
 """`hil-bench shadow` on the recorded frames of a machine."""
 
+import contextlib
 import json
 import re
 
 import pytest
 
-from hil_bench.cli import main
+from hil_bench.cli import main, shadow
+from hil_bench.cli.work_side import WorkView
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -140,3 +142,37 @@ def test_a_bench_without_sensors_is_refused_before_the_bus_is_opened(tmp_path, c
         f"hil-bench: error: {bench}: no node reports position, P_A and P_B of axis1 on the bus; "
         "give it an encoder_406 and a pressure_404 at each port\n"
     )
+
+
+def test_those_who_watch_see_both_sides_and_the_worst_window(log, monkeypatch):
+    rows, states = [], []
+
+    class View(WorkView):
+        is_watched = True
+
+        def show(self, **changes):
+            super().show(**changes)
+            states.append(self.state)
+
+        def put_row(self, values):
+            rows.append(values)
+
+    @contextlib.contextmanager
+    def watched(_args, verb, _title, channels):
+        assert verb == "shadow"
+        assert [channel.name for channel in channels][:2] == [
+            "axis1.position",
+            "axis1.position_twin",
+        ]
+        yield View()
+
+    monkeypatch.setattr(shadow, "watched_work", watched)
+    assert main(["shadow", "--log", str(log), "--quiet"]) == 0
+    assert states[-1].verdict == "follows"
+    assert states[-1].now == "axis1: the twin follows"
+    assert states[-1].counts["beyond a limit"] == 0
+    assert {item.verdict for item in states[-1].items} == {"follows"}
+    times = [row[0] for row in rows]
+    assert times == sorted(times)
+    # The machine of the recording is a bench without noise: the twin is within its limit, 0.5 mm.
+    assert abs(rows[-1][1] - rows[-1][2]) < 0.5e-3

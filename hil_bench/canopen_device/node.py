@@ -42,6 +42,7 @@ from hil_bench.canopen_device.srdo import Srdos
 from hil_bench.canopen_device.startup import Startup
 from hil_bench.canopen_device.storage import MemoryStorage, Storage
 from hil_bench.canopen_device.time_stamp import TimeConsumer, TimeOfDay
+from hil_bench.canopen_device.verify_configuration import watch_configuration
 
 
 class Node:
@@ -101,6 +102,7 @@ class Node:
         for variable in object_dictionary:
             if names_identifier(variable):
                 variable.add_hook(self._follow_identifier)
+        watch_configuration(object_dictionary)
         self._update_routes()
 
     @property

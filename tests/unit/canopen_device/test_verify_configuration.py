@@ -1,0 +1,77 @@
+"""0x1020: what a master wrote of its configuration, until something changes (CiA 301)."""
+
+from pathlib import Path
+
+import pytest
+
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.node import Node
+
+PLAIN = Path(__file__).parent / "device.eds"
+SECTION = """
+[1020]
+ParameterName=Verify configuration
+ObjectType=0x8
+SubNumber=3
+
+[1020sub0]
+ParameterName=Highest sub-index supported
+ObjectType=0x7
+DataType=0x0005
+AccessType=const
+DefaultValue=2
+PDOMapping=0
+
+[1020sub1]
+ParameterName=Configuration date
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+DefaultValue=0
+PDOMapping=0
+
+[1020sub2]
+ParameterName=Configuration time
+ObjectType=0x7
+DataType=0x0007
+AccessType=rw
+DefaultValue=0
+PDOMapping=0
+"""
+
+
+@pytest.fixture
+def objects(tmp_path):
+    text = PLAIN.read_text(encoding="utf-8")
+    text = text.replace("SupportedObjects=29\n", "SupportedObjects=30\n30=0x1020\n", 1)
+    path = tmp_path / "device.eds"
+    path.write_text(text + SECTION, encoding="utf-8")
+    dictionary = load_eds(path, 5)
+    Node(dictionary, 5)
+    for subindex, value in ((1, 15000), (2, 3_600_000)):
+        dictionary.download(0x1020, subindex, value.to_bytes(4, "little"))
+    return dictionary
+
+
+def stamps(objects):
+    return [objects.number(0x1020, subindex) for subindex in (1, 2)]
+
+
+def test_it_keeps_what_the_master_wrote(objects):
+    assert stamps(objects) == [15000, 3_600_000]
+
+
+def test_a_changed_parameter_clears_both(objects):
+    objects.download(0x1017, 0, b"\x64\x00")
+    assert stamps(objects) == [0, 0]
+
+
+def test_to_clear_the_history_of_errors_changes_no_configuration(objects):
+    objects.download(0x1003, 0, b"\x00")
+    assert stamps(objects) == [15000, 3_600_000]
+
+
+def test_a_device_without_it_watches_nothing():
+    dictionary = load_eds(PLAIN, 5)
+    Node(dictionary, 5)
+    assert 0x1020 not in dictionary

@@ -1,26 +1,32 @@
 """Simulated seconds per second in lock-step: in this process, and over the hub.
 
-    python benchmarks/lockstep.py [--seconds S] [--repeats N]
+    python benchmarks/lockstep.py [--seconds S] [--repeats N] [--beside PYTHON]
 
 In each cycle of 1 ms of bench time every valve gets its RPDO, SYNC follows, and every node answers
 with its TPDO. In this process the cycle is calls, and the seconds are those of the processor; over
 the hub another process sends the frames over TCP and waits for all answers, and the seconds are
 those of the clock. Best of some repeats, since other programs only make it slower.
+
+With `--beside`, the rows in process are measured here and in another environment, such as one with
+a compiled core, in turns: each turn is a new process.
 """
 
 import argparse
+import json
 import multiprocessing
 import platform
 import shutil
 import socket
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hil_bench.bench.assembly import build_bench
+from hil_bench.bench.compiled import look_at_core
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.transports.hosted_bus import HostedBus
@@ -181,13 +187,51 @@ def print_axes(cycles: int, repeats: int) -> None:
         print(f"| {axes} | {4 * axes} | {1000 / speed:.0f} | {100 / speed:.0f} % |", flush=True)
 
 
+BENCHES = ("4 nodes, 1 axis", "64 nodes, 16 axes", "96 nodes, 24 axes")
+
+
+def take_turn(cycles: int) -> dict[str, float | str]:
+    """Return what this environment does in process, by a row's name; and what its core is."""
+    configs = load_config(), load_config(ROOT / "examples" / "sixteen_axes.toml"), config_of(24)
+    found: dict[str, float | str] = {"core": str(look_at_core())}
+    for bench, config in zip(BENCHES, configs, strict=True):
+        count = cycles * 4 // len(config.nodes)
+        found[f"plants alone, {bench}"] = measure_plants(config, count)
+        found[f"frames in and out, {bench}"] = measure_in_process(config, count)
+    return found
+
+
+def print_beside(other: str, seconds: float, repeats: int) -> None:
+    """Print the rows in process, here and in another environment."""
+    turns: dict[str, list[dict[str, float | str]]] = {sys.executable: [], other: []}
+    for _ in range(repeats):
+        for program, taken in turns.items():
+            command = [program, __file__, "--turn", "--seconds", str(seconds)]
+            done = subprocess.run(command, check=True, capture_output=True)  # noqa: S603 - ourselves
+            taken.append(json.loads(done.stdout))
+    here, there = turns.values()
+    print(f"here: {here[0]['core']}; there: {there[0]['core']}\n")
+    print("| times real time | here | there | there / here |\n|---|---|---|---|")
+    for name in list(here[0])[1:]:
+        one, two = (max(float(turn[name]) for turn in taken) for taken in (here, there))
+        print(f"| {name} | {one:.1f} | {two:.1f} | {two / one:.2f} |")
+
+
 def main() -> None:
     """Print the figures as a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=5.0, help="of bench time, each repeat")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--beside", metavar="PYTHON", help="of another environment")
+    parser.add_argument("--turn", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
     cycles = round(args.seconds * 1000)
+    if args.turn:
+        print(json.dumps(take_turn(cycles)))
+        return
+    if args.beside:
+        print_beside(args.beside, args.seconds, args.repeats)
+        return
     four, many = load_config(), load_config(ROOT / "examples" / "sixteen_axes.toml")
     rows = [
         ("plants alone, in process", measure_plants),

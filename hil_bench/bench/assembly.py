@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 from hil_bench.bench.bench import Bench
+from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.copper import build_wiring
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
@@ -51,6 +52,7 @@ def embedded_bus(config: BenchConfig | None = None) -> EmbeddedBus:
 
 def build_bench(config: BenchConfig) -> Bench:
     """Return the bench that `config` describes, not yet powered on."""
+    warn_of_edits()
     agenda = Agenda()
     nodes = {node.name: build_node(node, agenda) for node in config.nodes}
     for member in config.nodes:

@@ -10,7 +10,6 @@ two ticks.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.agenda import Agenda
@@ -114,7 +113,7 @@ class Switchboard:
         for deliver in self._deliveries:
             deliver(now)
         routes = self.routes
-        for frame in chain(self._heard, frames):
+        for frame in (*self._heard, *frames) if self._heard else frames:
             address = frame.can_id | frame.bus << BUS_SHIFT
             handlers = None if frame.is_extended else routes.get(address)
             if handlers is None:
@@ -208,7 +207,7 @@ class Switchboard:
             requests |= {address_of(can_id, bus) for can_id in node.sdo_ids}
             if node.sync_id is not None:
                 syncs.add(address_of(node.sync_id, bus))
-        self.routes: Mapping[int, tuple[Handler, ...]] = {
+        self.routes: dict[int, tuple[Handler, ...]] = {
             address: (self._settle, *handlers) if address in syncs else tuple(handlers)
             for address, handlers in routes.items()
         }

@@ -165,7 +165,7 @@ class EmcyProducer(Service):
 
     def _remember(self, code: int, manufacturer: bytes) -> None:
         """Put the error first into 0x1003: the code, and two bytes of detail above it."""
-        entry = code | int.from_bytes(manufacturer[:2], "little") << 16
+        entry: int | None = code | int.from_bytes(manufacturer[:2], "little") << 16
         count = 0
         while (field := self._object_dictionary.find(0x1003, count + 1)) is not None:
             count += 1

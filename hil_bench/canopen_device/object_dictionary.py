@@ -20,14 +20,7 @@ the write asks for has failed."""
 
 
 class Access(Enum):
-    """Access type of an object, by its EDS word (CiA 306): who may read, write and map it.
-
-    Attributes:
-        readable: whether an SDO client may read it.
-        writable: whether an SDO client may write it.
-        in_tpdo: whether a TPDO may carry it: rwr is read by a PDO, rww only written by one.
-        in_rpdo: whether an RPDO may carry it.
-    """
+    """Access type of an object, by its EDS word (CiA 306): who may read, write and map it."""
 
     RO = "ro"
     WO = "wo"
@@ -36,11 +29,25 @@ class Access(Enum):
     RWW = "rww"
     CONST = "const"
 
-    def __init__(self, word: str) -> None:
-        self.readable = word != "wo"
-        self.writable = word not in {"ro", "const"}
-        self.in_tpdo = word not in {"wo", "rww"}
-        self.in_rpdo = word in {"wo", "rw", "rww"}
+    @property
+    def readable(self) -> bool:
+        """Whether an SDO client may read it."""
+        return self is not Access.WO
+
+    @property
+    def writable(self) -> bool:
+        """Whether an SDO client may write it."""
+        return self is not Access.RO and self is not Access.CONST
+
+    @property
+    def in_tpdo(self) -> bool:
+        """Whether a TPDO may carry it: rwr is read by a PDO, rww only written by one."""
+        return self is not Access.WO and self is not Access.RWW
+
+    @property
+    def in_rpdo(self) -> bool:
+        """Whether an RPDO may carry it."""
+        return self is Access.WO or self is Access.RW or self is Access.RWW
 
 
 class Variable:

@@ -207,8 +207,9 @@ class Srdos(Service):
         self._state = NmtState.INITIALISING
         self._must_start = False
         guarded = (*PARAMETERS, *range(PARAMETERS.start + _TO_MAPPING, CONFIGURATION_VALID))
+        checked = (*guarded, CONFIGURATION_VALID, SIGNATURES)
         for variable in od:
-            if variable.index in (*guarded, CONFIGURATION_VALID, SIGNATURES):
+            if variable.index in checked:
                 variable.add_check(self._check_state)
             if variable.index in guarded:
                 variable.add_hook(self._invalidate)

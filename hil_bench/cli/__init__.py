@@ -9,6 +9,7 @@ import argparse
 import errno
 import importlib
 import logging
+import platform
 import sys
 import traceback
 from collections.abc import Container, Sequence
@@ -109,17 +110,32 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command line; where argparse has given the answer, nothing is left to be run."""
     try:
         called = next((word for word in arguments if not word.startswith("-")), None)
-        return build_parser(() if called is None else (called,)).parse_args(arguments)
+        parser = build_parser(() if called is None else (called,))
+        args = parser.parse_args(arguments, argparse.Namespace(words=arguments))
+        del args.words  # only for --version
     except SystemExit as end:
         code = int(end.code or ExitCode.DONE)
         return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
+    return args
 
 
 class _ShowVersion(argparse.Action):
-    """What argparse's own does, but the version is looked up only where it is asked for."""
+    """What argparse's own does, but the version is looked up only where it is asked for.
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+    With -v, before or behind it, it shows what runs as well.
+    """
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, *_: object
+    ) -> None:
         print(f"{parser.prog} {hil_bench.__version__}")
+        if {"-v", "-vv", "--verbose"} & set(namespace.words):
+            from hil_bench.bench.compiled import look_at_core  # noqa: PLC0415 - for this alone
+            from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED  # noqa: PLC0415
+
+            print(f"core of the bench: {look_at_core()}")
+            print(f"plant kernel: {'compiled by Numba' if IS_COMPILED else 'interpreted'}")
+            print(f"Python {platform.python_version()}")
         parser.exit()
 
 
@@ -139,7 +155,12 @@ def build_parser(verbs: Container[str]) -> argparse.ArgumentParser:
         description="A hydraulic axis behind CANopen devices, in software: a test bench.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("--version", action=_ShowVersion, nargs=0, help="show the version and exit")
+    parser.add_argument(
+        "--version",
+        action=_ShowVersion,
+        nargs=0,
+        help="show the version and exit; with -v what is compiled, too",
+    )
     add_verbosity_arguments(parser, verbose=0, quiet=False)
     subparsers = parser.add_subparsers(
         title="verbs", metavar="VERB", required=True, parser_class=Parser, action=_Verbs

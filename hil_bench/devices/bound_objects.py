@@ -53,17 +53,18 @@ class QuantitySource:
 
     def publish(self, quantity: float, now: int = 0) -> None:  # noqa: ARG002 - it has no delay
         """Put the present quantity into the object; an integer holds the nearest value."""
-        value = quantity * self._scale + self._offset
-        if self._is_integer:
-            value = saturate(value, int(self._low), int(self._high), unknown=self._variable.value)
-        else:
-            value = min(max(value, self._low), self._high)
+        value = self._shown(quantity * self._scale + self._offset)
         self._variable.value = value
         if abs(value - self._told) > self._delta:
             self._trigger.pull()
             self._told = value
         elif self._told != self._told:
             self._told = value
+
+    def _shown(self, exact: float) -> int | float:
+        if self._is_integer:
+            return saturate(exact, int(self._low), int(self._high), unknown=self._variable.value)
+        return min(max(exact, self._low), self._high)
 
 
 class CommandWatch:

@@ -156,7 +156,7 @@ class DemandGenerator:
             limited = min(max(setpoint, self._lower_limit.value), self._upper_limit.value)
         self.is_limited = limited != setpoint
         if self._is_plain:
-            self._scaled = limited
+            self._scaled = float(limited)
             return limited
         return self._shape(limited, now)
 

@@ -369,7 +369,7 @@ class DriveDevice:
 
 
 def _check_mode(mode: int) -> None:
-    if mode not in (0, *MODES):
+    if mode != 0 and mode not in MODES:
         raise SdoAbort(*abort_codes.VALUE)
 
 

@@ -22,9 +22,10 @@ code), BEI MHK5 manual (offset), Kübler CANlift manual (meaning of warning bit 
 """
 
 import math
-from typing import Final
+from typing import ClassVar, Final
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER32, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.emcy import DEVICE_PROFILE
 from hil_bench.canopen_device.events import NodeEventKind
@@ -56,8 +57,6 @@ CHANNEL: Final = 1
 
 POSITION_EMCY: Final = 0x1000
 
-_END_OF_TIME: Final = 1 << 63
-
 
 class EncoderDevice:
     """The encoder behind one node.
@@ -66,7 +65,7 @@ class EncoderDevice:
         node: the node that carries it on the bus.
     """
 
-    PARAMETER_BITS = REVERSED_BIT
+    PARAMETER_BITS: ClassVar[int] = REVERSED_BIT
     """Those of 0x6000 that may be set."""
 
     def __init__(self, node: Node, span: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -80,7 +79,7 @@ class EncoderDevice:
         self._span = span
         self._last_position: float = 0.0
         self._last_speed: float = 0.0
-        self._then = _END_OF_TIME
+        self._then = NEVER
         self._position_errors: set[int] = set()
         self._bind_position()
         self._bind_speed()
@@ -271,7 +270,7 @@ class EncoderDevice:
             offset.value = steps
 
     def _restart(self) -> None:
-        self._then = _END_OF_TIME
+        self._then = NEVER
         self._set_offset(0)
         self._cams.restart()
         self._supported_alarms.value = POSITION_ERROR

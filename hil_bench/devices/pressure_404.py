@@ -195,12 +195,12 @@ class Channel:
     def _show(self, value: float) -> None:
         """Show a process value in all formats; each has a mark for what it cannot hold."""
         self._value = value
-        if not abs(value) <= LARGEST_REAL32:  # nor is NaN
+        if not -LARGEST_REAL32 <= value <= LARGEST_REAL32:  # nor is NaN
             self._show_no_value()
             return
         self._process_value.value = value
         net = value - self._tare.value
-        self._net_value.value = net if abs(net) <= LARGEST_REAL32 else math.nan
+        self._net_value.value = net if -LARGEST_REAL32 <= net <= LARGEST_REAL32 else math.nan
         self._faces.show(value, self._decimals)
 
     def _show_no_value(self) -> None:

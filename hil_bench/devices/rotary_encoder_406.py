@@ -16,7 +16,7 @@ bit, code sequence, speed at its end), Pepperl+Fuchs ENA58IL manual (limits of 0
 """
 
 import math
-from typing import Final
+from typing import ClassVar, Final
 
 from hil_bench.canopen_device import abort_codes
 from hil_bench.canopen_device.datatypes import INTEGER32, UNSIGNED16, UNSIGNED32
@@ -36,7 +36,7 @@ _TURN: Final = 2.0 * math.pi
 class RotaryEncoderDevice(EncoderDevice):
     """The encoder behind one node: `publish` takes an angle [rad] and a speed [rad/s]."""
 
-    PARAMETER_BITS = CODE_SEQUENCE_BIT | SCALING_BIT
+    PARAMETER_BITS: ClassVar[int] = CODE_SEQUENCE_BIT | SCALING_BIT
 
     def _bind_scale(self) -> None:
         od = self.node.object_dictionary

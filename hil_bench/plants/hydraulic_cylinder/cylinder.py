@@ -17,7 +17,11 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
     balanced_reduced_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import state_of_rest
-from hil_bench.plants.hydraulic_cylinder.model.stepping import PlantModel
+from hil_bench.plants.hydraulic_cylinder.model.stepping import (
+    LOAD_LIMIT,
+    SPOOL_SETPOINT_LIMIT,
+    PlantModel,
+)
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     LOAD,
     P_A,
@@ -79,6 +83,17 @@ class _Cylinder(PlantModel):
 
 class FullOrderCylinder(FullOrderPlant, _Cylinder):
     """The full-order model on a bench."""
+
+    def drive(self, command: float, steps: int) -> PlantOutput:
+        """Move the plant on as `step` does, but ask less of an input that is within the limits."""
+        load = self._load
+        is_within = (
+            -SPOOL_SETPOINT_LIMIT <= command <= SPOOL_SETPOINT_LIMIT
+            and -LOAD_LIMIT <= load <= LOAD_LIMIT
+        )
+        if is_within and type(command) is float and type(load) is float:
+            return self._advance_by(command, load, steps)
+        return self.step(PlantInput(command, load), steps)
 
     def _wear(self, name: str, amount: float) -> None:
         self.defects = replace(self.defects, **{name: amount})

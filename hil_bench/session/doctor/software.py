@@ -5,6 +5,7 @@ import platform
 import sys
 from typing import Any
 
+from hil_bench.bench.compiled import HOW, Core, look_at_core
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, IS_INSTALLED, ready
 from hil_bench.session.doctor.finding import Finding, Topic, Verdict, good
@@ -21,9 +22,19 @@ def examine_software() -> Topic:
         (
             good("Python", f"{platform.python_version()} ({sys.executable})"),
             good("libraries", ", ".join(versions)),
+            _core(look_at_core()),
             _kernel(),
         ),
     )
+
+
+def _core(core: Core) -> Finding:
+    name = "core of the bench"
+    if not core.compiler:
+        return Finding(name, Verdict.HINT, str(core), HOW)
+    if core.edited:
+        return Finding(name, Verdict.HINT, str(core), "install again, or pip install -e a checkout")
+    return good(name, str(core))
 
 
 def _kernel() -> Finding:

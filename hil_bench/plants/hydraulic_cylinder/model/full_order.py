@@ -1,6 +1,8 @@
 """The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
 
 import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import NoneType
 
 from hil_bench.plants.hydraulic_cylinder.model.checks import (
@@ -64,6 +66,9 @@ _LARGEST_STEP = {
 }
 
 _Z_F = 9  # its place in the state of an extended plant
+
+_make_output: Callable[[Sequence[float]], PlantOutput] = partial(tuple.__new__, PlantOutput)
+"""As `PlantOutput._make`, but quicker."""
 
 
 class FullOrderPlant:
@@ -219,7 +224,7 @@ class FullOrderPlant:
         seen = self._advance(self._state, self._constants, u, F_L, steps)
         if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
             raise divergence(self.dt, self.solver)
-        self._output = PlantOutput._make(seen)
+        self._output = _make_output(seen)
         return self._output
 
 

@@ -205,8 +205,8 @@ def _resolve_unit(
     unit["registers"] = unit["registers"]._replace(value=str(path))
     for key in _OF_VALVES:
         if unit[key].value != unit[key].key.default and not kind.is_drive:
-            drives = ", ".join(each.name for each in KINDS.built_in.values() if each.is_drive)
-            wrong = f"only {drives} has it, and {wanted} is {kind.name}"
+            drives = " and ".join(each.name for each in KINDS.built_in.values() if each.is_drive)
+            wrong = f"is for {drives} alone, and {wanted} is {kind.name}"
             problems.add(problems.place(table, key), f"{wrong}; leave it out")
 
 

@@ -56,6 +56,10 @@ EXAMPLES = {
     FaultKind.CORRUPT: ("valve", "share_percent = 25\ncan_id = 0x181", {"share": 0.25, "can_id": 0x181}),
     FaultKind.REPEAT: ("valve", "can_id = 0x181", {"can_id": 0x181}),
     FaultKind.BABBLE: ("valve", "frames_per_tick = 8", {"frames_per_tick": 8}),
+    FaultKind.BIT_ERROR: ("valve", 'share_percent = 10\ncan_id = 0x181\ndirection = "sent"', {"share": 0.1, "can_id": 0x181, "direction": FaultDirection.SENT}),
+    FaultKind.BUS_OFF: ("valve", "", {}),
+    FaultKind.STUCK_DOMINANT: ("valve", "", {}),
+    FaultKind.NO_ACKNOWLEDGE: ("valve", "", {}),
 }  # fmt: skip
 
 
@@ -75,7 +79,7 @@ def test_there_is_an_example_of_each_kind() -> None:
 def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
     target, more, values = EXAMPLES[kind]
     (found,) = load_config(
-        write(PLANT + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))
+        write(PLANT + "[bus.wire]\n" + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))
     ).faults
     assert found == FaultConfig(kind, target, at=2.0, duration=0.5, values=found.values)
     assert found.values.keys() == values.keys()
@@ -85,8 +89,10 @@ def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
 
 
 def test_each_kind_can_be_made_and_happens(write: Write) -> None:
-    text = PLANT + "".join(
-        fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items()
+    text = (
+        PLANT
+        + "[bus.wire]\n"
+        + "".join(fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items())
     )
     bench = build_bench(load_config(write(text)))
     bench.start(0)

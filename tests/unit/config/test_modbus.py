@@ -198,15 +198,15 @@ def test_the_settings_say_where_each_value_came_from(write: Write) -> None:
         (
             "[modbus.units.position]\ncommands = true",
             (
-                "modbus.units.position.commands: is for valve_408 and drive_402 alone, and position is "
-                "encoder_406; leave it out"
+                "modbus.units.position.commands: is for valve_408 and drive_402 alone, and "
+                "position is encoder_406; leave it out"
             ),
         ),
         (
             "[modbus.units.position]\nwatchdog_ms = 500",
             (
-                "modbus.units.position.watchdog_ms: is for valve_408 and drive_402 alone, and position is "
-                "encoder_406; leave it out"
+                "modbus.units.position.watchdog_ms: is for valve_408 and drive_402 alone, and "
+                "position is encoder_406; leave it out"
             ),
         ),
         (

@@ -68,7 +68,7 @@ def test_our_own_files_are_clean(path):
         ("6300", "SubNumber", "9", "is 9; 4 is right by the sections [6300sub...]"),
         ("1400sub1", "DefaultValue", "0x200+$NODEID", "is 0x200+$NODEID; $NODEID as the first"),
         ("1400sub1", "DefaultValue", "0x601", "is 0x601, which no PDO may have; RPDO1 is off"),
-        ("1600sub1", "DefaultValue", "0x60500010", "maps 0x6050.00 (16 bit), which does not exist"),
+        ("1600sub1", "DefaultValue", "0x60F00010", "maps 0x60F0.00 (16 bit), which does not exist"),
         ("1600sub1", "DefaultValue", "0x60410010", "which has AccessType=ro, which no RPDO may"),
         ("1600sub1", "DefaultValue", "0x60400008", "is UNSIGNED16, which has 16 bit; RPDO1 is off"),
         ("1600sub1", "DefaultValue", "0x63000208", "which has PDOMapping=0; RPDO1 carries it all"),

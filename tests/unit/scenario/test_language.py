@@ -12,7 +12,7 @@ from hil_bench.scenario.vocabulary import Vocabulary
 
 TICK = 1_000_000
 KNOWN = Vocabulary(
-    {"axis1.P_A": "Pa", "axis1.position": "m", "target": "m", "io.count": "rpm", "flag": "-"},
+    {"axis1.P_A": "Pa", "axis1.position": "m", "target": "m", "io.count": "lux", "flag": "-"},
     {"valve.state": {"HOLD": 1, "ENABLED": 2}},
     ("valve", "pressure_a"),
     has_frames=True,

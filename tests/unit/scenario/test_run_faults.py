@@ -36,10 +36,14 @@ KEYS = {
     "corrupt": 'target = "valve"\nshare_percent = 10',
     "repeat": 'target = "valve"\ncan_id = 0x181',
     "babble": 'target = "valve"\nframes_per_tick = 2',
+    "bit_error": 'target = "valve"\nshare_percent = 10',
+    "bus_off": 'target = "valve"',
+    "stuck_dominant": 'target = "valve"',
+    "no_acknowledge": 'target = "valve"',
 }
 """The keys of each kind, as docs/faults.md has them."""
 
-BENCH = '[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
+BENCH = '[bus.wire]\n[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
 """An axis that can have each of them."""
 
 SCENARIO = """

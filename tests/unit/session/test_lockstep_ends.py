@@ -1,6 +1,7 @@
 """Where lock-step and real time begin, wait and end, on fake clocks; no device takes part."""
 
 import logging
+from types import SimpleNamespace
 
 import pytest
 
@@ -29,6 +30,7 @@ class Bench:
     def __init__(self):
         self.rounds = []
         self.now = 0
+        self.bench = SimpleNamespace(wiring=None)
 
     def tick(self, frames, now, send=None):
         self.now = now

@@ -15,12 +15,15 @@ as on a wire.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from hil_bench.bench.switchboard import Switchboard
-from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.faults import Faults
+
+if TYPE_CHECKING:
+    from hil_bench.bench.wiring import Wiring
 
 
 class Bench:
@@ -41,8 +44,6 @@ class Bench:
         wiring: its buses of copper; None where all buses take no time.
     """
 
-    wiring: Wiring | None = None
-
     def __init__(
         self,
         axes: Sequence[Axis],
@@ -53,6 +54,7 @@ class Bench:
         fittings: Sequence[Fitting] = (),
         sensors: Sequence[Measurement] = (),
     ) -> None:
+        self.wiring: Wiring | None = None
         self.axes = tuple(axes)
         self.nodes = switchboard.nodes
         self.faults = faults or Faults()

@@ -31,13 +31,12 @@ class WiredBench(Bench):
         sensors: likewise.
 
     Attributes:
+        copper: the buses of copper, as `wiring`.
         passages: what this tick has heard from buses of copper, in the order of the ends.
         errors: error frames since the last tick, with their times [ns].
         direct: what it has received from other buses.
         at_once: what it has sent there.
     """
-
-    wiring: Wiring
 
     def __init__(
         self,
@@ -54,7 +53,7 @@ class WiredBench(Bench):
         super().__init__(
             axes, switchboard, steps=steps, faults=faults, fittings=fittings, sensors=sensors
         )
-        self.wiring = wiring
+        self.wiring = self.copper = wiring
         self.passages: Sequence[Passage] = ()
         self.errors: Sequence[tuple[Frame, int]] = ()
         self.direct: Sequence[Frame] = ()
@@ -63,7 +62,7 @@ class WiredBench(Bench):
 
     def tick(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Move the whole bench on by one tick; see `Bench.tick`."""
-        wiring, overheard = self.wiring, self._switchboard.overheard
+        wiring, overheard = self.copper, self._switchboard.overheard
         sent: list[Frame] = []
         while (passage := wiring.next_frame(now)) is not None:
             sent.append(passage[0])
@@ -85,7 +84,7 @@ class WiredBench(Bench):
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Put frames on the buses; they are answered in a tick, since they take time."""
         self.passages, self.errors = (), ()
-        self.direct = direct = self.wiring.put_all(frames, now)
+        self.direct = direct = self.copper.put_all(frames, now)
         self.at_once = at_once = super().serve(direct, now) if direct else []
         return at_once
 

@@ -83,6 +83,6 @@ def measure_traffic(
         session.tick(frames, now)
         found.take(bench.passages)
     found.waiting = sum(
-        station.waiting for bus in bench.wiring.buses.values() for station in bus.wire.stations
+        station.waiting for bus in bench.copper.buses.values() for station in bus.wire.stations
     )
     return found

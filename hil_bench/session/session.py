@@ -134,7 +134,7 @@ class Session:
         if not isinstance(bench, WiredBench):
             return observe
 
-        wiring = bench.wiring
+        wiring = bench.copper
 
         def tell(_received: Sequence[Frame], _sent: Sequence[Frame], now: int) -> None:
             errors = deque(bench.errors)

@@ -111,8 +111,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     try:
         called = next((word for word in arguments if not word.startswith("-")), None)
         parser = build_parser(() if called is None else (called,))
-        args = parser.parse_args(arguments, argparse.Namespace(words=arguments))
-        del args.words  # only for --version
+        args = parser.parse_args(arguments, argparse.Namespace(given_words=arguments))
+        del args.given_words  # only for --version
     except SystemExit as end:
         code = int(end.code or ExitCode.DONE)
         return argparse.Namespace(run=lambda _args: code, verbose=0, quiet=False)
@@ -129,7 +129,7 @@ class _ShowVersion(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, *_: object
     ) -> None:
         print(f"{parser.prog} {hil_bench.__version__}")
-        if {"-v", "-vv", "--verbose"} & set(namespace.words):
+        if {"-v", "-vv", "--verbose"} & set(namespace.given_words):
             from hil_bench.bench.compiled import look_at_core  # noqa: PLC0415 - for this alone
             from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED  # noqa: PLC0415
 

@@ -135,9 +135,16 @@ def folder(monkeypatch):
         yield folder
 
 
-@pytest.mark.usefixtures("folder")
+@pytest.fixture
+def _interruptible():
+    """SIGINT as a terminal has it: a shell without job control starts programs that ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("folder", "_interruptible")
 def test_a_stop_from_outside_is_a_ctrl_c_wherever_the_work_waits():
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     def stop():
         with connect("mine", timeout=GUARD) as client:

@@ -129,10 +129,12 @@ def test_a_drag_zooms_all_panes_and_a_double_click_goes_live(page, scope):
     page.mouse.move(box["x"] + 150, box["y"] + 60, steps=4)
     page.mouse.up()
     expect(scope.get_by_role("button", name="Live")).to_be_visible()
-    spans = page.evaluate(
-        "() => hilBench.views.find(({ id }) => id === 'scope').view.plots.panes"
+    spans_shown = (
+        "hilBench.views.find(({ id }) => id === 'scope').view.plots.panes"
         ".map(({ plot }) => plot.scales.x.max - plot.scales.x.min)"
     )
+    page.wait_for_function(f"() => {spans_shown}.every((span) => span < 9)")  # the next picture
+    spans = page.evaluate(f"() => {spans_shown}")
     # 100 of the pixels of a window of 10 s.
     assert spans == [pytest.approx(10 * 100 / box["width"], rel=0.03)] * len(spans)
     assert len(spans) == 3

@@ -4,20 +4,17 @@ import math
 from pathlib import Path
 
 from device_profiles import ROTARY_ENCODER_406
-from hil_drivers.device import Input, Sensor
-from hil_drivers.errors import DeviceMismatchError
+from hil_drivers.encoder import Encoder
 from hil_drivers.interfaces import Reading
 from hil_drivers.network import Network
-from hil_drivers.node import object_name
-from hil_drivers.pdo import PdoKind
 
 _PARAMETERS, _PER_TURN, _TOTAL, _POSITION = 0x6000, 0x6001, 0x6002, 0x6004
-_SPEED, _SPEED_PARAMETERS = 0x6030, 0x6031
+_SPEED_PARAMETERS = 0x6031
 _RESOLUTION, _REVOLUTIONS = 0x6501, 0x6502
 _SCALING = 1 << 2
 
 
-class RotarySensor(Sensor):
+class RotarySensor(Encoder):
     """A rotary position sensor, of one turn or of many.
 
     The angle counts on where the encoder's position begins again, as long as the shaft turns by
@@ -35,8 +32,6 @@ class RotarySensor(Sensor):
         DeviceMismatchError: the EDS maps no position.
     """
 
-    PROFILE = 406
-
     def __init__(
         self,
         network: Network,
@@ -45,19 +40,10 @@ class RotarySensor(Sensor):
         *,
         max_age: float = 0.1,
     ) -> None:
-        super().__init__(network, node_id, eds, max_age=max_age)
-        position, speed = self._first_mapped([(_POSITION, 0)]), (_SPEED, 1)
-        inputs = self._add_inputs(self._carriers(PdoKind.TPDO, [position], [speed]))
-        self._position = inputs[position]
-        self._speed = inputs.get(speed)
-        self._step = self._speed_step = math.nan
+        super().__init__(network, node_id, eds, [(_POSITION, 0)], 1, max_age=max_age)
+        self._step = math.nan
         self._total = 0
         self._steps: int | None = None
-
-    @property
-    def primary(self) -> Input:
-        """The PDO that brings the position."""
-        return self._position
 
     @property
     def angle(self) -> float:
@@ -68,18 +54,6 @@ class RotarySensor(Sensor):
             steps = self._steps + (steps - self._steps + half) % self._total - half
         self._steps = steps
         return steps * self._step
-
-    @property
-    def speed(self) -> float:
-        """Speed [rad/s]; a `DeviceMismatchError` where the EDS maps none."""
-        if self._speed is None:
-            raise self._not_mapped(PdoKind.TPDO, object_name(_SPEED, 1))
-        return self._value(self._speed) * self._speed_step
-
-    @property
-    def is_valid(self) -> bool:
-        """Whether the device says that its value is valid: it has no emergency that is active."""
-        return self.node.active_emergency is None
 
     @property
     def reading(self) -> Reading:
@@ -97,10 +71,3 @@ class RotarySensor(Sensor):
         if self._speed is not None:
             multiplier, divider = (self._read_count(_SPEED_PARAMETERS, sub) for sub in (3, 4))
             self._speed_step = self._step * divider / multiplier
-
-    def _read_count(self, index: int, subindex: int = 0) -> int:
-        count = self.node.read_integer(index, subindex)
-        if count < 1:
-            name = object_name(index, subindex)
-            raise DeviceMismatchError(f"{self.node}: {name} is {count}; 1 or more is right")
-        return count

@@ -17,7 +17,7 @@ from hil_bench.campaign.records import RunOutcome, RunResult
 from hil_bench.campaign.reports.campaign_report import write_campaign_report
 from hil_bench.campaign.running import perform
 from hil_bench.campaign.sampling import Sampler
-from hil_bench.campaign.sensitivity import sobol_indices
+from hil_bench.campaign.sensitivity import Sensitivity, sobol_indices
 from hil_bench.campaign.store import Store
 from hil_bench.campaign.summary import (
     bounds_of,
@@ -98,9 +98,11 @@ def run(args: argparse.Namespace) -> int:
         _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)
     changes = compare(_before(args.compare), outcome.results) if args.compare else []
+    sensitivity = sobol_indices(plan, outcome.results)
     if args.report:
-        write_campaign_report(args.report, plan, outcome, changes)
-    print_results(args, _lines(plan, outcome, changes), _content(plan, outcome, changes))
+        write_campaign_report(args.report, plan, outcome, changes, sensitivity)
+    found = plan, outcome, changes, sensitivity
+    print_results(args, _lines(*found), _content(*found))
     return _exit_code(outcome)
 
 
@@ -168,14 +170,16 @@ def _exit_code(outcome: Outcome) -> ExitCode:
     return ExitCode.INCONCLUSIVE if outcome.missing and code is ExitCode.DONE else code
 
 
-def _lines(plan: Plan, outcome: Outcome, changes: list[Change]) -> Iterator[str]:
+def _lines(
+    plan: Plan, outcome: Outcome, changes: list[Change], sensitivity: Sensitivity
+) -> Iterator[str]:
     counts = ", ".join(f"{n} {name}" for name, n in count_outcomes(outcome.results).items())
     missing = f"; {outcome.missing} not done yet" if outcome.missing else ""
     yield f"{len(outcome.results)} runs: {counts or 'none'}{missing}"
     for summary in summarise(outcome.results):
         yield f"  {summary.line()}"
     yield from (f"  {line}" for line in bounds_of(plan, outcome.results))
-    yield from (f"  {line}" for line in sobol_indices(plan, outcome.results).lines())
+    yield from (f"  {line}" for line in sensitivity.lines())
     yield from (f"  {change.line()}" for change in changes)
     failed = [each for each in outcome.results if each.outcome.is_failure]
     for result in worst_runs(failed, _SHOWN):
@@ -184,7 +188,9 @@ def _lines(plan: Plan, outcome: Outcome, changes: list[Change]) -> Iterator[str]
     yield f"  digest of the results {outcome.digest}"
 
 
-def _content(plan: Plan, outcome: Outcome, changes: list[Change]) -> dict[str, object]:
+def _content(
+    plan: Plan, outcome: Outcome, changes: list[Change], sensitivity: Sensitivity
+) -> dict[str, object]:
     return {
         "runs": len(outcome.results),
         "missing": outcome.missing,
@@ -201,7 +207,7 @@ def _content(plan: Plan, outcome: Outcome, changes: list[Change]) -> dict[str, o
             for each in summarise(outcome.results)
         ],
         "bounds": list(bounds_of(plan, outcome.results)),
-        "sobol_indices": [each.content() for each in sobol_indices(plan, outcome.results).indices],
+        "sobol_indices": [each.content() for each in sensitivity.indices],
         "worst": [
             {**each._asdict(), "command": command_of(plan, each)}
             for each in worst_runs(outcome.results)

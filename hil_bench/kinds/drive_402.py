@@ -10,35 +10,34 @@ from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import number
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.drive_402 import DriveDevice
-from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
+from hil_bench.kinds.kind import require_quantities
+from hil_bench.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.units import MILLIMETRE, REVOLUTION_PER_MINUTE
+from hil_bench.units import REVOLUTION_PER_MINUTE
 
 _ANGLE, _SPEED = "angle", "speed"
 
 
 @dataclass(frozen=True, slots=True)
-class DriveConfig(NodeConfig):
+class DriveConfig(SpoolConfig):
     """A drive (CiA 402).
 
     Attributes:
-        full_opening: spool position of 100 % [m].
         full_speed: speed of the shaft at 100 % without load, which is fed forward [rad/s].
     """
 
-    full_opening: float
     full_speed: float
 
 
-class DriveKind(DeviceKind[DriveConfig]):
+class DriveKind(SpoolKind[DriveConfig]):
     """A drive commands the spool of an axis that turns, and measures its shaft."""
 
     name = "drive_402"
     record = DriveConfig
     eds = DRIVE_402
     keys = (
-        Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
+        FULL_OPENING,
         Key(
             "full_speed_rpm",
             number(REVOLUTION_PER_MINUTE, low=1.0, high=1e5),
@@ -47,22 +46,10 @@ class DriveKind(DeviceKind[DriveConfig]):
             "full_speed",
         ),
     )
-    is_drive = True
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note a plant that does not turn."""
         require_quantities(problems.place(table, "axis"), (_ANGLE, _SPEED), axis, problems)
-
-    def resolve(self, node: Settings, axis: AxisSettings) -> None:
-        """Take the full opening from the orifices where the table does not give it."""
-        opening = node["full_opening_mm"]
-        if opening.value is None:
-            full = axis.kind.full_scale(axis.settings)
-            node["full_opening_mm"] = opening._replace(value=full)
-
-    def full_scales(self, config: DriveConfig) -> Mapping[str, float]:
-        """Return the full opening [m]."""
-        return {str(config.axis): config.full_opening}
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
         """Return the angle that its encoder measures."""

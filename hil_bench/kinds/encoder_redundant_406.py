@@ -8,7 +8,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Settings
 from hil_bench.devices.axis import Fitting
 from hil_bench.devices.redundant_encoder import RedundantEncoder
-from hil_bench.kinds.encoder_406 import EncoderConfig, EncoderKind, measure_motion
+from hil_bench.kinds.encoder_406 import EncoderConfig, EncoderKind
 from hil_bench.kinds.surroundings import Surroundings
 
 
@@ -29,7 +29,7 @@ class RedundantEncoderKind(EncoderKind):
         device = RedundantEncoder(node, self.stroke(config, surroundings))
         fitting = self.dress(config, device, surroundings)
         name = f"{config.name}.2"
-        second = measure_motion(config, name, device.publish_second, surroundings)
+        second = self.measure(config, name, device.publish_second, surroundings)
         return replace(fitting, sensors=(*fitting.sensors, (axis, second)))
 
 

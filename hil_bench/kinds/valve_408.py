@@ -12,44 +12,43 @@ from hil_bench.config.values import number, text
 from hil_bench.devices.axis import Drive, Fitting, Measurement
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.kinds.kind import DeviceKind, NodeConfig, require_quantities
+from hil_bench.kinds.kind import require_quantities
 from hil_bench.kinds.pressure_404 import check_pressure
+from hil_bench.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
-from hil_bench.units import BAR, MILLIMETRE
+from hil_bench.units import BAR
 
 _PASCAL, _PRESSURE = "Pa", "pressure_source"
 _COMMANDS, _SHOWS = "spool_setpoint", "spool_position"
 
 
 @dataclass(frozen=True, slots=True)
-class ValveConfig(NodeConfig):
+class ValveConfig(SpoolConfig):
     """A proportional valve (CiA 408).
 
     Attributes:
-        full_opening: spool position at a set-point of 100 % [m].
         pressure_source: the pressure that its own sensor measures; None for a valve without one.
         pressure: what stands for 100 % of pressure, the end of that sensor's range [Pa].
     """
 
-    full_opening: float
     pressure_source: str | None
     pressure: float
 
 
-class ValveKind(DeviceKind[ValveConfig]):
+class ValveKind(SpoolKind[ValveConfig]):
     """A valve commands the spool of its axis and shows where it is."""
 
     name = "valve_408"
     record = ValveConfig
     eds = VALVE_408
     keys = (
-        Key("full_opening_mm", number(MILLIMETRE), None, MILLIMETRE, "full_opening"),
+        FULL_OPENING,
         Key(_PRESSURE, text),
         Key("pressure_bar", number(BAR, low=1.0, high=1e4), 250.0, BAR, "pressure"),
     )
     registers = REGISTERS / "valve_408.toml"
-    is_drive = has_enable_input = True
+    has_enable_input = True
     driver = "hil_drivers:ProportionalValve"
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
@@ -58,13 +57,6 @@ class ValveKind(DeviceKind[ValveConfig]):
         if node[_PRESSURE].value is not None:
             check_pressure(table, _PRESSURE, node, axis, problems)
 
-    def resolve(self, node: Settings, axis: AxisSettings) -> None:
-        """Take the full opening from the orifices where the table does not give it."""
-        opening = node["full_opening_mm"]
-        if opening.value is None:
-            full = axis.kind.full_scale(axis.settings)
-            node["full_opening_mm"] = opening._replace(value=full)
-
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
         """Return the pressure of its own sensor."""
         return {f"{name}.pressure": _PASCAL} if node[_PRESSURE].value is not None else {}
@@ -72,10 +64,6 @@ class ValveKind(DeviceKind[ValveConfig]):
     def watched(self, config: ValveConfig) -> Mapping[str, str]:
         """Return the spool position."""
         return {_SHOWS: "spool_position"}
-
-    def full_scales(self, config: ValveConfig) -> Mapping[str, float]:
-        """Return the full opening [m]."""
-        return {str(config.axis): config.full_opening}
 
     def fit(self, config: ValveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the valve."""

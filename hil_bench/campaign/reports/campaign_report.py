@@ -10,7 +10,7 @@ from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.replay import Replay, replay
 from hil_bench.campaign.reports.figures import margin_figure
 from hil_bench.campaign.reports.page import write_page
-from hil_bench.campaign.sensitivity import sobol_indices
+from hil_bench.campaign.sensitivity import Sensitivity
 from hil_bench.campaign.summary import (
     bounds_of,
     command_of,
@@ -26,7 +26,11 @@ _SHOWN = 20  # correlations
 
 
 def write_campaign_report(
-    path: Path, plan: Plan, outcome: Outcome, changes: Sequence[Change]
+    path: Path,
+    plan: Plan,
+    outcome: Outcome,
+    changes: Sequence[Change],
+    sensitivity: Sensitivity,
 ) -> None:
     """Write the report of a campaign.
 
@@ -35,6 +39,7 @@ def write_campaign_report(
         plan: the campaign.
         outcome: what came of it.
         changes: since another campaign; empty for none.
+        sensitivity: of its margins to its parameters.
     """
     campaign, results = plan.campaign, outcome.results
     requirements = [
@@ -71,7 +76,7 @@ def write_campaign_report(
         "outcome": outcome,
         "requirements": requirements,
         "correlations": correlations(results)[:_SHOWN],
-        "sensitivity": sobol_indices(plan, results),
+        "sensitivity": sensitivity,
         "bounds": list(bounds_of(plan, results)),
         "worst": worst,
         "changes": changes,

@@ -5,11 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
-from hil_bench.plants.hydraulic_cylinder.configuration import (
-    CylinderConfig,
-    configure,
-    full_opening_mm,
-)
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, configure
 from hil_bench.plants.hydraulic_cylinder.cylinder import build_cylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
     apply_data_sheet,
@@ -17,30 +13,24 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
 )
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
-from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, QUANTITIES
+from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
-from hil_bench.plants.kind import Fact, PlantKind
+from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
+from hil_bench.plants.kind import Fact
 from hil_bench.plants.plant import Plant
-from hil_bench.units import MILLIMETRE
 
 
-class HydraulicCylinder(PlantKind[CylinderConfig]):
+class HydraulicCylinder(ValveControlled[CylinderConfig]):
     """A valve-controlled cylinder by Ruderman 2017, full-order or reduced."""
 
     name = "hydraulic_cylinder"
     keys = AXIS_KEYS
     quantities = QUANTITIES
-    command_unit = MILLIMETRE
     usual = USUAL
     possible = POSSIBLE
     default_nodes = MappingProxyType(
-        {
-            "valve": {"profile": "valve_408", "node_id": 1},
-            "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": P_A},
-            "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": P_B},
-            "position": {"profile": "encoder_406", "node_id": 4},
-        }
+        {**VALVE_NODES, "position": {"profile": "encoder_406", "node_id": 4}}
     )
 
     def configure(
@@ -66,14 +56,6 @@ class HydraulicCylinder(PlantKind[CylinderConfig]):
     ) -> Plant:
         """Return the model of an axis."""
         return build_cylinder(axis, dt, start)
-
-    def full_scale(self, settings: Settings) -> float:
-        """Return the spool position from which on the orifices are fully open [mm]."""
-        return full_opening_mm(settings)
-
-    def lowest_supply_bar(self, settings: Settings) -> float:
-        """Return the pressure of the tank [bar]."""
-        return float(settings["tank_pressure_bar"].value)
 
     def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""

@@ -5,9 +5,8 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
-from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
-from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
-from hil_bench.plants.kind import Fact, PlantKind
+from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
+from hil_bench.plants.kind import Fact
 from hil_bench.plants.rotary.configuration import RotaryConfig, configure
 from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
@@ -15,25 +14,18 @@ from hil_bench.plants.rotary.motor import HydraulicMotor
 from hil_bench.plants.rotary.plausible_ranges import POSSIBLE, USUAL
 from hil_bench.plants.rotary.quantities import QUANTITIES
 from hil_bench.plants.rotary.summary import find_unresolved, summarise
-from hil_bench.units import MILLIMETRE
 
 
-class Rotary(PlantKind[RotaryConfig]):
+class Rotary(ValveControlled[RotaryConfig]):
     """A valve-controlled hydraulic motor with an inertia and a load torque."""
 
     name = "rotary"
     keys = ROTARY_KEYS
     quantities = QUANTITIES
-    command_unit = MILLIMETRE
     usual = USUAL
     possible = POSSIBLE
     default_nodes = MappingProxyType(
-        {
-            "valve": {"profile": "valve_408", "node_id": 1},
-            "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": P_A},
-            "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": P_B},
-            "encoder": {"profile": "rotary_encoder_406", "node_id": 4},
-        }
+        {**VALVE_NODES, "encoder": {"profile": "rotary_encoder_406", "node_id": 4}}
     )
 
     def configure(
@@ -59,14 +51,6 @@ class Rotary(PlantKind[RotaryConfig]):
     ) -> HydraulicMotor:
         """Return the motor of an axis."""
         return HydraulicMotor(axis, dt, start or {})
-
-    def full_scale(self, settings: Settings) -> float:
-        """Return the spool position from which on the orifices are fully open [mm]."""
-        return full_opening_mm(settings)
-
-    def lowest_supply_bar(self, settings: Settings) -> float:
-        """Return the pressure of the tank [bar]."""
-        return float(settings["tank_pressure_bar"].value)
 
     def find_doubts(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""

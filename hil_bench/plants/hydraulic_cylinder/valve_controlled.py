@@ -1,0 +1,34 @@
+"""What the kinds of plants share that a spool valve controls: cylinder and motor."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from hil_bench.config.settings import Settings
+from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.plants.kind import AxisT, PlantKind
+from hil_bench.units import MILLIMETRE
+
+VALVE_NODES: Final[Mapping[str, Mapping[str, object]]] = MappingProxyType(
+    {
+        "valve": {"profile": "valve_408", "node_id": 1},
+        "pressure_a": {"profile": "pressure_404", "node_id": 2, "source": P_A},
+        "pressure_b": {"profile": "pressure_404", "node_id": 3, "source": P_B},
+    }
+)
+"""The nodes of a file without any, but for the encoder."""
+
+
+class ValveControlled(PlantKind[AxisT]):
+    """A plant between the ports of a spool valve, with its supply and tank."""
+
+    command_unit = MILLIMETRE
+
+    def full_scale(self, settings: Settings) -> float:
+        """Return the spool position from which on the orifices are fully open [mm]."""
+        return full_opening_mm(settings)
+
+    def lowest_supply_bar(self, settings: Settings) -> float:
+        """Return the pressure of the tank [bar]."""
+        return float(settings["tank_pressure_bar"].value)

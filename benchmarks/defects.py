@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import hil_drivers
 from hil_bench.campaign.plan import own_case, space_of
@@ -119,6 +120,12 @@ def first_failure(scenario: Scenario, method: Method, runs: int, seed: int) -> i
     return None
 
 
+def processor_time() -> float:
+    """Return the processor time of this program and of those that it waited for [s]."""
+    usages = [getrusage(who) for who in (RUSAGE_SELF, RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in usages)
+
+
 def count_false_alarms(language: str, runs: int, seed: int) -> None:
     """Play the controller as it is."""
     with seeded(None, language) as scenario:
@@ -147,6 +154,7 @@ def main() -> None:
         return
     methods = [options.method] if options.method else ALL_METHODS
     found = dict.fromkeys(methods, 0)
+    used_s = dict.fromkeys(methods, 0.0)
     chosen = [
         each
         for each in load_defects()
@@ -156,12 +164,14 @@ def main() -> None:
         line = f"{defect.language:7}{defect.id:24}"
         with seeded(defect, defect.language) as scenario:
             for method in methods:
+                start_s = processor_time()
                 number = first_failure(scenario, method, options.runs, options.seed)
+                used_s[method] += processor_time() - start_s
                 found[method] += number is not None
                 line += f"{method} {number or '-':>4}   "
         print(line, flush=True)
-    total = ", ".join(f"{method} {count}" for method, count in found.items())
-    print(f"found of {len(chosen)} in {options.runs} runs: {total}")
+    total = ", ".join(f"{method} {found[method]} ({used_s[method]:.0f} s)" for method in methods)
+    print(f"found of {len(chosen)} in {options.runs} runs, and processor time: {total}")
 
 
 if __name__ == "__main__":

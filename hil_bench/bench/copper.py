@@ -10,9 +10,10 @@ from hil_bench.bench.wiring import Bus, Plug, Wiring
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.measurement.noise import random_stream
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
+from hil_bench.outside.wire.attempt import Chance
 from hil_bench.outside.wire.config import CONTROLLER, WireConfig
 from hil_bench.outside.wire.station import Station
-from hil_bench.outside.wire.wire import Chance, Wire
+from hil_bench.outside.wire.wire import Wire
 
 _BABBLER: Final = "babbling node"
 _MOST_BABBLE: Final = 1000

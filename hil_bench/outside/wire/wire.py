@@ -5,7 +5,6 @@ part in the arbitration; the lowest identifier wins, and nothing interrupts it. 
 is repeated at once. No thread and no clock: times come in, in nanoseconds, and never run back.
 """
 
-import heapq
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, NamedTuple
@@ -13,19 +12,11 @@ from typing import Final, NamedTuple
 from hil_bench.canopen_device.agenda import NEVER
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.outside.wire.bits import exact_bits, stuffed_bits
-from hil_bench.outside.wire.broken import (
-    AFTER_FLAGS,
-    FLAG,
-    Broken,
-    ErrorKind,
-    disturbed,
-    length_on_bus,
-    misread,
-    unacknowledged,
-)
+from hil_bench.outside.wire.arbitration import Arbitration
+from hil_bench.outside.wire.attempt import Attempt, Chance, Disturbances
+from hil_bench.outside.wire.broken import AFTER_FLAGS, FLAG, Broken, ErrorKind
 from hil_bench.outside.wire.recovery import Absence, dominant_errors
-from hil_bench.outside.wire.station import BUS_OFF_FROM, Rule, Station
+from hil_bench.outside.wire.station import BUS_OFF_FROM, Station
 
 _NS_PER_S: Final = 1_000_000_000
 
@@ -74,25 +65,6 @@ class ErrorFrame(NamedTuple):
     end: int
 
 
-class _Attempt(NamedTuple):
-    """What is on the bus: how it ends is known already."""
-
-    senders: tuple[Station, ...]
-    frames: tuple[Frame, ...]
-    begin: int
-    end: int
-    broken: Broken | None
-    culprit: Station | None  # the receiver that breaks it
-    deaf: tuple[Station, ...]  # receivers that cannot read it
-
-
-_Entry = tuple[int, int, int, Station]
-"""Priority, number of the entry, number of the frame in its buffer, and whose it is."""
-
-Chance = Callable[[], int]
-"""Draws how many bits pass until the next one that is disturbed."""
-
-
 class Wire:
     """A bus.
 
@@ -128,20 +100,18 @@ class Wire:
         self.on_error: Callable[[ErrorFrame], None] | None = None
         self.on_event: Callable[[Station, CanEvent], None] | None = None
         self.stations: list[Station] = []
-        self._heads: list[_Entry] = []
-        self._inside: set[tuple[int, int]] = set()
-        self._entered = 0
+        self._waiting = Arbitration()
+        self._disturbances = Disturbances(chance)
         self._last_put = 0
         self._free_at = 0
-        self._going: _Attempt | None = None
+        self._going: Attempt | None = None
+        self._begun = 0
         self._deaf: frozenset[Station] = frozenset()
         self._absent: set[Station] = set()
         self._listeners: list[Station] = []
         self._shaken: set[Station] = set()
         self._ruled: list[Station] = []
         self._suspended_until = 0
-        self._chance = chance
-        self._bits_left = chance() if chance else 0
         self._recovery = recovery
         self._off: dict[Station, Absence] = {}
         self._stuck_since: int | None = None
@@ -169,7 +139,7 @@ class Wire:
             self._tell(station, CanEvent.OVERRUN)
         self._last_put = now
         if station.head is not head and not station.is_off:
-            self._enter(station)
+            self._waiting.enter(station)
             if self._going is None and self._stuck_since is None:
                 self.due = min(self.due, max(self._free_at, now, station.ready_at))
         return has_room
@@ -225,7 +195,7 @@ class Wire:
         if station.is_off:
             self._off[station] = Absence(now)
         self._take_stock()
-        self._enter(station)
+        self._waiting.enter(station)
         if self._going is None:
             self._free_at = max(self._free_at, now)
             self._search()
@@ -238,9 +208,7 @@ class Wire:
         self._absent.add(station)
         self._off.pop(station, None)
         self._shaken.discard(station)
-        self._heads = [entry for entry in self._heads if entry[3] is not station]
-        heapq.heapify(self._heads)
-        self._inside = {(id(entry[3]), entry[2]) for entry in self._heads}
+        self._waiting.remove(station)
         self._take_stock()
         if self._going is None:
             self._schedule()
@@ -258,36 +226,23 @@ class Wire:
                     station.ready_at = 0
         self.watch_rules()
 
-    # Arbitration
-
-    def _enter(self, station: Station) -> None:
-        """Have the head of a station's buffer take part in arbitration."""
-        head = station.head
-        if head is not None and (id(station), head.number) not in self._inside:
-            self._entered += 1
-            self._inside.add((id(station), head.number))
-            heapq.heappush(self._heads, (head.priority, self._entered, head.number, station))
+    # Begins
 
     def _schedule(self) -> None:
         """Find when the next transmission begins, or the next station recovers."""
         free_at = self._free_at
         is_known = free_at >= self._last_put and free_at >= self._suspended_until
-        if self._heads and self._stuck_since is None and is_known:
+        if self._waiting and self._stuck_since is None and is_known:
             self.due = free_at  # at the latest then: `_begin` looks again
         else:
             self._search()
 
     def _search(self) -> None:
         """As `_schedule`, by looking at all stations that wait."""
-        due = NEVER
         if self._stuck_since is not None:
-            self.due = due
+            self.due = NEVER
             return
-        for _, _, number, station in self._heads:
-            head = station.head
-            if head is not None and head.number == number and not station.is_off:
-                begin = max(head.released, station.ready_at, self._free_at)
-                due = min(due, begin)
+        due = self._waiting.earliest(self._free_at)
         for station, absence in self._off.items():
             if not station.held_off:
                 due = min(due, absence.back_at(self._free_at, self.bits))
@@ -297,98 +252,26 @@ class Wire:
         """Have the winner of the arbitration send; where nobody can, look when somebody will."""
         if self._off:
             self._recover(now)
-        heads = self._heads
-        winner: _Entry | None = None
-        rivals: list[Station] = []
-        late: list[_Entry] = []
-        while heads and (winner is None or heads[0][0] == winner[0]):
-            entry = heapq.heappop(heads)
-            station, head = entry[3], entry[3].head
-            self._inside.discard((id(station), entry[2]))
-            if head is None or head.number != entry[2] or station.is_off:
-                continue
-            if station.ready_at > now or head.released > now:
-                late.append(entry)
-            elif winner is None:
-                winner = entry
-            else:
-                rivals.append(station)
-        for entry in late:
-            self._inside.add((id(entry[3]), entry[2]))
-            heapq.heappush(heads, entry)
-        if winner is None:
+        senders = self._waiting.decide(now)
+        if not senders:
             self._search()
             return
-        self._going = self._attempt((winner[3], *rivals), now)
-        self.due = self._going.end
-
-    def _attempt(self, senders: tuple[Station, ...], now: int) -> _Attempt:
-        """Return how the transmission of the winners ends."""
-        frames = tuple(station.begin().frame for station in senders)
-        if (
-            len(senders) == 1
-            and self._chance is None
-            and not senders[0].send_rules
-            and not self._ruled
-            and len(self._listeners) > 1
-        ):
-            end = now + self.bits(exact_bits(frames[0]))
-            return _Attempt(senders, frames, now, end, None, None, ())
-        return self._doubtful(senders, frames, now)
-
-    def _doubtful(
-        self, senders: tuple[Station, ...], frames: tuple[Frame, ...], now: int
-    ) -> _Attempt:
-        """Return the end of a transmission that may fail."""
-        sent = sorted(
-            zip(map(stuffed_bits, frames), range(len(senders)), strict=True)
-        )  # dominant bits win
-        senders = tuple(senders[place] for _, place in sent)
-        frames = tuple(frames[place] for _, place in sent)
-        bits, first, frame = sent[0][0], senders[0], frames[0]
-        others = [each for each in self._listeners if each not in senders]
-        has_active = any(not each.is_passive for each in others)
-        broken = _clash([(own, each) for (own, _), each in zip(sent, senders, strict=True)])
-        culprit, deaf = None, list[Station]()
-        if broken is None and len(senders) == 1 and not others:
-            broken = unacknowledged(bits)
-        if broken is None and (position := self._disturbance(first, frame, bits)) is not None:
-            broken = disturbed(
-                bits, position, is_passive=first.is_passive, has_active_others=has_active
-            )
-        for each in others if broken is None else ():
-            share = _share(each.receive_rules, frame)
-            if share is not None and each.is_passive:
-                deaf.append(each)
-            elif share is not None and broken is None:
-                culprit, broken = each, misread(bits, int(share * len(bits)))
-        length = exact_bits(frame) if broken is None else broken.length
-        return _Attempt(senders, frames, now, now + self.bits(length), broken, culprit, tuple(deaf))
-
-    def _disturbance(self, sender: Station, frame: Frame, bits: list[int]) -> int | None:
-        """Return which bit is disturbed on the bus, None for none."""
-        share = _share(sender.send_rules, frame)
-        length = length_on_bus(bits)
-        if share is not None:
-            return int(share * length)
-        if self._chance is None:
-            return None
-        if self._bits_left < length:
-            position = self._bits_left
-            self._bits_left = self._chance()
-            return position
-        self._bits_left -= length
-        return None
+        self._going = self._disturbances.attempt(
+            senders, self._listeners, has_rules=bool(self._ruled)
+        )
+        self._begun = now
+        self.due = now + self.bits(self._going.length)
 
     # Ends
 
-    def _end(self, attempt: _Attempt) -> Passage | None:
+    def _end(self, attempt: Attempt) -> Passage | None:
         """Count what has passed or failed; return it where it has passed."""
         self._going = None
-        self.busy += attempt.end - attempt.begin
-        self._free_at = attempt.end
+        begin, end = self._begun, self._begun + self.bits(attempt.length)
+        self.busy += end - begin
+        self._free_at = end
         for absence in self._off.values():
-            absence.see(attempt.begin, attempt.end, self.bits)
+            absence.see(begin, end, self.bits)
         released = attempt.senders[0].released
         if attempt.broken is None:
             self._pass(attempt)
@@ -397,17 +280,17 @@ class Wire:
         for station in attempt.senders:
             if not station.is_off:
                 if station.ready_at != NEVER and station.is_passive:
-                    station.ready_at = attempt.end + self.bits(SUSPENDED)
+                    station.ready_at = end + self.bits(SUSPENDED)
                     self._suspended_until = station.ready_at
-                self._enter(station)
+                self._waiting.enter(station)
         self._schedule()
         if attempt.broken is not None:
             return None
         deaf = self._deaf | frozenset(attempt.deaf) if attempt.deaf else self._deaf
         frame, station = attempt.frames[0], attempt.senders[0]
-        return Passage(frame, station, released, attempt.begin, attempt.end, deaf)
+        return Passage(frame, station, released, begin, end, deaf)
 
-    def _pass(self, attempt: _Attempt) -> None:
+    def _pass(self, attempt: Attempt) -> None:
         first = attempt.senders[0]
         self.passed += 1
         for station, frame in zip(attempt.senders, attempt.frames, strict=True):
@@ -427,7 +310,7 @@ class Wire:
             first.has_overrun = False
             self._tell(first, CanEvent.SENT_ALL)
 
-    def _fail(self, attempt: _Attempt, broken: Broken) -> None:
+    def _fail(self, attempt: Attempt, broken: Broken) -> None:
         self.failed += 1
         for station in self._listeners.copy():
             if station not in attempt.senders:
@@ -439,12 +322,12 @@ class Wire:
             if is_alone:  # and repeats it for ever, which changes nothing until somebody is there
                 station.ready_at = NEVER
             self._count(station, partial(station.fail, 0 if is_alone else _FAILED))
-        self._report(broken, attempt, attempt.end)
+        self._report(broken, attempt, self._free_at)
 
-    def _report(self, broken: Broken, attempt: _Attempt, end: int) -> None:
+    def _report(self, broken: Broken, attempt: Attempt, end: int) -> None:
         if self.on_error is not None:
             first, frame = attempt.senders[0], attempt.frames[0]
-            self.on_error(ErrorFrame(broken, frame, first, attempt.begin, end))
+            self.on_error(ErrorFrame(broken, frame, first, self._begun, end))
 
     def break_off(self, now: int) -> None:
         """Cut off what is on the bus: its sender is gone."""
@@ -452,14 +335,14 @@ class Wire:
         if attempt is None:
             return
         self._going = None
-        sent = (now - attempt.begin) * self.bitrate // _NS_PER_S
+        sent = (now - self._begun) * self.bitrate // _NS_PER_S
         broken = Broken(ErrorKind.STUFF, sent, sent + 2 * FLAG + AFTER_FLAGS)
-        self._free_at = attempt.begin + self.bits(broken.length)
-        self.busy += self._free_at - attempt.begin
+        self._free_at = self._begun + self.bits(broken.length)
+        self.busy += self._free_at - self._begun
         self.failed += 1
         for station in attempt.senders:
             station.take_back()
-            self._enter(station)
+            self._waiting.enter(station)
         for station in self._listeners.copy():
             if station not in attempt.senders:
                 self._count(station, partial(station.fail_to_receive, 1))
@@ -516,7 +399,7 @@ class Wire:
             station.is_off = False
             station.tec = station.rec = 0
             self._take_stock()
-            self._enter(station)
+            self._waiting.enter(station)
             self._tell(station, CanEvent.RECOVERED)
 
     def _tell(self, station: Station, event: CanEvent) -> None:
@@ -535,11 +418,11 @@ class Wire:
         self._stuck_sender = attempt.senders[0] if attempt else None
         for station in attempt.senders if attempt else ():
             station.take_back()
-            self._enter(station)
+            self._waiting.enter(station)
         if attempt is not None:
             self.failed += 1
-            self.busy += now - attempt.begin
-            sent = (now - attempt.begin) * self.bitrate // _NS_PER_S
+            self.busy += now - self._begun
+            sent = (now - self._begun) * self.bitrate // _NS_PER_S
             self._report(Broken(ErrorKind.DOMINANT, sent, sent), attempt, now)
         self._stuck_counts = {each: (each.tec, each.rec) for each in self._listeners}
         self.due = NEVER
@@ -569,29 +452,3 @@ class Wire:
             else:
                 errors = rec + dominant_errors(bits, is_sender=False)
                 self._count(station, partial(station.count_to, station.tec, errors))
-
-
-def _clash(sent: list[tuple[list[int], Station]]) -> Broken | None:
-    """Return how different frames of one identifier break each other, None where none does.
-
-    Who sends a recessive bit and reads a dominant one notices. An error-passive one cannot break
-    the other's frame, and falls out.
-
-    Args:
-        sent: the bits of each sender, those of the winner first.
-    """
-    winner = sent[0][0]
-    for own, station in sent[1:]:
-        if not station.is_passive:
-            for place, (bit, other) in enumerate(zip(own, winner, strict=False)):
-                if bit != other:
-                    return disturbed(own, place, is_passive=False, has_active_others=True)
-    return None
-
-
-def _share(rules: Iterable[Rule], frame: Frame) -> float | None:
-    for rule in rules:
-        share = rule(frame)
-        if share is not None:
-            return share
-    return None

@@ -21,6 +21,8 @@ VARIABLES = (
     ("damping", "parameter", "fixed", "", 'start="1000"'),
     ("fails_at", "parameter", "fixed", "", 'start="1e9"'),
     ("breaks_at", "parameter", "fixed", "", 'start="1e9"'),
+    ("crashes_at", "parameter", "fixed", "", 'start="1e9"'),
+    ("hangs_at", "parameter", "fixed", "", 'start="1e9"'),
 )
 UNITS = "".join(f'<Unit name="{name}"/>' for name in ("mm", "mm/s", "N"))
 

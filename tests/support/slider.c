@@ -2,12 +2,16 @@
 
        x' = gain u - F / damping,   v = x'
 
-   From time `fails_at` on a step fails, from `breaks_at` on x is NaN. */
+   From time `fails_at` on a step fails, from `breaks_at` on x is NaN, from `crashes_at` on a step
+   ends the process, from `hangs_at` on none returns. */
 #include <math.h>
+#include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-enum { X, V, U, F, GAIN, DAMPING, FAILS_AT, BREAKS_AT, COUNT };
+enum { X, V, U, F, GAIN, DAMPING, FAILS_AT, BREAKS_AT, CRASHES_AT, HANGS_AT, COUNT };
 
 #ifdef FMI3
 #include "fmi3Functions.h"
@@ -42,7 +46,7 @@ static Slider *make(void)
     Slider *s = calloc(1, sizeof *s);
     s->value[GAIN] = 0.5;
     s->value[DAMPING] = 1000.0;
-    s->value[FAILS_AT] = s->value[BREAKS_AT] = 1e9;
+    s->value[FAILS_AT] = s->value[BREAKS_AT] = s->value[CRASHES_AT] = s->value[HANGS_AT] = 1e9;
     return s;
 }
 
@@ -67,6 +71,12 @@ static Status get(void *c, const Reference vr[], size_t n, Real value[])
 static Status step(Slider *s, Real time, Real size)
 {
     Real *x = s->value, end = time + size + 1e-12;
+    if (end >= x[CRASHES_AT]) {
+        puts("the slider is about to crash");
+        fflush(stdout);
+        raise(SIGSEGV);
+    }
+    while (end >= x[HANGS_AT]) pause();
     if (end >= x[FAILS_AT]) {
 #ifdef FMI3
         s->log(s->environment, fmi3Error, "logStatusError", "the slider has left its rail");

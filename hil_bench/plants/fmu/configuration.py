@@ -53,6 +53,7 @@ class FmuConfig(AxisConfig):
         units_of_inputs: SI units of the same.
         parameters: value references with what is set before the start.
         spans: least and largest value of the outputs that declare them [SI].
+        own_process: whether it runs in a process of its own.
     """
 
     path: Path
@@ -66,6 +67,7 @@ class FmuConfig(AxisConfig):
     units_of_inputs: Mapping[str, str]
     parameters: tuple[tuple[int, float], ...]
     spans: Mapping[str, tuple[float, float]]
+    own_process: bool
 
     @property
     def full_scale(self) -> float:

@@ -4,7 +4,7 @@ import re
 from typing import Final
 
 from hil_bench.config.settings import Key
-from hil_bench.config.values import describe, find_nearest, number, text
+from hil_bench.config.values import boolean, describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.units import KILOGRAM, NEWTON, UNITS_OF, Unit
 
@@ -68,4 +68,5 @@ FMU_KEYS: Final = (
     Key("outputs", _bound, example='{ position = "x" }'),
     Key("inputs", _bound),
     Key("parameters", _numbers),
+    Key("own_process", boolean, True),
 )

@@ -136,6 +136,7 @@ class BoundFmu(FmuKind):
                 for each, bound in self._outputs.items()
                 if None not in {bound.variable.low, bound.variable.high}
             },
+            own_process=settings["own_process"].value,
         )
 
 

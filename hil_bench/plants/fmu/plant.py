@@ -1,17 +1,17 @@
 """An FMU as a plant of a bench."""
 
-import ctypes
 import math
 import shutil
 import tempfile
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.fmu.archive import unpack
+from hil_bench.plants.fmu.child import Child
 from hil_bench.plants.fmu.configuration import FULL_SCALE, FmuConfig
-from hil_bench.plants.fmu.slave import Slave, SlaveError
+from hil_bench.plants.fmu.slave import Instance, Setup, SlaveError
 
 
 class FmuPlant:
@@ -29,23 +29,28 @@ class FmuPlant:
         self._axis, self._dt, self._steps = axis, dt, 0
         self._names = [quantity.name for quantity in axis.kind.outputs]
         self._factors = [binding.factor for binding in axis.outputs]
-        self._read = (ctypes.c_uint32 * len(axis.outputs))(*(b.reference for b in axis.outputs))
-        self._values = (ctypes.c_double * len(axis.outputs))()
-        inputs = (axis.command, *(binding.reference for binding in axis.inputs.values()))
-        self._written = (ctypes.c_uint32 * len(inputs))(*inputs)
-        self._given = (ctypes.c_double * len(inputs))(
-            0.0, *(binding.start for binding in axis.inputs.values())
-        )
+        self._given = [0.0, *(binding.start for binding in axis.inputs.values())]
         self._places = {name: place for place, name in enumerate(axis.inputs, 1)}
         folder = Path(tempfile.mkdtemp(prefix="hil-bench-fmu-"))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         unpack(axis.path, folder)
+        setup = Setup(
+            version=axis.description.version,
+            token=axis.description.token,
+            identifier=axis.description.identifier,
+            folder=str(folder),
+            library=str(folder / axis.description.library),
+            name=axis.name,
+            step=dt,
+            parameters=axis.parameters,
+            written=[axis.command, *(binding.reference for binding in axis.inputs.values())],
+            given=self._given,
+            read=[binding.reference for binding in axis.outputs],
+        )
         try:
-            self._slave = slave = Slave(axis.description, folder, axis.name)
-            weakref.finalize(self, slave.end)  # before its folder goes: the last is called first
-            slave.start(axis.parameters)
-            slave.set(self._written, self._given)
-            self._output = self._look(0.0)
+            self._instance = instance = Child(setup) if axis.own_process else Instance(setup)
+            weakref.finalize(self, instance.end)  # before its folder goes: the last is called first
+            self._output = self._look(instance.values, 0.0)
         except SlaveError as error:
             raise ParameterError(f"plant.{axis.name}: {axis.path}: {error}") from None
 
@@ -62,11 +67,9 @@ class FmuPlant:
         """
         self._given[0] = command / FULL_SCALE * self._axis.full_command
         try:
-            self._slave.set(self._written, self._given)
-            for step in range(self._steps, self._steps + steps):
-                self._slave.step(step * self._dt, self._dt)
+            values = self._instance.go_on(self._given, steps)
             self._steps += steps
-            self._output = self._look(command)
+            self._output = self._look(values, command)
         except SlaveError as error:
             time = self._steps * self._dt
             where = f"plant.{self._axis.name}: {self._axis.path}"
@@ -82,14 +85,13 @@ class FmuPlant:
         given = binding.start if value is None else value / binding.factor
         self._given[self._places[name]] = given
 
-    def _look(self, command: float) -> tuple[float, ...]:
-        """Return the outputs in SI, and the command where no variable follows it.
+    def _look(self, values: Sequence[float], command: float) -> tuple[float, ...]:
+        """Return outputs in SI, and the command where no variable follows it.
 
         Raises:
             SlaveError: one is no number.
         """
-        self._slave.get(self._read, self._values)
-        seen = [value * factor for value, factor in zip(self._values, self._factors, strict=True)]
+        seen = [value * factor for value, factor in zip(values, self._factors, strict=True)]
         if not math.isfinite(math.fsum(seen)):
             for name, value in zip(self._names, seen, strict=False):
                 if not math.isfinite(value):

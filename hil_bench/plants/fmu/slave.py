@@ -1,12 +1,10 @@
-"""One instance of an FMU, of FMI 2.0 or 3.0, behind the same four calls."""
+"""One instance of an FMU, of FMI 2.0 or 3.0, behind the same calls."""
 
 import ctypes
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil_bench.errors import printable
-from hil_bench.plants.fmu.description import FmuDescription
 
 _OK, _WARNING = 0, 1
 _LONGEST = 300  # characters of what an FMU says of a failure
@@ -16,27 +14,90 @@ class SlaveError(Exception):
     """A call of an FMU has failed."""
 
 
-class Slave:
-    """An instance between its start and its end.
+class Setup(NamedTuple):
+    """What an instance is made of; plain values, which go to another process as JSON.
 
-    Args:
-        description: what the FMU says of itself.
-        folder: where it is unpacked.
+    Attributes:
+        version: of FMI, 2 or 3.
+        token: that its library is instantiated with.
+        identifier: of its library.
+        folder: where the FMU is unpacked.
+        library: the file of its library.
         name: of the instance.
-
-    Raises:
-        SlaveError: the library cannot be loaded, or will not be instantiated.
+        step: the communication step [s].
+        parameters: value references with what is set before the start.
+        written: value references of its inputs.
+        given: what they are at the start.
+        read: value references of its outputs.
     """
 
-    def __init__(self, description: FmuDescription, folder: Path, name: str) -> None:
-        self._version = description.version
+    version: int
+    token: str
+    identifier: str
+    folder: str
+    library: str
+    name: str
+    step: float
+    parameters: Sequence[tuple[int, float]]
+    written: Sequence[int]
+    given: Sequence[float]
+    read: Sequence[int]
+
+
+class Instance:
+    """An instance of an FMU in this process, started, that goes on by whole communication steps.
+
+    Args:
+        setup: what it is made of.
+
+    Raises:
+        SlaveError: it cannot be started.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self._step = setup.step
+        self._written = (ctypes.c_uint32 * len(setup.written))(*setup.written)
+        self._given = (ctypes.c_double * len(setup.given))(*setup.given)
+        self._read = (ctypes.c_uint32 * len(setup.read))(*setup.read)
+        self._values = (ctypes.c_double * len(setup.read))()
+        self._steps = 0
+        self._slave = slave = _Slave(setup)
+        slave.start(setup.parameters)
+        slave.set(self._written, self._given)
+        slave.get(self._read, self._values)
+
+    @property
+    def values(self) -> list[float]:
+        """Its outputs, in its own units."""
+        return list(self._values)
+
+    def go_on(self, given: list[float], steps: int) -> list[float]:
+        """Return the outputs after some communication steps; a failed one is a `SlaveError`."""
+        self._given[:] = [*given]
+        self._slave.set(self._written, self._given)
+        for number in range(self._steps, self._steps + steps):
+            self._slave.step(number * self._step, self._step)
+        self._steps += steps
+        self._slave.get(self._read, self._values)
+        return list(self._values)
+
+    def end(self) -> None:
+        """Free it."""
+        self._slave.end()
+
+
+class _Slave:
+    """The calls of an FMU, of whichever version."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._version = setup.version
         self._said = ""
         arguments = {
-            "guid": description.token,
-            "modelIdentifier": description.identifier,
-            "unzipDirectory": str(folder),
-            "libraryPath": str(folder / description.library),
-            "instanceName": name,
+            "guid": setup.token,
+            "modelIdentifier": setup.identifier,
+            "unzipDirectory": setup.folder,
+            "libraryPath": setup.library,
+            "instanceName": setup.name,
         }
         try:
             self._fmu = self._load(arguments)

@@ -81,10 +81,43 @@ def test_what_is_no_number_ends_in_one_line(load, version):
         plant.drive(0.0, 50)
 
 
-def test_a_refused_instance_is_one_line(load):
+def test_in_the_process_of_the_bench_it_moves_just_so(load):
+    moved = []
+    for own_process in ("true", "false"):
+        (axis,) = (config := load(own_process=own_process, parameters="{ gain = 0.3 }")).axes
+        plant = axis.kind.build(axis, config.dt)
+        plant.influence("load", 1.7)
+        moved.append([plant.drive(0.1 * n * FULL_SCALE, 7) for n in range(9)])
+    assert moved[0] == moved[1]
+
+
+def test_a_crash_ends_in_one_line(load, capfd):
+    config = load(parameters="{ crashes_at = 0.05 }")
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    plant.drive(0.0, 40)
+    with pytest.raises(ParameterError, match=r"slider.fmu: at 0.04 s: has crashed: SIGSEGV$"):
+        plant.drive(0.0, 20)
+    shown = capfd.readouterr()
+    assert shown.out == ""
+    assert "the slider is about to crash" in shown.err  # on its way to people, not among answers
+
+
+def test_a_step_that_never_returns_ends_in_one_line(load, monkeypatch):
+    monkeypatch.setattr("hil_bench.plants.fmu.child._LONGEST_STEP_S", 0.01)
+    config = load(parameters="{ hangs_at = 0.0 }")
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    with pytest.raises(ParameterError, match=r"at 0 s: has not answered for 0.01 s$"):
+        plant.drive(0.0, 1)
+
+
+@pytest.mark.parametrize("own_process", ["true", "false"])
+def test_a_refused_instance_is_one_line(load, own_process):
     from support.fmus import describe_2  # noqa: PLC0415
 
-    config = load(description=describe_2().replace("{slider}", "{other}"))
+    description = describe_2().replace("{slider}", "{other}")
+    config = load(description=description, own_process=own_process)
     (axis,) = config.axes
     with pytest.raises(ParameterError, match=r"Failed to instantiate model$"):
         axis.kind.build(axis, config.dt)

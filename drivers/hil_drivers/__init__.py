@@ -14,6 +14,7 @@ devices on Modbus.
 
 from hil_drivers.errors import (
     BusLostError,
+    ConciseDcfError,
     DeviceFaultError,
     DeviceMismatchError,
     DriverError,
@@ -43,6 +44,7 @@ from hil_drivers.valve_state import ValveState
 
 __all__ = [
     "BusLostError",
+    "ConciseDcfError",
     "ControlMode",
     "ControllerParameters",
     "CycleRecord",

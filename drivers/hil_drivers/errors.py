@@ -6,6 +6,7 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── DriverTimeoutError (TimeoutError)   no answer, or a state not reached, in time
      ├── BusLostError (OSError)              the bus can no longer send or receive
      ├── EdsError (ValueError)               an EDS file cannot be read
+     ├── ConciseDcfError (ValueError)        a concise DCF cannot be read or made
      ├── DeviceMismatchError (ValueError)    EDS and device differ, or the EDS lacks an object
      ├── RegisterMapError (ValueError)       a register map cannot be read
      ├── SdoAbortError                       the device refused an access, and said why
@@ -49,6 +50,10 @@ class BusLostError(DriverError, OSError):
 
 class EdsError(DriverError, ValueError):
     """An EDS file is missing or malformed."""
+
+
+class ConciseDcfError(DriverError, ValueError):
+    """A concise DCF, or the DCF that it is to be made from, is missing or malformed."""
 
 
 class DeviceMismatchError(DriverError, ValueError):

@@ -79,6 +79,7 @@ class Network:
         counters: what came in.
         nodes: node-ID to node.
         heartbeat_node_id: node-ID under which we send heartbeats, None while we do not.
+        heartbeat_state: NMT state that they tell.
         observe: told each frame, received (its `is_rx` says so) or sent; None for nobody.
     """
 
@@ -87,6 +88,7 @@ class Network:
         self.counters = ReceiveCounters()
         self.nodes: dict[int, Node] = {}
         self.heartbeat_node_id: int | None = None
+        self.heartbeat_state = NmtState.OPERATIONAL
         self.observe: Callable[[can.Message], None] | None = None
         self._clock = clock
         self._handlers: dict[int, tuple[Handler, ...]] = {}
@@ -231,6 +233,14 @@ class Network:
         """Command a node, or with 0 all of them, to NMT state PRE-OPERATIONAL."""
         self._command(_NMT_PRE_OPERATIONAL, node_id)
 
+    def command_reset_node(self, node_id: int = 0) -> None:
+        """Command a node, or with 0 all of them, to reset; wait for nothing."""
+        self._command(_NMT_RESET_NODE, node_id)
+
+    def command_reset_communication(self, node_id: int = 0) -> None:
+        """Command a node, or with 0 all of them, to reset its communication; wait for nothing."""
+        self._command(_NMT_RESET_COMMUNICATION, node_id)
+
     def reset_node(self, node_id: int, *, timeout: float = 2.0) -> None:
         """Reset a node and wait for its boot-up message."""
         self._reset(_NMT_RESET_NODE, node_id, timeout)
@@ -323,7 +333,7 @@ class Network:
         """Send the heartbeat if it is due, and return how long [s] we may wait until the next."""
         now = self._clock()
         if now >= self._heartbeat_due:
-            self.send(0x700 + node_id, bytes([NmtState.OPERATIONAL]))
+            self.send(0x700 + node_id, bytes([self.heartbeat_state]))
             self._heartbeat_due += self._heartbeat_period
             if self._heartbeat_due <= now:  # a missed heartbeat is not made up for by a burst
                 self._heartbeat_due = now + self._heartbeat_period

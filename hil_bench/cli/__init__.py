@@ -49,6 +49,7 @@ VERBS = {
     "commission": "take an axis into operation step by step: report and recording",
     "identify": "find the plant's parameters, and what is known of them, from a recording",
     "scan": "find the nodes of a bus, and what each says of itself",
+    "boot": "boot a network as its NMT master: check, configure and start its devices",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "evidence": "validate this installation, and write what was found as a pack",
     "doctor": "show what this machine can do in real time, and what to change",

@@ -132,7 +132,7 @@ def _write_dcf(directory: Path, plans: Sequence[Plan]) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         for plan in plans:
             path = directory / f"node{plan.config.node_id}.cdcf"
-            path.write_bytes(concise_dcf(plan.writes))
+            path.write_bytes(concise_dcf(plan))
             print(f"{path}: {len(plan.writes)} writes", file=sys.stderr)
 
 

@@ -1,12 +1,12 @@
 """Writes to devices what a comparison found to be different."""
 
-import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.machine.commissioning.comparison import Difference, Mend, ObjectKey, expected_values
 from hil_drivers import Network, Node
+from hil_drivers.concise_dcf import ConciseEntry, pack_concise_dcf
 
 _COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _TO_MAPPING = 0x200
@@ -74,10 +74,9 @@ def apply(network: Network, plan: Plan, *, store: bool) -> None:
         node.download(_STORE, 1, _SAVE)
 
 
-def concise_dcf(writes: Sequence[Write]) -> bytes:
+def concise_dcf(plan: Plan) -> bytes:
     """Return a plan as a concise DCF: what an NMT master keeps in 0x1F22 (CiA 302-3)."""
-    entries = [struct.pack("<HBI", *write.key, len(write.raw)) + write.raw for write in writes]
-    return struct.pack("<I", len(entries)) + b"".join(entries)
+    return pack_concise_dcf([ConciseEntry(*write.key, write.raw) for write in plan.writes])
 
 
 def _writes(node: Node, config: NodeConfig, wrong: Mapping[ObjectKey, float]) -> list[Write]:

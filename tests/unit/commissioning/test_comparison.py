@@ -138,7 +138,7 @@ def test_the_concise_dcf_has_the_layout_of_cia_302(open_bench, config_of):
     config = config_of(MACHINE.format(more='objects = { "0x1017" = 50 }'))
     (plan,) = plan_writes(network, config, compare(network, config))
     # Number of entries; index, sub-index, size and data of each: little endian.
-    assert concise_dcf(plan.writes) == bytes.fromhex("01000000 1710 00 02000000 3200")
+    assert concise_dcf(plan) == bytes.fromhex("01000000 1710 00 02000000 3200")
 
 
 def test_two_devices_under_one_node_id_are_named(device, device_network, config_of):

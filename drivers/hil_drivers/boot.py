@@ -1,0 +1,507 @@
+"""The NMT master: boots a network as CiA 302-2 says, and keeps it up.
+
+A master knows which slaves there are, which of them the network cannot do without, what each of
+them must be, and how it is configured. The process, with the objects of a master that hold the
+same, and the letters by which the standard calls what went wrong (`BootError`):
+
+==== ==========================================================================================
+step what happens
+==== ==========================================================================================
+1    reset communication, of all nodes at once, or one by one where a slave has `keep_alive`
+2    0x1000 is read (B) and compared with 0x1F84 (C)
+3    0x1018.01 to .04 are compared with 0x1F85 to 0x1F88 (D, M, N, O)
+4    the state of a slave with `keep_alive` is found by its heartbeat (E), or by node guarding
+     where none is expected (F); in OPERATIONAL it is left alone (L)
+5    0x1020 is compared with 0x1F26 and 0x1F27; where it differs, the configuration of 0x1F22 is
+     written (J)
+6    its heartbeat is waited for, by the time of 0x1016 (K)
+7    it is started, or all are when each mandatory slave is ready (0x1F80)
+==== ==========================================================================================
+
+Slaves are booted one after the other, where the standard has them booted side by side: the
+order, and so what passes on the bus, is that of the list.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from typing import Final
+
+from hil_drivers.concise_dcf import ConciseEntry
+from hil_drivers.errors import DriverError
+from hil_drivers.network import Network
+from hil_drivers.node import NmtState, Node, object_name
+
+RETRY: Final = 1.0
+"""Time between two attempts at a slave that does not answer [s]."""
+
+RESET: Final = 2.0
+"""Longest wait for the boot-up messages after a reset [s]."""
+
+GUARD: Final = 0.5
+"""Longest wait for the answer to node guarding [s]."""
+
+_DEVICE_TYPE, _IDENTITY, _VERIFY, _STORE, _RESTORE = 0x1000, 0x1018, 0x1020, 0x1010, 0x1011
+_SAVE, _LOAD = b"save", b"load"
+_ALL = 0
+
+
+class BootError(Enum):
+    """Why a slave was not booted: the error status of CiA 302-2, by its letter."""
+
+    A = "it is not in the network list"
+    B = "no answer to 0x1000 (device type)"
+    C = "wrong device type (0x1000)"
+    D = "wrong vendor-ID (0x1018.01)"
+    E = "no heartbeat: its state is not known"
+    F = "no answer to node guarding: its state is not known"
+    G = "program download is not configured, or not consistently"
+    H = "needs a software update, which is not allowed"
+    I = "program download failed"  # noqa: E741 - the standard's letter
+    J = "configuration failed"
+    K = "no heartbeat when error control was started"
+    L = "was OPERATIONAL already, and is left so"
+    M = "wrong product code (0x1018.02)"
+    N = "wrong revision number (0x1018.03)"
+    O = "wrong serial number (0x1018.04)"  # noqa: E741 - the standard's letter
+
+
+_BY_SUBINDEX: Final = {1: BootError.D, 2: BootError.M, 3: BootError.N, 4: BootError.O}
+
+
+class Start(Enum):
+    """Who starts slaves, and how (0x1F80, bits 1 and 3)."""
+
+    EACH = "each"
+    """The master, each one as soon as it is booted."""
+    ALL = "all"
+    """The master, by one command when all mandatory slaves are booted."""
+    NONE = "none"
+    """The application: the master leaves them in PRE-OPERATIONAL."""
+
+
+class Loss(Enum):
+    """What follows when a mandatory slave is lost (0x1F80, bits 4 and 6)."""
+
+    SLAVE = "slave"
+    """The slave alone is booted anew."""
+    RESET_ALL = "reset all"
+    """All nodes are reset, and the network is booted anew."""
+    STOP_ALL = "stop all"
+    """All nodes are stopped, and stay so."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slave:
+    """An entry of the network list; what must be 0 or less than 1 is then not looked at.
+
+    Attributes:
+        node_id: 1 to 127.
+        name: for people; empty for none.
+        mandatory: whether the network is started with it only (0x1F81, bit 3).
+        boots: whether the master checks, configures and starts it (bit 2); otherwise it only
+            watches its heartbeat.
+        keep_alive: whether it is not reset while OPERATIONAL (bit 4).
+        device_type: that 0x1000 must hold (0x1F84); 0 for any.
+        identity: vendor-ID, product code, revision and serial number that 0x1018.01 to .04 must
+            hold (0x1F85 to 0x1F88); 0 for any.
+        configuration: what is written to it (0x1F22).
+        date: expected configuration date, days since 1984-01-01 (0x1F26); 0 for none.
+        time: expected configuration time, ms after midnight (0x1F27).
+        store: whether it is told to store its configuration (0x1010.01).
+        restore: sub-index of 0x1011 by which it restores defaults before it is configured
+            (0x1F8A); 0 for none.
+        heartbeat_time: within which each of its heartbeats must follow the last [s] (0x1016 of the
+            master); 0 for no error control.
+    """
+
+    node_id: int
+    name: str = ""
+    mandatory: bool = True
+    boots: bool = True
+    keep_alive: bool = False
+    device_type: int = 0
+    identity: tuple[int, int, int, int] = (0, 0, 0, 0)
+    configuration: tuple[ConciseEntry, ...] = ()
+    date: int = 0
+    time: int = 0
+    store: bool = False
+    restore: int = 0
+    heartbeat_time: float = 0.0
+
+    def __str__(self) -> str:
+        return f"node {self.node_id}" + (f" ({self.name})" if self.name else "")
+
+
+@dataclass(frozen=True, slots=True)
+class Startup:
+    """How the master boots the network.
+
+    Attributes:
+        start: who starts the slaves.
+        loss: what follows when a mandatory slave is lost.
+        boot_time: longest time until all mandatory slaves are booted [s] (0x1F89); 0 for no end.
+    """
+
+    start: Start = Start.EACH
+    loss: Loss = Loss.SLAVE
+    boot_time: float = 0.0
+
+
+class Configured(Enum):
+    """How a slave came to its configuration."""
+
+    NOTHING = "nothing to configure"
+    WRITTEN = "written"
+    KEPT = "kept, its date and time are the expected ones"
+
+
+@dataclass(frozen=True, slots=True)
+class BootResult:
+    """What came of one slave.
+
+    Attributes:
+        slave: the slave.
+        error: what the standard calls it; None where it was booted.
+        reason: what happened, in words; empty where it was booted.
+        configured: how it came to its configuration.
+    """
+
+    slave: Slave
+    error: BootError | None
+    reason: str = ""
+    configured: Configured = Configured.NOTHING
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the slave takes part: it is booted, or was OPERATIONAL already."""
+        return self.error in {None, BootError.L}
+
+    def __str__(self) -> str:
+        if self.error is None:
+            writes = len(self.slave.configuration)
+            told = self.configured.value
+            if self.configured is Configured.WRITTEN:
+                told = f"{writes} object{'' if writes == 1 else 's'} {told}"
+            return f"{self.slave}: booted, {told}"
+        text = f"{self.slave}: error {self.error.name}, {self.error.value}"
+        return f"{text}: {self.reason}" if self.reason else text
+
+
+class _Failure(Exception):  # noqa: N818 - never leaves this module
+    """The boot process of a slave ends with this."""
+
+    def __init__(self, error: BootError, reason: str = "") -> None:
+        super().__init__(error, reason)
+        self.error, self.reason = error, reason
+
+
+class NetworkManager:
+    """Boots the slaves of a network and watches them.
+
+    Args:
+        network: the network that they are on.
+        slaves: the network list, in the order in which they are booted.
+        startup: how.
+        tell: told each result and each event, a line each; None for nobody.
+
+    Attributes:
+        slaves: node-ID to slave.
+        startup: as passed in.
+        results: node-ID to what came of the last attempt at a slave.
+
+    Raises:
+        ValueError: two slaves have one node-ID.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        slaves: Sequence[Slave],
+        startup: Startup = Startup(),
+        tell: Callable[[str], None] | None = None,
+    ) -> None:
+        self.slaves = {slave.node_id: slave for slave in slaves}
+        if len(self.slaves) < len(slaves):
+            raise ValueError(f"{len(slaves)} slaves have {len(self.slaves)} node-IDs; one each")
+        self.startup = startup
+        self.results: dict[int, BootResult] = {}
+        self._network = network
+        self._tell = tell or (lambda _line: None)
+        self._nodes = {
+            node_id: network.nodes.get(node_id) or network.add_node(node_id)
+            for node_id in self.slaves
+        }
+        self._boot_ups: dict[int, int] = {}
+        self._retry_at: dict[int, float] = {}
+        self._guarded: dict[int, int] = {}
+        for node_id in range(1, 128):
+            hear = self._hear_slave if node_id in self.slaves else self._hear_stranger
+            network.subscribe(0x700 + node_id, partial(hear, node_id))
+
+    @property
+    def is_started(self) -> bool:
+        """Whether every mandatory slave takes part."""
+        return all(
+            slave.node_id in self.results and self.results[slave.node_id].is_up
+            for slave in self.slaves.values()
+            if slave.mandatory
+        )
+
+    def boot(self) -> bool:
+        """Boot the network and return whether it was started: every mandatory slave takes part.
+
+        A slave that does not answer is asked again until it does, or until the boot time is over;
+        the others, once each, before that. Optional ones do not hold the network up.
+        """
+        self.results.clear()
+        network = self._network
+        network.heartbeat_state = NmtState.PRE_OPERATIONAL
+        deadline = network.now() + (self.startup.boot_time or math.inf)
+        self._reset()
+        for slave in self.slaves.values():
+            self._attempt(slave)
+        while (waiting := self._silent_mandatory()) and network.now() < deadline:
+            network.pump_until(min(network.now() + RETRY, deadline))
+            for slave in waiting:
+                self._attempt(slave)
+        if not self.is_started:
+            return False
+        network.heartbeat_state = NmtState.OPERATIONAL
+        if self.startup.start is Start.ALL:
+            self._start_all()
+        return True
+
+    def watch(self, duration: float) -> bool:
+        """Keep the network up for some seconds, and return whether it still is.
+
+        A slave that boots up, or whose heartbeat stays away, is booted anew, or what `Loss` says;
+        optional slaves that did not answer are asked again.
+        """
+        network = self._network
+        deadline = network.now() + duration
+        while network.now() < deadline:
+            network.wait_for(self._has_event, min(deadline, self._next_deadline()) - network.now())
+            for slave in self.slaves.values():
+                if (event := self._event_of(slave)) and not self._handle(slave, event):
+                    return False
+        return self.is_started
+
+    def _reset(self) -> None:
+        """Reset the communication of all nodes that need not be kept alive, and wait for them."""
+        reset = [slave for slave in self.slaves.values() if not slave.keep_alive]
+        self._boot_ups = {node_id: node.boot_ups for node_id, node in self._nodes.items()}
+        before = dict(self._boot_ups)
+        if len(reset) == len(self.slaves):
+            self._network.command_reset_communication(_ALL)
+        else:
+            for slave in reset:
+                self._network.command_reset_communication(slave.node_id)
+
+        def are_up() -> bool:
+            return all(
+                self._nodes[slave.node_id].boot_ups > before[slave.node_id] for slave in reset
+            )
+
+        self._network.wait_for(are_up, min(RESET, self.startup.boot_time or RESET))
+
+    def _silent_mandatory(self) -> list[Slave]:
+        return [
+            result.slave
+            for result in self.results.values()
+            if result.slave.mandatory and result.error is BootError.B
+        ]
+
+    def _attempt(self, slave: Slave) -> BootResult:
+        """Boot a slave; tell what came of it where that is not what the last attempt brought."""
+        node = self._nodes[slave.node_id]
+        self._boot_ups[slave.node_id] = node.boot_ups
+        try:
+            result = BootResult(slave, None, configured=self._boot_slave(slave, node))
+        except _Failure as failure:
+            result = BootResult(slave, failure.error, failure.reason)
+        before = self.results.get(slave.node_id)
+        self.results[slave.node_id] = result
+        self._retry_at[slave.node_id] = self._network.now() + RETRY
+        if before is None or before.error is not result.error or result.error is None:
+            self._tell(str(result))
+        return result
+
+    def _boot_slave(self, slave: Slave, node: Node) -> Configured:
+        configured = Configured.NOTHING
+        if slave.boots:
+            self._check_identity(slave, node)
+            if slave.keep_alive and self._state(slave, node) is NmtState.OPERATIONAL:
+                raise _Failure(BootError.L)
+            configured = self._configure(slave, node)
+        if slave.heartbeat_time:
+            self._await_heartbeat(slave, node, BootError.K)
+        is_running = self._network.heartbeat_state is NmtState.OPERATIONAL
+        starts = self.startup.start
+        if slave.boots and (starts is Start.EACH or (starts is Start.ALL and is_running)):
+            self._network.start_node(slave.node_id)
+        return configured
+
+    def _check_identity(self, slave: Slave, node: Node) -> None:
+        try:
+            found = node.upload(_DEVICE_TYPE)
+        except DriverError as error:
+            raise _Failure(BootError.B, _without_object(error)) from None
+        _compare(found, slave.device_type, BootError.C)
+        for subindex, expected in enumerate(slave.identity, 1):
+            if not expected:
+                continue
+            try:
+                found = node.upload(_IDENTITY, subindex)
+            except DriverError as error:
+                raise _Failure(_BY_SUBINDEX[subindex], error.what) from None
+            _compare(found, expected, _BY_SUBINDEX[subindex])
+
+    def _state(self, slave: Slave, node: Node) -> NmtState | None:
+        """Return the NMT state of a slave that is to be kept alive.
+
+        Raises:
+            _Failure: neither a heartbeat nor an answer to node guarding tells it.
+        """
+        if slave.heartbeat_time:
+            self._await_heartbeat(slave, node, BootError.E)
+            return node.nmt_state
+        self._guarded.pop(slave.node_id, None)
+        self._network.request(0x700 + slave.node_id, 1)
+        if not self._network.wait_for(lambda: slave.node_id in self._guarded, GUARD):
+            raise _Failure(BootError.F, f"not within {1000.0 * GUARD:g} ms")
+        state = self._guarded[slave.node_id]
+        return NmtState(state) if state in frozenset(NmtState) else None
+
+    def _hear_slave(self, node_id: int, data: bytes, _now: float) -> bool:
+        """Note the state of a heartbeat or an answer to guarding, without the toggle bit."""
+        if len(data) == 1:
+            self._guarded[node_id] = data[0] & 0x7F
+        return True
+
+    def _hear_stranger(self, node_id: int, data: bytes, _now: float) -> bool:
+        """Tell who boots up without being in the network list."""
+        if data == b"\0" and node_id != self._network.heartbeat_node_id:
+            self._tell(str(BootResult(Slave(node_id), BootError.A)))
+        return True
+
+    def _await_heartbeat(self, slave: Slave, node: Node, error: BootError) -> None:
+        """Wait for one heartbeat from now on.
+
+        Raises:
+            _Failure: none came in time.
+        """
+        since = self._network.now()
+        if not self._network.wait_for(lambda: node.heard_at >= since, slave.heartbeat_time):
+            raise _Failure(error, f"not within {1000.0 * slave.heartbeat_time:g} ms")
+
+    def _configure(self, slave: Slave, node: Node) -> Configured:
+        if not slave.configuration:
+            return Configured.NOTHING
+        if self._is_configured(slave, node):
+            return Configured.KEPT
+        try:
+            if slave.restore:
+                node.download(_RESTORE, slave.restore, _LOAD)
+                self._network.reset_node(slave.node_id, timeout=RESET)
+                self._boot_ups[slave.node_id] = node.boot_ups
+            for entry in slave.configuration:
+                node.download(entry.index, entry.subindex, entry.data)
+            if slave.date or slave.time:
+                node.download(_VERIFY, 1, slave.date.to_bytes(4, "little"))
+                node.download(_VERIFY, 2, slave.time.to_bytes(4, "little"))
+            if slave.store:
+                node.download(_STORE, 1, _SAVE)
+        except DriverError as error:
+            raise _Failure(BootError.J, error.what) from None
+        return Configured.WRITTEN
+
+    def _is_configured(self, slave: Slave, node: Node) -> bool:
+        """Return whether the slave says by its 0x1020 that it has this configuration already."""
+        if not (slave.date or slave.time):
+            return False
+        try:
+            stamps = [int.from_bytes(node.upload(_VERIFY, sub), "little") for sub in (1, 2)]
+        except DriverError:
+            return False
+        return stamps == [slave.date, slave.time]
+
+    def _start_all(self) -> None:
+        """Start all slaves, by one command where each of them is to be started."""
+        up = [result.slave for result in self.results.values() if result.is_up]
+        if all(slave.boots for slave in self.slaves.values()) and len(up) == len(self.slaves):
+            self._network.start_node(_ALL)
+            return
+        for slave in up:
+            if slave.boots:
+                self._network.start_node(slave.node_id)
+
+    def _has_event(self) -> bool:
+        return any(self._event_of(slave) for slave in self.slaves.values())
+
+    def _next_deadline(self) -> float:
+        """Return when a heartbeat is too late, or a silent slave is to be asked again [s]."""
+        deadlines = [math.inf]
+        for node_id, result in self.results.items():
+            if not result.is_up:
+                deadlines.append(self._retry_at[node_id])
+            elif result.slave.heartbeat_time:
+                deadlines.append(self._nodes[node_id].heard_at + result.slave.heartbeat_time)
+        return min(deadlines)
+
+    def _event_of(self, slave: Slave) -> str:
+        """Return what has happened to a slave; nothing where all is well."""
+        node, result = self._nodes[slave.node_id], self.results.get(slave.node_id)
+        now = self._network.now()
+        if node.boot_ups > self._boot_ups.get(slave.node_id, 0):
+            return "has booted up"
+        if result is None or not result.is_up:
+            is_silent = result is None or result.error in {BootError.B, BootError.E, BootError.K}
+            return "is asked again" if is_silent and now >= self._retry_at[slave.node_id] else ""
+        if slave.heartbeat_time and now - node.heard_at >= slave.heartbeat_time:
+            return f"no heartbeat for {1000.0 * slave.heartbeat_time:g} ms"
+        return ""
+
+    def _handle(self, slave: Slave, event: str) -> bool:
+        """Answer an event; return whether the network goes on."""
+        result = self.results.get(slave.node_id)
+        was_up = result is not None and result.is_up
+        if was_up:
+            self._tell(f"{slave}: {event}")
+        if was_up and slave.mandatory and self.startup.loss is Loss.STOP_ALL:
+            self._network.stop_node(_ALL)
+            self._tell("all nodes are stopped")
+            return False
+        if was_up and slave.mandatory and self.startup.loss is Loss.RESET_ALL:
+            self._network.command_reset_node(_ALL)
+            self._tell("all nodes are reset")
+            return self.boot()
+        if was_up and event != "has booted up":
+            self._network.command_reset_communication(slave.node_id)
+            self._network.wait_for(
+                lambda: self._nodes[slave.node_id].boot_ups > self._boot_ups[slave.node_id], RESET
+            )
+        self._attempt(slave)
+        return True
+
+
+def _compare(found: bytes, expected: int, error: BootError) -> None:
+    """Compare an UNSIGNED32 with what is right; 0 is right for any.
+
+    Raises:
+        _Failure: they differ.
+    """
+    if not expected:
+        return
+    if len(found) != 4:
+        raise _Failure(error, f"came as {len(found)} bytes; 4 are right")
+    number = int.from_bytes(found, "little")
+    if number != expected:
+        raise _Failure(error, f"it is 0x{number:08X}; 0x{expected:08X} is right")
+
+
+def _without_object(error: DriverError) -> str:
+    """Return what an error says, without the object that the letter names already."""
+    return error.what.removeprefix(f"cannot read {object_name(_DEVICE_TYPE)}: ")

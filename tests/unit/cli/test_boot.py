@@ -1,0 +1,76 @@
+"""`hil-bench boot` on the virtual bench."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+NETWORK = str(EXAMPLES / "network.toml")
+
+
+def test_the_built_in_bench_is_booted_as_it_is(capsys):
+    assert main(["boot", "--virtual"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[0] == "bus      virtual bench"
+    assert out[1] == "node 1 (valve): booted, nothing to configure"
+    assert out[-1] == "network  started, 4 slaves"
+
+
+def test_a_network_is_booted_and_kept_up(capsys):
+    assert main(["boot", "--virtual", "--network", NETWORK, "--stay", "1"]) == 0
+    assert "node 1 (valve): booted, 5 objects written\n" in capsys.readouterr().out
+
+
+def test_a_missing_mandatory_slave_is_exit_code_1(capsys, tmp_path):
+    path = tmp_path / "network.toml"
+    path.write_text(
+        "[master]\nboot_time_s = 1\n[slaves.a]\nnode_id = 1\n[slaves.gone]\nnode_id = 9\n",
+        encoding="utf-8",
+    )
+    assert main(["boot", "--virtual", "--network", str(path)]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "network  not started: mandatory node 9 (gone) (B)"
+    )
+    assert main(["boot", "--virtual", "--network", str(path), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["started"] is False
+    assert found["slaves"][1]["error"] == "B"
+
+
+def test_a_missing_optional_slave_is_named(capsys, tmp_path):
+    path = tmp_path / "network.toml"
+    path.write_text(
+        "[slaves.a]\nnode_id = 1\n[slaves.gone]\nnode_id = 9\nmandatory = false\n",
+        encoding="utf-8",
+    )
+    assert main(["boot", "--virtual", "--network", str(path)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "network  started without node 9 (gone) (B)"
+
+
+def test_quiet_prints_nothing(capsys):
+    assert main(["boot", "--virtual", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_concise_dcfs_are_files_a_slave(tmp_path):
+    assert main(["boot", "--network", NETWORK, "--concise-dcf", str(tmp_path / "c")]) == 0
+    assert [path.name for path in (tmp_path / "c").iterdir()] == ["valve.cdcf"]
+    # CiA 302-3: the number of entries comes first.
+    assert (tmp_path / "c" / "valve.cdcf").read_bytes()[:4] == b"\5\0\0\0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["--concise-dcf", "x"], "--concise-dcf: needs the configurations of a network"),
+        (["--stay", "-1"], "a positive number of seconds or inf is right"),
+        (["--network", "none.toml"], "none.toml: cannot be read"),
+    ],
+)
+def test_wrong_arguments_are_a_line(capsys, arguments, what):
+    assert main(["boot", "--virtual", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert what in line

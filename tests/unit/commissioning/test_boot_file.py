@@ -1,0 +1,150 @@
+"""The network list of a file: what it gives, and what is said of a wrong one."""
+
+from pathlib import Path
+
+import pytest
+
+from device_profiles import PRESSURE_404, VALVE_408
+from hil_bench.errors import ConfigError
+from hil_bench.machine.commissioning.boot_file import load_boot_plan
+from hil_drivers.boot import Loss, Slave, Start, Startup
+from hil_drivers.concise_dcf import ConciseEntry, pack_concise_dcf
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "network.toml"
+
+
+@pytest.fixture
+def plan_of(tmp_path):
+    def load(text):
+        path = tmp_path / "network.toml"
+        path.write_text(text, encoding="utf-8")
+        return load_boot_plan(path)
+
+    return load
+
+
+def test_the_example_is_one():
+    plan = load_boot_plan(EXAMPLE)
+    assert (plan.node_id, plan.heartbeat) == (127, 0.1)
+    assert plan.startup == Startup(Start.ALL, Loss.SLAVE, 10.0)
+    valve = plan.slaves[0]
+    # By the EDS: 408 in 0x1000; product code and revision, and no vendor and serial number.
+    assert (valve.device_type, valve.identity) == (0x198, (0, 0x408, 0x10000, 0))
+    assert valve.heartbeat_time == 0.15
+    assert [slave.mandatory for slave in plan.slaves] == [True, True, False, True]
+
+
+def test_all_keys_have_their_place(plan_of, tmp_path):
+    entries = (ConciseEntry(0x1017, 0, b"\x32\0"),)
+    (tmp_path / "valve.cdcf").write_bytes(pack_concise_dcf(entries))
+    plan = plan_of("""
+[master]
+node_id = 100
+start = "none"
+on_loss = "stop all"
+boot_time_s = 0
+[slaves.valve]
+node_id = 3
+mandatory = false
+boot = false
+keep_alive = true
+device_type = 0x198
+vendor_id = 1
+product_code = 2
+revision_number = 3
+serial_number = 4
+heartbeat_time_ms = 250
+concise_dcf = "valve.cdcf"
+configured = 1984-01-02T00:00:01.5
+store = true
+restore = 1
+""")
+    assert (plan.node_id, plan.heartbeat) == (100, 0.0)
+    assert plan.startup == Startup(Start.NONE, Loss.STOP_ALL, 0.0)
+    # CiA 302-3: days since 1984-01-01, and milliseconds after midnight.
+    assert plan.slaves == (
+        Slave(
+            3,
+            "valve",
+            mandatory=False,
+            boots=False,
+            keep_alive=True,
+            device_type=0x198,
+            identity=(1, 2, 3, 4),
+            configuration=entries,
+            date=1,
+            time=1500,
+            store=True,
+            restore=1,
+            heartbeat_time=0.25,
+        ),
+    )
+
+
+def test_what_the_eds_says_may_be_given_otherwise(plan_of):
+    (slave,) = plan_of(
+        f'[slaves.valve]\nnode_id = 1\neds = "{VALVE_408}"\nrevision_number = 0\nvendor_id = 5\n'
+    ).slaves
+    assert slave.identity == (5, 0x408, 0, 0)
+
+
+def test_objects_follow_the_procedure_of_pdos(plan_of):
+    (slave,) = plan_of(f"""
+[slaves.valve]
+node_id = 1
+eds = "{VALVE_408}"
+objects = {{ "0x1A00.01" = 0x63010110, "0x1A00.00" = 1, "0x1017" = 50 }}
+""").slaves
+    # The EDS: TPDO1 is 0x40000181. CiA 301: off, mapping emptied, written, counted, on.
+    assert [(entry.index, entry.subindex, entry.data.hex()) for entry in slave.configuration] == [
+        (0x1017, 0, "3200"),
+        (0x1800, 1, "810100c0"),
+        (0x1A00, 0, "00"),
+        (0x1A00, 1, "10010163"),
+        (0x1A00, 0, "01"),
+        (0x1800, 1, "81010040"),
+    ]
+
+
+VALVE = f'[slaves.valve]\nnode_id = 1\neds = "{VALVE_408}"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("", "has no slaves; give tables such as [slaves.valve]"),
+        (VALVE + "[slave.b]\n", "slave: unknown table; the nearest known is [slaves]"),
+        ("[slaves.valve]\n", "slaves.valve.node_id: missing; give for example node_id = 1"),
+        ("[slaves.valve]\nnode_id = 128\n", "128 is out of range; give an integer from 1 to 127"),
+        ("[slaves.valve]\nnode_id = 127\n", "slaves.valve.node_id: 127 is the master's"),
+        (VALVE + "[slaves.b]\nnode_id = 1\n", "slaves.b.node_id: 1 is that of valve"),
+        (VALVE + 'dcf = "a"\nconcise_dcf = "b"\n', "dcf and concise_dcf are both given"),
+        (VALVE + 'dcf = "none.dcf"\n', "slaves.valve: cannot read EDS"),
+        (VALVE + 'concise_dcf = "none.cdcf"\n', "none.cdcf: cannot be read: No such file"),
+        (VALVE + "configured = 2026-11-22T13:45:00\n", "configured: there is no configuration"),
+        (VALVE + "configured = 2026-11-22T13:45:00Z\n", "give a date and time without zone"),
+        (VALVE + "configured = 1983-11-22T13:45:00\n", "from 1984 to 2099"),
+        (VALVE + "configured = 2026-11-22\n", "a date or time is no such time"),
+        ('[slaves.a]\nnode_id = 1\nobjects = { "0x1017" = 5 }\n', "objects need the types of an"),
+        (VALVE + 'objects = { "0x1018.01" = 5 }\n', "objects.0x1018.01: is read-only"),
+        (VALVE + 'objects = { "0x1017" = 70000 }\n', "objects.0x1017.00: "),
+        (VALVE + 'objects = { "0x1017" = { source = "x" } }\n', "is a table; give a value"),
+        (VALVE + 'objects = { "0x4444" = 5 }\n', "objects.0x4444.00: is not in"),
+        ('[master]\nstart = "now"\n' + VALVE, '"now" is unknown; give one of "each", "all"'),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line(plan_of, text, what):
+    with pytest.raises(ConfigError) as caught:
+        plan_of(text)
+    (line,) = str(caught.value).splitlines()
+    assert "network.toml" in line
+    assert what in line
+
+
+def test_a_dcf_is_a_configuration(plan_of, tmp_path):
+    text = PRESSURE_404.read_text(encoding="utf-8")
+    dcf = tmp_path / "a.dcf"
+    dcf.write_text(text.replace("[1017]\n", "[1017]\nParameterValue=50\n"), encoding="utf-8")
+    (slave,) = plan_of('[slaves.a]\nnode_id = 2\ndcf = "a.dcf"\n').slaves
+    assert slave.configuration == (ConciseEntry(0x1017, 0, b"\x32\0"),)
+    assert slave.device_type == 0x0002_0194

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
@@ -11,11 +12,14 @@ from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_dir
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.plot import draw_trial
-from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.record import AxisRecord, join_records
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.machine.identification.signs import settle_signs
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.outside.recording.foreign_table import read_columns
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model
 
@@ -23,6 +27,9 @@ _EXAMPLES = """\
 examples:
   hil-bench identify run.mf4
   hil-bench identify run.csv bench.toml --axis lift --output lift
+  hil-bench identify slow.csv fast.csv bench.toml --columns rig.toml
+  hil-bench identify a.csv bench.toml --map "t=time:s" --map "s=position:mm" \\
+      --map "p1=P_A:bar" --map "U=spool_setpoint:V"
 """
 
 
@@ -36,13 +43,27 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "Exit code 1: the model does not explain the record.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("recording", type=Path, metavar="RECORDING", help="signals: .csv or .mf4")
     parser.add_argument(
-        "config",
-        nargs="?",
-        metavar="bench.toml",
-        help="what is known of the machine, and where the search starts; without it "
+        "files",
+        nargs="+",
+        type=Path,
+        metavar="RECORDING",
+        help="signals: .csv, .mf4 or .mat; several are fitted together. A bench.toml among them "
+        "says what is known of the machine and where the search starts; without it "
         "HIL_BENCH_CONFIG, or else the built-in bench",
+    )
+    parser.add_argument(
+        "--columns",
+        type=Path,
+        metavar="FILE.toml",
+        help="which column is which quantity, for tables of other tools",
+    )
+    parser.add_argument(
+        "--map",
+        action="append",
+        default=[],
+        metavar="COLUMN=QUANTITY:UNIT",
+        help="the same for one column; may be given again; -QUANTITY turns the sign",
     )
     parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
     add_output_argument(parser, "hil-bench-identify", "the files")
@@ -63,24 +84,83 @@ def run(args: argparse.Namespace) -> int:
         require_extra(package, "hil-bench identify")
     if not 1 <= args.starts <= 10_000:
         raise ConfigError(f"--starts {args.starts}: 1 to 10000 are right")
-    config = load_config(args.config)
+    recordings, config = _sort_files(args.files)
     axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
-    recording = read_recording(args.recording)
     make_directory(args.output)
+    record = _read_records(args, recordings, axis, config.full_scale(axis))
     try:
-        record = AxisRecord.of(recording, axis.name, config.full_scale(axis))
         found = _identify(args, config, axis, record)
     except ConfigError as error:
-        raise ConfigError(f"{args.recording}: {error}") from None
-    files = _write(args.output, found, args.recording.name)
+        raise ConfigError(f"{_names(recordings)}: {error}") from None
+    files = _write(args.output, found, ", ".join(path.name for path in recordings))
     if args.json:
         content = {**to_json(found), "files": [str(path) for path in files]}
         print(json.dumps(content, indent=2))
     elif not args.quiet:
         print("\n".join([summarise(found), "", *(f"wrote {path}" for path in files)]))
     return ExitCode.DONE if is_explained(found) else ExitCode.CHECK_FAILED
+
+
+def _sort_files(files: Sequence[Path]) -> tuple[list[Path], BenchConfig]:
+    """Return the recordings, and the bench that the one file of TOML describes.
+
+    Raises:
+        ConfigError: there is no recording, or more than one bench.
+    """
+    benches = [path for path in files if path.suffix.lower() == ".toml"]
+    recordings = [path for path in files if path not in benches]
+    if not recordings:
+        raise ConfigError(f"{_names(files)}: is no recording; give .csv, .mf4 or .mat too")
+    if len(benches) > 1:
+        raise ConfigError(f"{_names(benches)}: give one bench.toml")
+    return recordings, load_config(str(benches[0]) if benches else None)
+
+
+def _read_records(
+    args: argparse.Namespace, paths: Sequence[Path], axis: CylinderConfig, full_opening: float
+) -> AxisRecord:
+    """Return all recordings of an axis as one record.
+
+    Raises:
+        ConfigError: one of them cannot serve.
+    """
+    columns = read_column_map(args.columns, args.map) if args.columns or args.map else None
+    records = []
+    for path in paths:
+        try:
+            records.append(_read_record(path, columns, axis, full_opening))
+        except ConfigError as error:
+            raise ConfigError(_about(path, error)) from None
+    return join_records(records)
+
+
+def _read_record(
+    path: Path, columns: ColumnMap | None, axis: CylinderConfig, full_opening: float
+) -> AxisRecord:
+    """Return one recording of an axis, its columns by a map where there is one.
+
+    Raises:
+        ConfigError: a MAT file has no map.
+    """
+    if columns is None:
+        if path.suffix.lower() == ".mat":
+            raise ConfigError("name its columns in --columns or with --map")
+        return AxisRecord.of(read_recording(path), axis.name, full_opening, path.name)
+    mapped = columns.of(path.name)
+    recording = map_columns(read_columns(path), mapped, axis.name)
+    record = AxisRecord.of(recording, axis.name, full_opening, path.name)
+    return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
+
+
+def _about(path: Path, error: ConfigError) -> str:
+    text = str(error)
+    return text if text.startswith(str(path)) else f"{path}: {text}"
+
+
+def _names(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths))
 
 
 def _identify(

@@ -13,6 +13,7 @@ from hil_bench.machine.identification.pieces import Pieces, cut_pieces
 from hil_bench.machine.identification.polish import MOST_STEPS, Optimum, Polish
 from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.shooting import Shooting
+from hil_bench.machine.identification.smoothing import smooth_states
 from hil_bench.machine.identification.stages import FINE, LONGER, ROUGH, Stage
 from hil_bench.machine.identification.uncertainty import (
     Evidence,
@@ -22,7 +23,7 @@ from hil_bench.machine.identification.uncertainty import (
     invert,
 )
 from hil_bench.machine.identification.unknowns import Unknowns
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 
 Values = npt.NDArray[np.float64]
 Report = Callable[[str], None]
@@ -61,7 +62,8 @@ class Fit:
         optimum: of the cost.
         covariance: of the variables, as `find_covariance` says.
         spread: the inverse of the cost's second derivatives, for noise of the expected size.
-        residual: rms of the residuals of each signal, as a multiple of its noise, shape (3,).
+        residual: rms of the residuals of each signal, as a multiple of its noise, shape (3,); not
+            a number where no recording has the signal.
         colour: the largest autocorrelation of the residuals.
         is_white: whether it is as small as that of white noise.
         polish: can go on from there.
@@ -83,7 +85,7 @@ class Fit:
     @property
     def whole_residual(self) -> float:
         """Root mean square of all residuals, as a multiple of the noise."""
-        return float(np.sqrt(np.square(self.residual).mean()))
+        return float(np.sqrt(np.nanmean(np.square(self.residual))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,14 +135,21 @@ class Fitter:
             )
         return pieces.share(stage.share)
 
-    def shooting(self, stage: Stage, pieces: Pieces) -> Shooting:
-        """Return pieces beside the model, as finely as a stage wants."""
+    def shooting(self, stage: Stage, pieces: Pieces, known: PlantParameters) -> Shooting:
+        """Return pieces beside the model, as finely as a stage wants.
+
+        Args:
+            stage: of the fit.
+            pieces: of the record.
+            known: parameters from which a pressure follows that was not recorded.
+        """
         shooting = Shooting(
             self.record,
             self.options,
             pieces,
             max(1, round(self.record.interval / self.step / stage.coarse)),
             self.record.noise * stage.blur,
+            smooth_states(self.record, known),
             KNEE if stage.name == FINE.name else np.inf,
         )
         if stage.name == FINE.name:
@@ -159,7 +168,7 @@ class Fitter:
             seed: of the random generator.
         """
         pieces = self.pieces(ROUGH, unknowns.known.h)
-        shooting = self.shooting(ROUGH, pieces)
+        shooting = self.shooting(ROUGH, pieces, unknowns.known)
         candidates = list(draw_candidates(unknowns, starts, np.random.default_rng(seed)))
         costs = []
         for candidate in candidates:
@@ -176,7 +185,8 @@ class Fitter:
 
     def explained(self, unknowns: Unknowns, variables: Values, every: Pieces) -> Pieces:
         """Return the pieces less those few in which something happens that the model lacks."""
-        guess, shooting = unknowns.guess(variables), self.shooting(FINE, every)
+        guess = unknowns.guess(variables)
+        shooting = self.shooting(FINE, every, guess.parameters)
         shooting.settle(guess, _SETTLED)
         for _ in range(_RELAYS):
             shooting.relay(guess)
@@ -196,7 +206,7 @@ class Fitter:
 
         The starts of the pieces are as `explained` has settled them.
         """
-        polish = Polish(unknowns, self.shooting(FINE, pieces))
+        polish = Polish(unknowns, self.shooting(FINE, pieces, unknowns.known))
         optimum = polish.run(variables, lambda: self.report(FINE.name), most)
         self._settled.update(polish.shooting.starts)
         if not optimum.is_reached:
@@ -207,7 +217,7 @@ class Fitter:
         """Return the fit that starts at `variables`."""
         from scipy.optimize import least_squares  # noqa: PLC0415 - an extra
 
-        problem = _Problem(unknowns, self.shooting(stage, pieces), stage)
+        problem = _Problem(unknowns, self.shooting(stage, pieces, unknowns.known), stage)
         cost = np.inf
         for _ in range(stage.rounds):
             problem.begin(variables)
@@ -262,14 +272,18 @@ def _judge(polish: Polish, optimum: Optimum) -> Fit:
     """Return a fit with how far it can be trusted."""
     count = len(optimum.residuals)
     signals = optimum.residuals[:, :-4].reshape(count, -1, 3)
-    fitted = 4 * count + len(optimum.variables)
+    values = polish.shooting.has.sum(axis=0) * signals.shape[1]
+    freedom = int(values.sum()) - 4 * count - len(optimum.variables)
+    is_there = np.ones(optimum.residuals.shape, dtype=np.bool_)
+    is_there[:, :-4] = np.tile(polish.shooting.has, signals.shape[1])
     evidence = Evidence(
-        optimum.residuals, optimum.slopes, polish.unknowns.spreads, signals.size - fitted
+        optimum.residuals, optimum.slopes, polish.unknowns.spreads, freedom, is_there
     )
     # The starts and the variables take their share of each signal's residuals.
-    power = np.square(signals).sum(axis=(0, 1)) / (evidence.freedom / 3.0)
+    shares = np.where(values > 0, values * freedom / values.sum(), np.nan)
+    power = np.square(signals).sum(axis=(0, 1)) / shares
     colour, limit = find_colour(signals)
-    doubt = max(1.0, _LEAST_RESIDUAL**2 / max(float(power.mean()), 1e-24))
+    doubt = max(1.0, _LEAST_RESIDUAL**2 / max(float(np.nanmean(power)), 1e-24))
     covariance = doubt * find_covariance(evidence, is_white=colour <= limit)
     spread = invert(find_information(evidence))
     return Fit(optimum, covariance, spread, np.sqrt(power), colour, colour <= limit, polish)

@@ -14,7 +14,7 @@ from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.spool import fit_spool, recorded_spool
 from hil_bench.machine.identification.stages import FINE
 from hil_bench.machine.identification.trial import Trial, trial_pieces, try_out
-from hil_bench.machine.identification.unknowns import KINDS, OFFSETS, Unknowns
+from hil_bench.machine.identification.unknowns import KINDS, Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 
@@ -50,10 +50,11 @@ class Identification:
         record: the measurement.
         known: what was configured.
         parameters: what was found, and as configured what was not.
-        offsets: errors of the pressure sensors, shape (2,) [Pa].
-        offset_deviations: their standard deviations, shape (2,) [Pa].
+        offsets: errors of the pressure sensors in each recording, shape (recordings, 2) [Pa].
+        offset_deviations: their standard deviations, of the same shape [Pa].
         estimates: one a sought parameter.
-        residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,).
+        residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,);
+            not a number where no recording has the signal.
         is_reached: whether the fit has ended at an optimum.
         is_white: whether its residuals are white, so that they count as independent.
         rivals: other starts that have ended elsewhere.
@@ -118,7 +119,8 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
     pieces = trial_pieces(record, known.h)
     spool = fit_spool(record, known)
     with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
-    unknowns = Unknowns(with_spool, tuple(name for name in names if name not in spool))
+    sought = tuple(name for name in names if name not in spool)
+    unknowns = Unknowns(with_spool, sought, len(record.sessions))
     fitter = Fitter(record, options, step, report)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
@@ -129,7 +131,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         known=known,
         parameters=replace(known, **told),
         offsets=guess.offsets,
-        offset_deviations=_deviations(found.unknowns, found.fit)[-len(OFFSETS) :],
+        offset_deviations=_deviations(found.unknowns, found.fit)[len(sought) :].reshape(-1, 2),
         estimates=tuple(estimates),
         residual=found.fit.residual,
         is_reached=found.fit.optimum.is_reached,
@@ -209,7 +211,8 @@ def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
 
 def _si(unknowns: Unknowns, variables: Values) -> Values:
     guess = unknowns.guess(variables)
-    return np.array([*(getattr(guess.parameters, name) for name in unknowns.names), *guess.offsets])
+    values = [getattr(guess.parameters, name) for name in unknowns.names]
+    return np.array([*values, *guess.offsets.reshape(-1)])
 
 
 def _estimates(

@@ -1,9 +1,10 @@
-"""The part of a recording that identification reads, checked: one axis, SI units, even steps."""
+"""The part of recordings that identification reads, checked: one axis, SI units, even steps."""
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +14,12 @@ from hil_bench.outside.recording.channels import TIME, Recording
 
 Values = npt.NDArray[np.float64]
 
-NEEDED = ("position", "P_A", "P_B", "spool_setpoint")
-"""Quantities of an axis that a recording must have."""
+NEEDED = ("position", "spool_setpoint")
+"""Quantities of an axis that a recording must have, beside one of the pressures."""
 
-SIGNALS = ("position", "P_A", "P_B")
+PRESSURES = ("P_A", "P_B")
+
+SIGNALS = ("position", *PRESSURES)
 """Quantities that the model is held against, in the order of every array of them."""
 
 _FLOORS = (0.3e-6, 1e3, 1e3)  # [m], [Pa]: below these nothing is gained
@@ -36,20 +39,39 @@ _PACE = 50  # rows between two positions of which the way is counted: noise adds
 _ONE_WAY = 0.05  # of the way: less back than that is one way only
 
 
+class Session(NamedTuple):
+    """One recording of those that are fitted together.
+
+    Attributes:
+        name: of its file.
+        rows: its rows.
+        has: which of `SIGNALS` it has, shape (3,).
+    """
+
+    name: str
+    rows: range
+    has: npt.NDArray[np.bool_]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisRecord:
     """What was recorded of one axis; nothing in it reaches across a gap in time.
 
     Attributes:
         axis: its name.
-        times: of each row, shape (rows,) [s].
+        times: of each row, from the start of its recording, shape (rows,) [s].
         interval: between two rows, but for gaps [s].
         stretches: the rows between two gaps.
         full_opening: spool position that a set-point of 1 stood for [m].
         setpoints: of the spool, each held over the interval that its row ends, shape (rows,) [m].
-        measured: position [m], P_A and P_B [Pa], shape (rows, 3).
-        spool: position of the spool [m], shape (rows,); None where it was not recorded.
-        noise: standard deviation of each of `measured`, shape (3,).
+        measured: position [m], P_A and P_B [Pa], shape (rows, 3); not a number where a recording
+            lacks a pressure.
+        spool: position of the spool [m], shape (rows,), not a number where a recording lacks it;
+            None where all do.
+        noise: standard deviation of each of `measured`, shape (3,); infinite where no recording
+            has the signal.
+        sessions: the recordings, one after the other.
+        notes: what was found out about the columns.
     """
 
     axis: str
@@ -61,9 +83,32 @@ class AxisRecord:
     measured: Values
     spool: Values | None
     noise: Values
+    sessions: tuple[Session, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.sessions:
+            has = np.array([np.isfinite(signal).all() for signal in self.measured.T])
+            whole = Session("", range(len(self)), has)
+            object.__setattr__(self, "sessions", (whole,))
 
     def __len__(self) -> int:
         return len(self.setpoints)
+
+    @property
+    def has(self) -> npt.NDArray[np.bool_]:
+        """Which of `SIGNALS` any recording has, shape (3,)."""
+        return np.asarray(np.array([session.has for session in self.sessions]).any(axis=0))
+
+    def session_of(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """Return the number of the recording that each row belongs to."""
+        ends = [session.rows.stop for session in self.sessions]
+        return np.searchsorted(ends, rows, side="right").astype(np.int64)
+
+    def has_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """Return which of `SIGNALS` there are at each row, shape (rows, 3)."""
+        has = np.array([session.has for session in self.sessions], dtype=np.bool_)
+        return np.asarray(has[self.session_of(rows)])
 
     @property
     def fitted(self) -> list[range]:
@@ -94,24 +139,33 @@ class AxisRecord:
         return max(10, round(duration / self.interval))
 
     @classmethod
-    def of(cls, recording: Recording, axis: str, full_opening: float) -> Self:
+    def of(cls, recording: Recording, axis: str, full_opening: float, name: str = "") -> Self:
         """Return the record of an axis.
 
         Args:
-            recording: has the `NEEDED` quantities of the axis.
+            recording: has the `NEEDED` quantities of the axis and a pressure.
             axis: its name.
             full_opening: spool position that a set-point of 1 stands for [m].
+            name: of the recording.
         """
         _check_columns(recording, axis)
         times = recording[TIME.name]
         interval = _check_times(times)
-        spool = f"{axis}.spool_position"
-        names = [f"{axis}.{quantity}" for quantity in NEEDED]
-        if spool in (recording.dtype.names or ()):
-            names.append(spool)
-        _check_finite(recording, names)
-        measured = np.column_stack([recording[f"{axis}.{name}"] for name in SIGNALS])
+        fields = recording.dtype.names or ()
+        known = (*NEEDED, *PRESSURES, "spool_position")
+        quantities = [quantity for quantity in known if f"{axis}.{quantity}" in fields]
+        _check_finite(recording, [f"{axis}.{quantity}" for quantity in quantities])
+        _check_change(recording, axis, quantities)
+        absent = np.full(len(times), np.nan)
+        measured = np.column_stack(
+            [
+                recording[f"{axis}.{signal}"] if signal in quantities else absent
+                for signal in SIGNALS
+            ]
+        )
         _check_motion(measured[:, 0], axis)
+        spool = recording[f"{axis}.spool_position"] if "spool_position" in quantities else None
+        has = np.array([signal in quantities for signal in SIGNALS])
         return cls(
             axis=axis,
             times=np.asarray(times, dtype=np.float64),
@@ -120,11 +174,68 @@ class AxisRecord:
             full_opening=full_opening,
             setpoints=full_opening * recording[f"{axis}.spool_setpoint"],
             measured=measured,
-            spool=full_opening * recording[spool] if spool in names else None,
+            spool=None if spool is None else full_opening * spool,
             noise=np.array(
-                [estimate_noise(*pair) for pair in zip(measured.T, _FLOORS, strict=True)]
+                [
+                    estimate_noise(values, floor) if there else np.inf
+                    for values, floor, there in zip(measured.T, _FLOORS, has, strict=True)
+                ]
             ),
+            sessions=(Session(name, range(len(times)), has),),
         )
+
+
+def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
+    """Return records of one axis as one, each with its own offsets of the pressure sensors.
+
+    Raises:
+        ConfigError: their rows are not equally far apart.
+    """
+    first = records[0]
+    if len(records) == 1:
+        return first
+    for record in records[1:]:
+        if abs(record.interval - first.interval) > _UNEVEN * first.interval:
+            raise ConfigError(
+                f"{first.sessions[0].name} has a row each {first.interval * 1e3:.4g} ms and "
+                f"{record.sessions[0].name} each {record.interval * 1e3:.4g} ms; give recordings "
+                "with one sampling interval"
+            )
+    starts = np.cumsum([0, *(len(record) for record in records)]).tolist()
+    pairs = list(zip(starts, records, strict=False))
+    spools = [
+        np.full(len(record), np.nan) if record.spool is None else record.spool for record in records
+    ]
+    return replace(
+        first,
+        times=np.concatenate([record.times for record in records]),
+        interval=float(np.mean([record.interval for record in records])),
+        stretches=tuple(_shift(rows, start) for start, one in pairs for rows in one.stretches),
+        setpoints=np.concatenate([record.setpoints for record in records]),
+        measured=np.concatenate([record.measured for record in records]),
+        spool=np.concatenate(spools) if any(one.spool is not None for one in records) else None,
+        noise=_pool([record.noise for record in records]),
+        sessions=tuple(
+            session._replace(rows=_shift(session.rows, start))
+            for start, record in pairs
+            for session in record.sessions
+        ),
+        notes=tuple(
+            f"{record.sessions[0].name}: {note}" for record in records for note in record.notes
+        ),
+    )
+
+
+def _shift(rows: range, by: int) -> range:
+    return range(rows.start + by, rows.stop + by)
+
+
+def _pool(noises: Sequence[Values]) -> Values:
+    """Return the noise of each signal over the records that have it, infinite where none has."""
+    known = np.isfinite(noises)
+    squares = np.where(known, np.square(noises), 0.0).sum(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(known.any(axis=0), np.sqrt(squares / known.sum(axis=0)), np.inf)
 
 
 def estimate_noise(values: Values, floor: float) -> float:
@@ -173,6 +284,8 @@ def _check_columns(recording: Recording, axis: str) -> None:
     """
     names = recording.dtype.names or ()
     lacking = [f"{axis}.{name}" for name in NEEDED if f"{axis}.{name}" not in names]
+    if not any(f"{axis}.{name}" in names for name in PRESSURES):
+        lacking.append(" and ".join(f"{axis}.{name}" for name in PRESSURES))
     if not lacking:
         return
     axes = {name.rpartition(".")[0] for name in names if name.endswith(".spool_setpoint")}
@@ -196,6 +309,13 @@ def _check_times(times: Values) -> float:
         )
     steps = np.diff(times)
     interval = float(np.median(steps))
+    back = np.flatnonzero(steps <= 0.0)
+    if interval > 0.0 and len(back):
+        row = back[0]
+        raise ConfigError(
+            f"the recording's time does not rise after {times[row]:g} s: the next row has "
+            f"{times[row + 1]:g} s; give rows in the order of time"
+        )
     if not 0.0 < interval <= _SLOWEST:
         raise ConfigError(
             f"the recording has a row each {interval * 1e3:g} ms; {_SLOWEST * 1e3:g} ms or less "
@@ -242,6 +362,21 @@ def _check_finite(recording: Recording, names: list[str]) -> None:
             raise ConfigError(
                 f"the recording's {name} is no number in {len(wrong)} rows, first at "
                 f"{recording[TIME.name][wrong[0]]:g} s; give a part without them"
+            )
+
+
+def _check_change(recording: Recording, axis: str, quantities: Sequence[str]) -> None:
+    """Refuse a column that stays the same, as that of a sensor which is not connected.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for quantity in quantities:
+        values = recording[f"{axis}.{quantity}"]
+        if quantity != "position" and np.ptp(values) == 0.0:
+            raise ConfigError(
+                f"the recording's {axis}.{quantity} is constant at {values[0]:g}; leave a column "
+                "out that measures nothing"
             )
 
 

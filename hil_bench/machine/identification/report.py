@@ -9,7 +9,7 @@ import numpy.typing as npt
 from hil_bench.config.settings import Key
 from hil_bench.machine.identification.approach import Rival
 from hil_bench.machine.identification.identify import Estimate, Identification
-from hil_bench.machine.identification.record import SIGNALS
+from hil_bench.machine.identification.record import PRESSURES, SIGNALS, AxisRecord, Session
 from hil_bench.plants.hydraulic_cylinder.keys import PARAMETER_KEYS
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE
 
@@ -54,10 +54,13 @@ def summarise(found: Identification) -> str:
     noise = ", ".join(
         f"{name} {unit.from_si(value):.3g} {unit.symbol}"
         for name, value, unit in zip(SIGNALS, record.noise, _DISPLAY, strict=True)
+        if math.isfinite(value)
     )
     rows = f"a row each {record.interval * 1e3:.4g} ms"
     lines = [
         f"{record.axis}: {rows}, {spans[0]:.3g} s for the fit, {spans[1]:.3g} s for the trial",
+        *_session_lines(record),
+        *record.notes,
         f"noise: {noise}",
         f"residuals of the fit: {_list_signals(found.residual)} times the noise, in "
         f"{found.pieces} pieces" + _left_out(found),
@@ -76,7 +79,16 @@ def to_json(found: Identification) -> dict[str, Any]:
     trial = found.trial
     return {
         "axis": found.record.axis,
-        "fit_residual": dict(zip(SIGNALS, found.residual.tolist(), strict=True)),
+        "recordings": [
+            {
+                "name": session.name,
+                "signals": [*_names(session)],
+                "pressure_offsets_bar": [BAR.from_si(offset) for offset in offsets],
+            }
+            for session, offsets in zip(found.record.sessions, found.offsets.tolist(), strict=True)
+        ],
+        "notes": [*found.record.notes],
+        "fit_residual": _by_signal(found.residual),
         "is_explained": is_explained(found),
         "is_converged": found.is_reached,
         "is_white": found.is_white,
@@ -94,9 +106,8 @@ def to_json(found: Identification) -> dict[str, Any]:
         "parameters": {
             _key(estimate).name: _entry(estimate, found) for estimate in found.estimates
         },
-        "pressure_offsets_bar": [BAR.from_si(offset) for offset in found.offsets],
-        "noise": dict(zip(SIGNALS, found.record.noise.tolist(), strict=True)),
-        "trial_residual": dict(zip(SIGNALS, trial.residual.tolist(), strict=True)),
+        "noise": _by_signal(found.record.noise),
+        "trial_residual": _by_signal(trial.residual),
     }
 
 
@@ -177,12 +188,16 @@ def _trial_lines(found: Identification) -> list[str]:
         f"on the part not fitted, in pieces of {piece:.3g} s: {residual} times the noise",
         f"there, in runs of up to {longest:.3g} s: position {error:.3g} mm rms",
     ]
-    offsets = zip(("P_A", "P_B"), found.offsets, found.offset_deviations, strict=True)
-    lines += [
-        f"{name} reads {BAR.from_si(offset):+.3f} +- {BAR.from_si(deviation):.3f} bar off"
-        for name, offset, deviation in offsets
-        if abs(offset) > EXPLAINED * deviation
-    ]
+    for session, offsets, deviations in zip(
+        record.sessions, found.offsets, found.offset_deviations, strict=True
+    ):
+        place = f" in {session.name}" if len(record.sessions) > 1 else ""
+        lines += [
+            f"{name} reads {BAR.from_si(offset):+.3f} +- {BAR.from_si(deviation):.3f} bar off"
+            + place
+            for name, offset, deviation in zip(PRESSURES, offsets, deviations, strict=True)
+            if abs(offset) > EXPLAINED * deviation
+        ]
     return lines
 
 
@@ -195,7 +210,7 @@ def _warnings(found: Identification) -> list[str]:
             "try more --starts or another recording"
         )
     lines += [_rival_line(rival, found) for rival in found.rivals]
-    if found.residual.max() > SUSPECT:
+    if np.nanmax(found.residual) > SUSPECT:
         lines.append(
             f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model "
             "lacks something, or the fit ended in a side minimum; the intervals do not hold then; "
@@ -224,7 +239,7 @@ def _warnings(found: Identification) -> list[str]:
 def _rival_line(rival: Rival, found: Identification) -> str:
     apart = sorted(rival.apart.items(), key=lambda item: -item[1])
     parameters = ", ".join(f"{_KEYS[name].name} by {size:.3g}" for name, size in apart[:_SHOWN])
-    residual = float(np.sqrt(np.square(found.residual).mean()))
+    residual = float(np.sqrt(np.nanmean(np.square(found.residual))))
     verdict = (
         "the recording fits both about equally well: do not rely on the intervals"
         if rival.residual < _ALIKE * residual
@@ -242,8 +257,32 @@ def _left_out(found: Identification) -> str:
     return f"; {found.left_out} left out, which the model does not explain or only by chance"
 
 
+def _session_lines(record: AxisRecord) -> list[str]:
+    """Return what each recording gives, where there are several or where a pressure is missing."""
+    if len(record.sessions) == 1 and record.has.all():
+        return []
+    return [
+        f"{session.name}: {len(session.rows) * record.interval:.3g} s, {', '.join(_names(session))}"
+        for session in record.sessions
+    ]
+
+
+def _names(session: Session) -> list[str]:
+    return [name for name, is_there in zip(SIGNALS, session.has, strict=True) if is_there]
+
+
+def _by_signal(values: Values) -> dict[str, float | None]:
+    """Return a value by signal, None where no recording has the signal."""
+    pairs = zip(SIGNALS, values.tolist(), strict=True)
+    return {name: value if math.isfinite(value) else None for name, value in pairs}
+
+
 def _list_signals(residual: Values) -> str:
-    return ", ".join(f"{name} {value:.2f}" for name, value in zip(SIGNALS, residual, strict=True))
+    return ", ".join(
+        f"{name} {value:.2f}"
+        for name, value in zip(SIGNALS, residual, strict=True)
+        if math.isfinite(value)
+    )
 
 
 def _entry(estimate: Estimate, found: Identification) -> dict[str, Any]:

@@ -18,7 +18,6 @@ import numpy.typing as npt
 from hil_bench.machine.identification.loss import cost_of, pull_of
 from hil_bench.machine.identification.pieces import Pieces
 from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.smoothing import smooth_states
 from hil_bench.machine.identification.spool import recorded_spool
 from hil_bench.machine.identification.unknowns import Guess
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
@@ -53,7 +52,6 @@ ROUNDING = 1e-12
 """Damping of the same order as rounding, which keeps any matrix regular."""
 
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
-_LOOSENESS = 100.0  # smoothing errs by far more than noise alone where the signals bend
 _AWFUL = 1e3  # stands for a residual that is no number
 
 
@@ -67,12 +65,13 @@ class Shooting:
         pieces: of the record.
         substeps: solver steps an interval of the record.
         scale: what a residual of each signal counts in, shape (3,).
+        smoothed: the states of the whole record and their spreads, as `smooth_states` gives them.
         knee: of the loss under which starts settle, in multiples of the scale.
-        smoothed: the states of the whole record, as `smooth_states` gives them.
         states: at the start of each piece, shape (pieces, 4) [m, m/s, Pa, Pa].
-        spreads: of the states about the smoothed measurements, shape (4,).
+        spreads: of the states about the smoothed measurements, shape (pieces, 4).
         steps: of the states for slopes, shape (pieces, 4).
         damping: of each piece's next step of its states, shape (pieces,).
+        has: which signals the record has in each piece, shape (pieces, 3).
     """
 
     record: AxisRecord
@@ -80,25 +79,26 @@ class Shooting:
     pieces: Pieces
     substeps: int
     scale: Values
+    smoothed: tuple[Values, Values]
     knee: float = np.inf
-    smoothed: tuple[Values, Values] | None = None
     states: Values = field(init=False)
     spreads: Values = field(init=False)
     steps: Values = field(init=False)
     damping: Values = field(init=False)
+    has: Marks = field(init=False)
     _smooth: Values = field(init=False)
     _measured: Values = field(init=False)
+    _session: npt.NDArray[np.int64] = field(init=False)
     _setpoints: list[Values] = field(init=False)
     _cuts: list[Cuts] = field(init=False, default_factory=list)
     _basis: Values = field(init=False)
     _sizes: Values = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.smoothed is None:
-            self.smoothed = smooth_states(self.record)
         states, spreads = self.smoothed
-        self._smooth = states[self.pieces.rows]
-        self.spreads = _LOOSENESS * spreads
+        self._smooth, self.spreads = states[self.pieces.rows], spreads[self.pieces.rows]
+        self._session = self.record.session_of(self.pieces.rows)
+        self.has = self.record.has_at(self.pieces.rows)
         self.restart()
         rows = self.pieces.rows[:, np.newaxis] + 1 + np.arange(self.pieces.length)
         self._measured = self.record.measured[rows]
@@ -162,7 +162,7 @@ class Shooting:
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(show, jobs))
         for number, guess in enumerate(guesses):
-            seen[number, :, :, 1:] += guess.offsets
+            seen[number, :, :, 1:] += guess.offsets[self._session][:, np.newaxis]
         return seen
 
     def residuals(self, guesses: Sequence[Guess], states: Sequence[Values]) -> Values:
@@ -253,7 +253,7 @@ class Shooting:
         raw = self.beside([guess] * 4, moved)
         slopes = (raw - here).transpose(1, 2, 0) / self.steps[:, np.newaxis]
         self.shorten(np.linalg.norm(slopes, axis=1))
-        return here, slopes * self.spreads
+        return here, slopes * self.spreads[:, np.newaxis]
 
     def shorten(self, sizes: Values) -> None:
         """Make the steps for slopes small beside the noise, by the norms of the slopes."""
@@ -279,14 +279,18 @@ class Shooting:
     def misfits(self, guess: Guess) -> Values:
         """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
         (raw,) = self.raw([guess], [self.states])
-        return np.asarray(np.sqrt(np.square(raw).mean(axis=1)))
+        values = self.has.sum(axis=1) * self.pieces.length + 4
+        return np.asarray(np.sqrt(np.square(raw).sum(axis=1) / values))
 
     def turns_on_a_hair(self) -> Marks:
         """Return in which pieces the motion amplifies the slightest error of the settled start."""
         return np.asarray((self._sizes > _HAIR * np.median(self._sizes, axis=0)).any(axis=1))
 
     def deviations(self, guess: Guess, states: Values) -> Values:
-        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa]."""
+        """Return model less record from these states, shape (pieces, rows, 3) [m, Pa, Pa].
+
+        It is not a number where the record lacks a signal.
+        """
         return np.asarray(self.predict([guess], [states])[0] - self._measured)
 
     def _costs(self, raw: Values) -> Values:
@@ -341,6 +345,9 @@ class Shooting:
     ) -> Values:
         seen = (self.predict(guesses, states, cuts) - self._measured) / self.scale
         seen = np.nan_to_num(seen, nan=_AWFUL, posinf=_AWFUL, neginf=-_AWFUL)
-        offsets = np.array([[0.0, 0.0, *guess.offsets] for guess in guesses])[:, np.newaxis]
-        starts = (np.array(states) + offsets - self._smooth) / self.spreads
+        seen *= self.has[:, np.newaxis]
+        starts = np.array(states) - self._smooth
+        offsets = np.array([guess.offsets[self._session] for guess in guesses])
+        starts[..., 2:] += offsets * self.has[:, 1:]
+        starts /= self.spreads
         return np.concatenate([seen.reshape(*seen.shape[:2], -1), starts], axis=2)

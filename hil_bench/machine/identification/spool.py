@@ -63,7 +63,9 @@ def fit_spool(record: AxisRecord, known: PlantParameters) -> dict[str, tuple[flo
     if record.spool is None:
         return {}
     rows = np.concatenate([[*part] for part in record.fitted])
-    spool, noise = record.spool[rows], estimate_noise(record.spool, _FLOOR)
+    rows = rows[np.isfinite(record.spool[rows])]
+    spool = record.spool[rows]
+    noise = estimate_noise(record.spool[np.isfinite(record.spool)], _FLOOR)
 
     def residuals(logs: Values) -> Values:
         states = recorded_spool(_scaled(known, logs), record)

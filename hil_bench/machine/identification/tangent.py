@@ -70,7 +70,8 @@ class Tangents:
         shooting.shorten(sizes[:, :_STATES])
         largest = np.maximum(sizes[:, _STATES:].max(axis=0), 1e-9)
         self._steps = np.minimum(self.unknowns.steps * _PRECISION, SMALL / largest)
-        return Tangent(raw, slopes[..., :_STATES] * shooting.spreads, slopes[..., _STATES:])
+        own = slopes[..., :_STATES] * shooting.spreads[:, np.newaxis]
+        return Tangent(raw, own, slopes[..., _STATES:])
 
     def _slopes(self, shooting: Shooting, variables: Values, steps: Values, raw: Values) -> Values:
         """Return slopes by states and by variables, shape (pieces, values, 4 + variables)."""

@@ -36,7 +36,8 @@ class Trial:
     Attributes:
         rows: of each piece of the record, shape (pieces, rows of a piece).
         model: position [m], P_A and P_B [Pa], started anew in each piece, shape (*rows.shape, 3).
-        residual: rms of model less record of each signal, as a multiple of its noise, shape (3,).
+        residual: rms of model less record of each signal, as a multiple of its noise, shape (3,);
+            not a number where there is no such signal.
         runs: over each part of the record that was not used, started once.
     """
 
@@ -63,16 +64,24 @@ def trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
 
 def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
     """Return the trial of a guess on these pieces."""
-    shooting = fitter.shooting(FINE, pieces)
+    shooting = fitter.shooting(FINE, pieces, guess.parameters)
     shooting.settle(guess)
     deviations = shooting.deviations(guess, shooting.states)
     rows = _rows(pieces)
     return Trial(
         rows=rows,
-        model=fitter.record.measured[rows] + deviations,
-        residual=np.sqrt(np.square(deviations).mean(axis=(0, 1))) / fitter.record.noise,
+        model=shooting.predict([guess], [shooting.states])[0],
+        residual=_rms(deviations) / fitter.record.noise,
         runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
     )
+
+
+def _rms(deviations: Values) -> Values:
+    """Return the rms of each signal over all pieces that have it, not a number where none has."""
+    is_there = np.isfinite(deviations)
+    squares = np.where(is_there, np.square(deviations), 0.0).sum(axis=(0, 1))
+    count = is_there.sum(axis=(0, 1))
+    return np.asarray(np.sqrt(squares / np.where(count > 0, count, np.nan)))
 
 
 def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
@@ -80,10 +89,10 @@ def _run(fitter: Fitter, guess: Guess, settled: Shooting, part: range) -> Run:
     first = int(np.searchsorted(settled.pieces.rows, part.start))
     start = settled.pieces.rows[first : first + 1]
     pieces = Pieces(start, part.stop - 1 - int(start[0]))
-    shooting = fitter.shooting(FINE, pieces)
-    deviations = shooting.deviations(guess, settled.states[first : first + 1])
+    shooting = fitter.shooting(FINE, pieces, guess.parameters)
+    (model,) = shooting.predict([guess], [settled.states[first : first + 1]])[0]
     (rows,) = _rows(pieces)
-    return Run(rows, fitter.record.measured[rows] + deviations[0])
+    return Run(rows, model)
 
 
 def _parts(record: AxisRecord, pieces: Pieces) -> list[range]:

@@ -25,12 +25,14 @@ class Evidence(NamedTuple):
             shape (groups, values, variables).
         spreads: expected standard deviations of the variables, shape (variables,).
         freedom: residuals less all that was fitted, the groups' own unknowns among it.
+        is_there: which residuals there are, of their shape; the others are 0. None for all.
     """
 
     residuals: Values
     slopes: Values
     spreads: Values
     freedom: int
+    is_there: Marks | None = None
 
 
 def find_covariance(evidence: Evidence, *, is_white: bool) -> Values:
@@ -49,7 +51,9 @@ def find_covariance(evidence: Evidence, *, is_white: bool) -> Values:
     """
     residuals = evidence.residuals
     pulls = residuals * pull_of(residuals)
-    variance = np.square(pulls).sum() / evidence.freedom / bend_of(residuals).mean()
+    is_there = np.True_ if evidence.is_there is None else evidence.is_there
+    bend = bend_of(residuals).mean(where=is_there)
+    variance = np.square(pulls).sum() / evidence.freedom / bend
     independent = np.asarray(variance * invert(find_information(evidence)))
     if is_white:
         return independent

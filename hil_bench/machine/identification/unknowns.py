@@ -69,7 +69,7 @@ class Guess(NamedTuple):
 
     Attributes:
         parameters: of the plant.
-        offsets: errors of both pressure sensors, shape (2,) [Pa].
+        offsets: errors of both pressure sensors in each recording, shape (recordings, 2) [Pa].
     """
 
     parameters: PlantParameters
@@ -78,25 +78,28 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """The free variables of a fit: one for each name, then the sensors' offsets.
+    """The free variables of a fit: one for each name, then the sensors' offsets by recording.
 
     Attributes:
         known: what is configured; what is not sought stays as it is there.
         names: the sought parameters, of `KINDS`.
+        sessions: how many recordings there are.
     """
 
     known: PlantParameters
     names: tuple[str, ...]
+    sessions: int = 1
 
     @property
     def kinds(self) -> list[Kind]:
         """How each free variable is sought."""
-        return [*(KINDS[name] for name in self.names), *(_OFFSET for _ in OFFSETS)]
+        offsets = [_OFFSET] * (len(OFFSETS) * self.sessions)
+        return [*(KINDS[name] for name in self.names), *offsets]
 
     @property
     def start(self) -> Values:
         """The free variables of what is configured."""
-        return self.variables_of(Guess(self.known, np.zeros(2)))
+        return self.variables_of(Guess(self.known, np.zeros((self.sessions, 2))))
 
     @property
     def bounds(self) -> tuple[Values, Values]:
@@ -125,13 +128,15 @@ class Unknowns:
         values["F_s"] = max(sought, F_c)
         for name in ("beta", "C_L"):
             values[name] = max(values.get(name, getattr(self.known, name)), 0.0)
-        return Guess(replace(self.known, **values), _OFFSET_SCALE * variables[len(self.names) :])
+        offsets = _OFFSET_SCALE * variables[len(self.names) :].reshape(self.sessions, -1)
+        return Guess(replace(self.known, **values), offsets)
 
     def variables_of(self, guess: Guess) -> Values:
         """Return the free variables that stand for a guess, within the bounds."""
         variables = [self._variable(name, guess.parameters) for name in self.names]
         lowest, highest = self.bounds
-        return np.asarray(np.clip([*variables, *(guess.offsets / _OFFSET_SCALE)], lowest, highest))
+        offsets = guess.offsets.reshape(-1) / _OFFSET_SCALE
+        return np.asarray(np.clip([*variables, *offsets], lowest, highest))
 
     def _variable(self, name: str, parameters: PlantParameters) -> float:
         if name == "F_s":

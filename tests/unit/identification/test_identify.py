@@ -84,7 +84,7 @@ def test_the_fit_has_reached_its_optimum(found: Identification) -> None:
 
 def test_an_offset_of_a_pressure_sensor_is_told_apart(found: Identification) -> None:
     # 0.2 bar on P_A alone; what both share hardly shows
-    difference = found.offsets[0] - found.offsets[1]
+    difference = found.offsets[0, 0] - found.offsets[0, 1]
     assert difference == pytest.approx(2e4, abs=3e3)
 
 

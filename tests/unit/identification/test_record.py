@@ -122,8 +122,18 @@ def test_motion_one_way_is_told_from_motion_both_ways(recording: Recording) -> N
 
 
 def _lack(recording: Recording) -> Recording:
-    names = [name for name in recording.dtype.names or () if not name.endswith("P_B")]
+    names = [name for name in recording.dtype.names or () if ".P_" not in name]
     return recording[names]
+
+
+def _stop(recording: Recording) -> Recording:
+    recording["lift.P_A"] = 5e6
+    return recording
+
+
+def _turn_back(recording: Recording) -> Recording:
+    recording["time"][100] = 0.05
+    return recording
 
 
 def _break(recording: Recording) -> Recording:
@@ -150,7 +160,9 @@ def _slow(recording: Recording) -> Recording:
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        (_lack, "lacks lift.P_B, which identification needs; it has lift"),
+        (_lack, "lacks lift.P_A and lift.P_B, which identification needs; it has lift"),
+        (_stop, "lift.P_A is constant at 5e+06; leave a column out that measures nothing"),
+        (_turn_back, "time does not rise after 0.099 s: the next row has 0.05 s"),
         (_break, "lift.P_A is no number in 3 rows, first at 1.5 s"),
         (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),

@@ -45,8 +45,8 @@ def make(residual: float = 0.9, pressure: float = 1.0) -> Identification:
         ),
         known=TABLE_1,
         parameters=replace(TABLE_1, beta=2.51234e-4, E=1.2345e9),
-        offsets=np.array([2e4, 100.0]),
-        offset_deviations=np.array([300.0, 300.0]),
+        offsets=np.array([[2e4, 100.0]]),
+        offset_deviations=np.array([[300.0, 300.0]]),
         estimates=ESTIMATES,
         residual=np.array([1.01, 1.0, 1.0]),
         is_reached=True,
@@ -185,6 +185,8 @@ def test_programs_read_the_keys_and_units_of_bench_toml() -> None:
         "unit": "MPa",
     }
     assert content["trial_residual"]["position"] == 0.9
-    assert content["pressure_offsets_bar"] == pytest.approx([0.2, 0.001])
+    (session,) = content["recordings"]
+    assert session["pressure_offsets_bar"] == pytest.approx([0.2, 0.001])
+    assert session["signals"] == ["position", "P_A", "P_B"]
     assert content["fit_residual"]["position"] == 1.01
     assert content["is_converged"]

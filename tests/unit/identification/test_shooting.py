@@ -7,6 +7,7 @@ from support.machine_record import FULL_OPENING, Machine
 from hil_bench.machine.identification.pieces import cut_pieces
 from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.shooting import Shooting
+from hil_bench.machine.identification.smoothing import smooth_states
 from hil_bench.machine.identification.unknowns import Guess
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
 
@@ -21,11 +22,12 @@ def creeping() -> Shooting:
     record = AxisRecord.of(recording, "axis1", FULL_OPENING)
     pieces = cut_pieces(record, record.fitted, 200, paper_parameters().h)
     substeps = round(record.interval / STEP)
-    return Shooting(record, PlantOptions.bench(), pieces, substeps, record.noise)
+    smoothed = smooth_states(record, paper_parameters())
+    return Shooting(record, PlantOptions.bench(), pieces, substeps, record.noise, smoothed)
 
 
 def test_starts_settle_wherever_the_piston_sticks(creeping: Shooting) -> None:
-    guess = Guess(paper_parameters(), np.zeros(2))
+    guess = Guess(paper_parameters(), np.zeros((1, 2)))
 
     creeping.settle(guess)
 
@@ -34,7 +36,7 @@ def test_starts_settle_wherever_the_piston_sticks(creeping: Shooting) -> None:
 
 
 def test_a_start_that_is_far_off_comes_from_the_piece_before(creeping: Shooting) -> None:
-    guess = Guess(paper_parameters(), np.zeros(2))
+    guess = Guess(paper_parameters(), np.zeros((1, 2)))
     creeping.settle(guess)
     settled = creeping.misfits(guess)
     creeping.states[4] += [0.0, 0.4, 2e6, -2e6]  # nowhere near the record
@@ -50,7 +52,7 @@ def test_a_start_that_is_far_off_comes_from_the_piece_before(creeping: Shooting)
 
 
 def test_steps_for_slopes_are_small_beside_the_noise_in_every_piece(creeping: Shooting) -> None:
-    guess = Guess(paper_parameters(), np.zeros(2))
+    guess = Guess(paper_parameters(), np.zeros((1, 2)))
     creeping.settle(guess)
     creeping.slopes(guess)  # finds the steps
 
@@ -65,7 +67,7 @@ def test_steps_for_slopes_are_small_beside_the_noise_in_every_piece(creeping: Sh
 def test_a_run_that_diverges_starts_no_other_piece(
     creeping: Shooting, monkeypatch: pytest.MonkeyPatch, end: float
 ) -> None:
-    guess = Guess(paper_parameters(), np.zeros(2))
+    guess = Guess(paper_parameters(), np.zeros((1, 2)))
     creeping.settle(guess)
     creeping.states[4] += [0.0, 0.4, 2e6, -2e6]
     monkeypatch.setattr(Shooting, "_ends", lambda *_: np.full_like(creeping.states, end))

@@ -18,18 +18,18 @@ def test_the_start_stands_for_what_is_configured() -> None:
 
     for name in ALL:
         assert getattr(guess.parameters, name) == pytest.approx(getattr(paper_parameters(), name))
-    assert guess.offsets.tolist() == [0.0, 0.0]
+    assert guess.offsets.tolist() == [[0.0, 0.0]]
 
 
 def test_any_plant_is_found_again() -> None:
     plant = replace(paper_parameters(), w=0.03, beta=1e-4, E=1.5e9, F_c=300.0, F_s=310.0, C_L=1e-13)
     unknowns = Unknowns(paper_parameters(), ALL)
 
-    found = unknowns.guess(unknowns.variables_of(Guess(plant, np.array([1e4, -2e4]))))
+    found = unknowns.guess(unknowns.variables_of(Guess(plant, np.array([[1e4, -2e4]]))))
 
     for name in ALL:
         assert getattr(found.parameters, name) == pytest.approx(getattr(plant, name))
-    assert found.offsets == pytest.approx([1e4, -2e4])
+    assert found.offsets == pytest.approx(np.array([[1e4, -2e4]]))
 
 
 @pytest.mark.parametrize("side", [0, 1])

@@ -1,0 +1,95 @@
+"""Tables of other tools: CSV of any delimiter, and MAT files of version 7 and before."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_bench.errors import ConfigError, about_file, printable
+from hil_bench.outside.recording.mdf_reader import read_mdf
+
+Columns = dict[str, npt.NDArray[np.float64]]
+"""The columns of a table by their names, all of one length."""
+
+_DELIMITERS = ";\t,"
+_HEAD = 50  # lines among which the one with the names is
+
+
+def read_columns(path: Path) -> Columns:
+    """Return the columns of a table, by its suffix CSV (or text), MAT or our MF4.
+
+    The names of a CSV file are in its first row with as many fields as the numbers below have; rows
+    between these are left out. A field that is no number counts as not a number.
+
+    Raises:
+        ConfigError: the file cannot be read, or has no columns of numbers.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".mf4":
+        signals = read_mdf(path).signals
+        return {name: np.asarray(signals[name]) for name in signals.dtype.names or ()}
+    with about_file(path, what="cannot be read", right="give a recording"):
+        try:
+            return _read_mat(path) if suffix == ".mat" else _read_csv(path)
+        except (ValueError, csv.Error) as error:
+            raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
+
+
+def _read_csv(path: Path) -> Columns:
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    delimiter = max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
+    rows = [row for row in csv.reader(lines, delimiter=delimiter) if row]
+    is_numeric = [_is_numeric(row, delimiter) for row in rows]
+    if True not in is_numeric:
+        raise ConfigError("it has no row of numbers")
+    first = is_numeric.index(True)
+    width = len(rows[first])
+    heads = [row for row in rows[:first] if len(row) == width]
+    if not heads:
+        raise ConfigError(f"its {width} columns have no names; give a row of names")
+    names = [name.strip() for name in heads[0]]
+    if twice := {name for name in names if name and names.count(name) > 1}:
+        raise ConfigError(f"it has the column {min(twice)} twice")
+    body = rows[first:]
+    if len(body[-1]) < width:
+        body = body[:-1]  # its writer was killed
+    for number, row in enumerate(body, start=first + 1):
+        if len(row) != width:
+            raise ConfigError(f"row {number} has {len(row)} values, the first has {width}")
+    values = np.array([[_number(field, delimiter) for field in row] for row in body])
+    return {name: values[:, number] for number, name in enumerate(names) if name}
+
+
+def _is_numeric(row: list[str], delimiter: str) -> bool:
+    return bool(np.isfinite(_number(row[0], delimiter)))
+
+
+def _number(text: str, delimiter: str) -> float:
+    try:
+        return float(text if delimiter == "," else text.replace(",", "."))
+    except ValueError:
+        return np.nan
+
+
+def _read_mat(path: Path) -> Columns:
+    from scipy.io import loadmat  # noqa: PLC0415 - an extra
+    from scipy.io.matlab import MatReadError  # noqa: PLC0415 - an extra
+
+    try:
+        content: dict[str, Any] = loadmat(path, variable_names=None, squeeze_me=True)
+    except NotImplementedError:
+        raise ConfigError("it is a MAT file of version 7.3; save it with -v7") from None
+    except (MatReadError, TypeError, KeyError, IndexError, OverflowError, MemoryError) as error:
+        raise ConfigError(f"it is no MAT file: {error}") from None
+    series = {
+        name: np.asarray(values, dtype=np.float64)
+        for name, values in content.items()
+        if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "fiu"
+    }
+    lengths = [len(values) for values in series.values()]
+    if not lengths:
+        raise ConfigError("it has no vector of numbers")
+    longest = max(set(lengths), key=lambda length: (lengths.count(length), length))
+    return {name: values for name, values in series.items() if len(values) == longest}

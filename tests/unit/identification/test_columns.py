@@ -1,0 +1,133 @@
+"""Which column is which quantity."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_bench.errors import ConfigError
+from hil_bench.machine.identification.columns import map_columns, read_column_map
+
+RIG = """
+[time]
+column = "t"
+unit = "ms"
+
+[position]
+column = "s"
+unit = "mm"
+gain = 2.0
+offset = -5.0
+polarity = -1
+
+[spool_setpoint]
+column = "U"
+unit = "V"
+
+[P_A]
+column = "p"
+unit = "bar"
+
+[files."b.csv"]
+P_A = false
+
+[files."b.csv".P_B]
+column = "p"
+unit = "MPa"
+"""
+TABLE = {
+    "t": np.array([100.0, 101.0]),
+    "s": np.array([1.0, 2.0]),
+    "U": np.array([-10.0, 5.0]),
+    "p": np.array([3.0, 4.0]),
+}
+
+
+def write(directory: Path, text: str) -> Path:
+    path = directory / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_column_becomes_its_quantity_in_si(tmp_path: Path) -> None:
+    columns = read_column_map(write(tmp_path, RIG), [])
+
+    found = map_columns(TABLE, columns.of("a.csv"), "lift")
+
+    assert found["time"] == pytest.approx([0.0, 1e-3])
+    # -2 mm/mm, and 5 mm less
+    assert found["lift.position"] == pytest.approx([-7e-3, -9e-3])
+    assert found["lift.spool_setpoint"] == pytest.approx([-1.0, 0.5])  # of 10 V
+    assert found["lift.P_A"] == pytest.approx([3e5, 4e5])
+    assert "lift.P_B" not in (found.dtype.names or ())
+
+
+def test_a_sensor_may_sit_elsewhere_in_one_file(tmp_path: Path) -> None:
+    columns = read_column_map(write(tmp_path, RIG), [])
+
+    found = map_columns(TABLE, columns.of("b.csv"), "lift")
+
+    assert found["lift.P_B"] == pytest.approx([3e6, 4e6])
+    assert "lift.P_A" not in (found.dtype.names or ())
+
+
+@pytest.mark.parametrize(("unit", "share"), [("%", 0.05), ("-", 5.0), ("V", 0.5), ("mA", 0.25)])
+def test_a_command_has_the_unit_of_its_amplifier(unit: str, share: float) -> None:
+    options = [f"t=time:{'s'}", "s=position:mm", f"U=-spool_setpoint:{unit}"]
+
+    found = map_columns(TABLE, read_column_map(None, options).of("a.csv"), "lift")
+
+    assert found["lift.spool_setpoint"][1] == pytest.approx(-share)
+
+
+def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
+    text = RIG.replace('unit = "V"', 'unit = "V"\nfull_scale = 5')
+
+    columns = read_column_map(write(tmp_path, text), [])
+
+    found = map_columns(TABLE, columns.of("a.csv"), "lift")
+    assert found["lift.spool_setpoint"] == pytest.approx([-2.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ('column = "s"', "", 'position: column is missing; give for example column = "s [mm]"'),
+        ('unit = "mm"', "", "the unit is missing; position has one of m, mm, um"),
+        ('unit = "mm"', 'unit = "inch"', "unit inch is unknown; position has one of m, mm, um"),
+        ("polarity = -1", "polarity = 2", '2 is no polarity; give 1, -1 or "unknown"'),
+        ("polarity = -1", "full_scale = 2", "full_scale is for spool_setpoint"),
+        ("[P_A]", "[P_C]", "unknown quantity; the nearest known one is P_"),
+        ("gain = 2.0", "gian = 2.0", "unknown key; the nearest known key is gain"),
+        ("[time]", "[", "is not valid TOML"),
+    ],
+)
+def test_a_map_with_a_mistake_is_refused(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    assert old in RIG
+    with pytest.raises(ConfigError) as error:
+        read_column_map(write(tmp_path, RIG.replace(old, new)), [])
+
+    assert complaint in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("option", ["s", "s=speed:mm", "=position:mm", "s=position", "s=P_A:mm"])
+def test_an_option_with_a_mistake_is_refused(option: str) -> None:
+    with pytest.raises(ConfigError, match=f"--map {option}: "):
+        read_column_map(None, [option])
+
+
+def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
+    columns = read_column_map(write(tmp_path, RIG), ["x=position:mm"])
+
+    with pytest.raises(ConfigError, match="position is to be column x; the file has t, s, U, p"):
+        map_columns(TABLE, columns.of("a.csv"), "lift")
+
+
+def test_a_map_without_the_command_is_refused() -> None:
+    columns = read_column_map(None, ["t=time:s", "s=position:mm"])
+
+    with pytest.raises(ConfigError, match="no column is spool_setpoint"):
+        map_columns(TABLE, columns.of("a.csv"), "lift")

@@ -1,0 +1,76 @@
+"""Tables of other tools."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.foreign_table import read_columns
+
+
+def write(directory: Path, text: str) -> Path:
+    path = directory / "rig.csv"
+    path.write_bytes(text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,s [mm]\n0,1.5\n0.1,2.5\n",
+        "t,s [mm]\ns,mm\n0,1.5\n0.1,2.5\n",  # a row of units
+        "\ufeff# logger 3\r\nt;s [mm]\r\n0;1,5\r\n0,1;2,5\r\n",  # as a German spreadsheet writes it
+        "t\ts [mm]\n0\t1.5\n0.1\t2.5\n0.2",  # its writer was killed
+    ],
+)
+def test_the_columns_of_a_csv_file_are_found(tmp_path: Path, text: str) -> None:
+    columns = read_columns(write(tmp_path, text))
+
+    assert columns["t"].tolist() == [0.0, 0.1]
+    assert columns["s [mm]"].tolist() == [1.5, 2.5]
+
+
+def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:
+    columns = read_columns(write(tmp_path, "t,s\n0,1\n0.1,\n0.2,err\n"))
+
+    assert np.isnan(columns["s"][1:]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "no row of numbers"),
+        ("a,b\nc,d\n", "no row of numbers"),
+        ("1,2\n3,4\n", "2 columns have no names"),
+        ("a,a\n1,2\n", "the column a twice"),
+        ("a,b\n1,2\n3\n5,6\n", "row 3 has 1 values, the first has 2"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_a_line(tmp_path: Path, text: str, complaint: str) -> None:
+    with pytest.raises(ConfigError, match=complaint) as error:
+        read_columns(write(tmp_path, text))
+
+    assert "\n" not in str(error.value)
+
+
+def test_the_vectors_of_a_mat_file_are_columns(tmp_path: Path) -> None:
+    path = tmp_path / "rig.mat"
+    savemat(path, {"t": np.arange(5.0), "s": np.arange(5)[:, np.newaxis], "note": "x", "k": 3.0})
+
+    columns = read_columns(path)
+
+    assert sorted(columns) == ["s", "t"]
+    assert columns["s"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize("content", [b"", b"MATLAB 5.0 MAT-file" + bytes(200), b"\x89HDF" * 40])
+def test_a_broken_mat_file_is_refused_in_a_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "rig.mat"
+    path.write_bytes(content)
+
+    with pytest.raises(ConfigError, match="is no recording") as error:
+        read_columns(path)
+
+    assert "\n" not in str(error.value)

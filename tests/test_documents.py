@@ -129,6 +129,10 @@ def test_a_toml_snippet_loads(block, tmp_path):
         path.write_text(block.text, encoding="utf-8")
         assert read_campaign(path).parameters
         return
+    if "[spool_setpoint]" in block.text:
+        path.write_text(block.text, encoding="utf-8")
+        assert read_column_map(path, []).common
+        return
     if "_registers." in block.text:
         path.write_text(block.text, encoding="utf-8")
         load_register_map(path)

@@ -51,7 +51,7 @@ def test_each_record_has_offsets_of_its_own(found: Identification) -> None:
     # 0.2 bar on P_A of the first; what no sensor measured is expected within 1 bar
     assert found.offsets[0, 0] == pytest.approx(2e4, abs=3e3)
     assert found.offsets[1, 1] == pytest.approx(0.0, abs=3e3)
-    assert found.offset_deviations[0, 1] == pytest.approx(1e5, rel=0.01)
+    assert found.offset_deviations[0, 1] == pytest.approx(1e5, rel=0.1)
 
 
 def test_what_is_left_is_noise_in_every_signal(found: Identification) -> None:

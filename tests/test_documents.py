@@ -19,6 +19,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.machine.fmu_export.export import export_axis
+from hil_bench.machine.identification.columns import read_column_map
 from hil_bench.plants.registry import DEFAULT_PLANT
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.parse import parse_expectation

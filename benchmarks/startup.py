@@ -1,27 +1,28 @@
-"""Start-up: `hil-bench run` to its first boot-up frame, and what the pytest plugin costs others.
+"""Start-up: what a verb costs before its work, `hil-bench run` to its first boot-up, the plugin.
 
-    python benchmarks/startup.py [--repeats N]
+    python benchmarks/startup.py [--repeats N] [--only verbs|boot|plugin] [--against CHECKOUT]
 
-The programs join a hub of the socketcand protocol, on which this one listens: a started process is
-up when its boot-up message arrives. The peer is the smallest program with the valve's EDS file on
-`canopen.LocalNode`, one node without a plant. All take turns; the best counts, since other programs
-only make it slower. Kernels and bytecode are cached by a first run of each, which does not count.
+The verbs of the first table run to their end, `scan` to the first frame that it sends; `run` of
+the second runs to its boot-up message. For these this program listens on a hub of the socketcand
+protocol. The peer of `run` is the smallest program with the valve's EDS file on
+`canopen.LocalNode`, one node without a plant. All take turns, those of another checkout too.
+Kernels and bytecode are cached by a first turn, which does not count, whatever
+PYTHONDONTWRITEBYTECODE says.
 
 An unrelated pytest run has one empty test, with the plugin and with ``-p no:hil_bench``.
 """
 
 import argparse
-import contextlib
 import os
 import platform
 import re
-import resource
 import socket
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,6 +33,10 @@ LONGEST_START = 60.0
 """[s]"""
 
 BOOT_UP = re.compile(rb"< frame 7[0-9A-F]{2} [0-9.]+ 00 >")
+ANY_FRAME = re.compile(rb"< frame ")
+
+VERBS = ("--help", "--version", "check", "devices", "registers", "completion bash")
+"""They end by themselves and need no bus."""
 
 LOCAL_NODE = """
 import sys, threading, can, canopen
@@ -42,7 +47,7 @@ network.create_node(1, sys.argv[2]).nmt.send_command(0)
 threading.Event().wait()
 """
 
-BARE_IMPORTS = "import can, canopen, numba"
+NOTHING = "python -c pass"
 
 PLUGIN_IMPORT = """
 import time, pytest
@@ -51,12 +56,22 @@ import hil_bench.pytest_plugin
 print(time.process_time() - started)
 """
 
+Turn = Callable[[], "Cost"]
+
 
 class Cost(NamedTuple):
-    """What it took: on the clock, and of the processor (its children included) [s]."""
+    """What it took: on the clock, and of the processor [s]."""
 
     wall: float
     processor: float
+
+
+def environment(checkout: Path | None = None) -> dict[str, str]:
+    """Return the environment of a measured program, which imports from `checkout` if given."""
+    kept = {name: text for name, text in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    if checkout is not None:
+        kept["PYTHONPATH"] = os.pathsep.join((str(checkout), str(checkout / "drivers")))
+    return kept
 
 
 def join(port: int) -> socket.socket:
@@ -69,16 +84,22 @@ def join(port: int) -> socket.socket:
     return connection
 
 
-def measure_boot(command: list[str], port: int) -> Cost:
-    """Return the cost from the start of a program to its first boot-up frame."""
+def until_heard(
+    command: list[str], port: int, awaited: re.Pattern[bytes], checkout: Path | None
+) -> Cost:
+    """Return the cost from the start of a program to a frame of it."""
     with join(port) as bus:
         started = time.perf_counter()
         process = subprocess.Popen(  # noqa: S603 - our own
-            command, stdout=subprocess.DEVNULL, start_new_session=True
+            command,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            env=environment(checkout),
         )
         heard = b""
         try:
-            while not BOOT_UP.search(heard):
+            while not awaited.search(heard):
                 heard += bus.recv(4096)
             wall = time.perf_counter() - started
             processor = processor_time(process.pid)
@@ -89,90 +110,149 @@ def measure_boot(command: list[str], port: int) -> Cost:
 
 
 def processor_time(pid: int) -> float:
-    """Return what a process has used of the processor so far, where /proc tells [s]."""
-    with contextlib.suppress(OSError):
-        fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(") ")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return float("nan")
+    """Return what the threads of a process have used of the processor [s]; NaN if unknown."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/schedstat")
+    times = [int(task.read_text(encoding="ascii").split()[0]) for task in tasks]
+    return sum(times) * 1e-9 if times else float("nan")
 
 
-def measure_run(command: list[str], directory: Path) -> Cost:
-    """Return the cost of a program that ends by itself."""
-    before, started = children_time(), time.perf_counter()
-    subprocess.run(  # noqa: S603 - our own
-        command, check=True, stdout=subprocess.DEVNULL, cwd=directory
+def until_ended(
+    command: list[str], *, directory: Path | None = None, checkout: Path | None = None
+) -> Cost:
+    """Return the cost of a program that ends by itself.
+
+    Raises:
+        CalledProcessError: it failed.
+    """
+    started = time.perf_counter()
+    process = subprocess.Popen(  # noqa: S603 - our own
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        cwd=directory,
+        env=environment(checkout),
     )
-    return Cost(time.perf_counter() - started, children_time() - before)
+    _, status, used = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - started
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+    return Cost(wall, used.ru_utime + used.ru_stime)
 
 
-def children_time() -> float:
-    """Return what ended children have used of the processor [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def hil_bench(words: str) -> list[str]:
+    """Return the command of a verb."""
+    return [sys.executable, "-m", "hil_bench", *words.split()]
 
 
-def boot_commands(port: int) -> dict[str, list[str]]:
-    """Return the programs that boot, by name."""
-    run = [sys.executable, "-m", "hil_bench", "-q", "run", "-i", "socketcand", "-c", "can0"]
-    peer = [sys.executable, "-c", LOCAL_NODE, str(port), str(VALVE_408)]
-    return {
-        "hil-bench run": [*run, "--bus-kwargs", "host=127.0.0.1", f"port={port}"],
-        "canopen.LocalNode": peer,
-    }
+def on_hub(port: int) -> str:
+    """Return the words that have a verb join the hub."""
+    return f"-i socketcand -c can0 --bus-kwargs host=127.0.0.1 port={port}"
 
 
-def print_boot(repeats: int, directory: Path) -> None:
+def take_turns(turns: Mapping[str, Turn], repeats: int) -> dict[str, list[Cost]]:
+    """Return the costs of all programs, measured in turns; the first turn does not count."""
+    costs: dict[str, list[Cost]] = {name: [] for name in turns}
+    for _ in range(repeats + 1):
+        for name, turn in turns.items():
+            costs[name].append(turn())
+    return {name: taken[1:] for name, taken in costs.items()}
+
+
+def print_verbs(repeats: int, checkouts: Mapping[str, Path | None]) -> None:
+    """Print the table of verbs."""
+    with HubProcess(port=0) as hub:
+        turns: dict[str, Turn] = {NOTHING: lambda: until_ended([sys.executable, "-c", "pass"])}
+        for label, checkout in checkouts.items():
+            for verb in VERBS:
+                command = hil_bench(verb)
+                turns[f"hil-bench {verb}{label}"] = lambda command=command, checkout=checkout: (
+                    until_ended(command, checkout=checkout)
+                )
+            scan = hil_bench(f"scan {on_hub(hub.port)}")
+            turns[f"hil-bench scan, to its first frame{label}"] = (
+                lambda scan=scan, checkout=checkout: until_heard(
+                    scan, hub.port, ANY_FRAME, checkout
+                )
+            )
+        costs = take_turns(turns, repeats)
+    print("| | processor ms, best | median |\n|---|---|---|")
+    for name, taken in costs.items():
+        times = [cost.processor * 1e3 for cost in taken]
+        print(f"| `{name}` | {min(times):.0f} | {statistics.median(times):.0f} |")
+
+
+def print_boot(repeats: int, checkouts: Mapping[str, Path | None]) -> None:
     """Print the table of starts."""
     with HubProcess(port=0) as hub:
-        commands = boot_commands(hub.port)
-        costs: dict[str, list[Cost]] = {name: [] for name in commands}
-        imports = [sys.executable, "-c", BARE_IMPORTS]
-        costs[BARE_IMPORTS] = []
-        for _ in range(repeats + 1):
-            for name, command in commands.items():
-                costs[name].append(measure_boot(command, hub.port))
-            costs[BARE_IMPORTS].append(measure_run(imports, directory))
-    best = {name: Cost(*map(min, zip(*taken[1:], strict=True))) for name, taken in costs.items()}
-    peer = best["canopen.LocalNode"].wall
-    print("| to the first boot-up frame | wall s | processor s | wall over the peer's |")
+        turns: dict[str, Turn] = {}
+        for label, checkout in checkouts.items():
+            run = hil_bench(f"-q run {on_hub(hub.port)}")
+            turns[f"hil-bench run{label}"] = lambda run=run, checkout=checkout: until_heard(
+                run, hub.port, BOOT_UP, checkout
+            )
+        peer = [sys.executable, "-c", LOCAL_NODE, str(hub.port), str(VALVE_408)]
+        turns["canopen.LocalNode"] = lambda: until_heard(peer, hub.port, BOOT_UP, None)
+        for library in ("can, canopen", "numpy", "numba"):
+            imports = [sys.executable, "-c", f"import {library}"]
+            turns[f"import {library}"] = lambda imports=imports: until_ended(imports)
+        costs = take_turns(turns, repeats)
+    print("\n| to the first boot-up frame | wall s, best | processor s, best | median |")
     print("|---|---|---|---|")
-    for name, (wall, processor) in best.items():
-        print(f"| {name} | {wall:.2f} | {processor:.2f} | {wall / peer:.2f} |")
+    for name, taken in costs.items():
+        wall, processor = map(min, zip(*taken, strict=True))
+        median = statistics.median(cost.processor for cost in taken)
+        print(f"| `{name}` | {wall:.2f} | {processor:.2f} | {median:.2f} |")
 
 
-def print_plugin(repeats: int, directory: Path) -> None:
+def print_plugin(repeats: int) -> None:
     """Print what the plugin adds to a pytest run that has nothing to do with it."""
-    (directory / "test_nothing.py").write_text("def test_nothing():\n    pass\n", encoding="utf-8")
     run = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    without, plain = [], []
-    for _ in range(repeats + 1):
-        without.append(measure_run([*run, "-p", "no:hil_bench"], directory).processor)
-        plain.append(measure_run(run, directory).processor)
-    imports = [measure_import() for _ in range(repeats)]
+    with tempfile.TemporaryDirectory() as name:
+        directory = Path(name)
+        empty = "def test_nothing():\n    pass\n"
+        (directory / "test_nothing.py").write_text(empty, encoding="utf-8")
+        turns: dict[str, Turn] = {
+            "without the plugin": lambda: until_ended(
+                [*run, "-p", "no:hil_bench"], directory=directory
+            ),
+            "with it": lambda: until_ended(run, directory=directory),
+            "import of the plugin alone, after pytest's": measure_import,
+        }
+        costs = take_turns(turns, repeats)
     print("\n| unrelated pytest run, processor ms | best | median |\n|---|---|---|")
-    for name, taken in (
-        ("without the plugin", without[1:]),
-        ("with it", plain[1:]),
-        ("import of the plugin alone, after pytest's", imports),
-    ):
-        print(f"| {name} | {min(taken) * 1e3:.1f} | {statistics.median(taken) * 1e3:.1f} |")
+    for name, taken in costs.items():
+        times = [cost.processor * 1e3 for cost in taken]
+        print(f"| {name} | {min(times):.1f} | {statistics.median(times):.1f} |")
 
 
-def measure_import() -> float:
-    """Return what the import of the plugin takes of the processor where pytest is there [s]."""
+def measure_import() -> Cost:
+    """Return what the import of the plugin takes of the processor where pytest is there."""
     command = [sys.executable, "-c", PLUGIN_IMPORT]
-    return float(subprocess.run(command, check=True, capture_output=True).stdout)  # noqa: S603 - ours
+    done = subprocess.run(command, check=True, capture_output=True, env=environment())  # noqa: S603 - ours
+    return Cost(float("nan"), float(done.stdout))
 
 
 def main() -> None:
     """Print the figures as Markdown tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=10)
+    parser.add_argument("--only", choices=("verbs", "boot", "plugin"))
+    parser.add_argument(
+        "--against", type=Path, metavar="CHECKOUT", help="another checkout, measured in turns"
+    )
     args = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}, best of {args.repeats}\n")
-    with tempfile.TemporaryDirectory() as name:
-        print_boot(args.repeats, Path(name))
-        print_plugin(args.repeats, Path(name))
+    print(f"{platform.machine()}, Python {platform.python_version()}, {args.repeats} turns\n")
+    here = Path(__file__).parents[1]
+    checkouts: dict[str, Path | None] = {"": here}
+    if args.against is not None:
+        checkouts[f" of {args.against.name}"] = args.against.resolve()
+    if args.only in {None, "verbs"}:
+        print_verbs(args.repeats, checkouts)
+    if args.only in {None, "boot"}:
+        print_boot(args.repeats, checkouts)
+    if args.only in {None, "plugin"}:
+        print_plugin(args.repeats)
 
 
 if __name__ == "__main__":

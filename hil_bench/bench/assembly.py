@@ -14,22 +14,22 @@ from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.copper import build_wiring
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
+from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.bench.wired_bench import WiredBench
 from hil_bench.canopen_device.agenda import Agenda
-from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.file_storage import FileStorage
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.periods import find_short_periods, limit_periods
-from hil_bench.config.objects import name_object, named_serial_number, override_defaults
+from hil_bench.config.objects import name_object
 from hil_bench.config.values import quote
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.errors import ConfigError, EdsError
-from hil_bench.kinds.bindings import build_source, find_bound
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.bindings import build_source
 from hil_bench.kinds.registry import KINDS
-from hil_bench.kinds.scripts import build_script, find_scripted
+from hil_bench.kinds.scripts import build_script
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.outside.transports.embedded import EmbeddedBus
 
@@ -135,41 +135,6 @@ def protect_tpdos(node: Node, config: NodeConfig) -> None:
             node.protect_tpdo(number)
         except ValueError as error:
             raise ConfigError(f"{config.place}.protected_tpdos: {error}") from None
-
-
-def load_objects(config: NodeConfig) -> ObjectDictionary:
-    """Return the objects of one device with what they hold at power-on."""
-    object_dictionary = load_eds(config.eds, config.node_id)
-    set_serial_number(object_dictionary, config)
-    override_defaults(
-        object_dictionary, config.objects, place=f"{config.place}.objects", node_id=config.node_id
-    )
-    for binding in config.bindings:
-        find_bound(object_dictionary, binding)
-    for script in config.scripts:
-        find_scripted(object_dictionary, script)
-    return object_dictionary
-
-
-def set_serial_number(object_dictionary: ObjectDictionary, config: NodeConfig) -> None:
-    """Give a device a serial number of its own, which no change of its node-ID changes.
-
-    Raises:
-        EdsError: the configuration gives one, and the device has no object for it.
-    """
-    variable = object_dictionary.find(0x1018, 4)
-    if variable is None and config.serial_number is not None:
-        raise EdsError(
-            f"{object_dictionary.source}: object 0x1018.04, the serial number, is missing"
-        )
-    if variable is None or not isinstance(variable.default, int):
-        return
-    serial_number = config.serial_number
-    if serial_number is None:
-        of_its_own = 0 if variable.base is not None else variable.default
-        serial_number = of_its_own or named_serial_number(config.name)
-    variable.base = None
-    variable.default = variable.value = serial_number
 
 
 def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitting:

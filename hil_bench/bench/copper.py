@@ -1,9 +1,7 @@
 """Makes the buses of copper of a bench."""
 
 from collections.abc import Mapping
-from typing import Final
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING, Final
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.wiring import Bus, Plug, Wiring
@@ -14,6 +12,9 @@ from hil_bench.outside.wire.attempt import Chance
 from hil_bench.outside.wire.config import CONTROLLER, WireConfig
 from hil_bench.outside.wire.station import Station
 from hil_bench.outside.wire.wire import Wire
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 _BABBLER: Final = "babbling node"
 _MOST_BABBLE: Final = 1000
@@ -48,7 +49,7 @@ def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | Non
     return Wiring(buses, plugs) if buses else None
 
 
-def _gaps(stream: Generator, rate: float) -> Chance:
+def _gaps(stream: "Generator", rate: float) -> Chance:
     """Return what draws how many bits pass until the next wrong one, each with the same chance."""
     return lambda: int(stream.geometric(rate)) - 1
 

@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     verbosity = 0
     try:
         prepare_streams()
-        with collection_put_off():
+        with collection_put_off(freezes=argv is None):
             args = _parse(arguments)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)

@@ -6,10 +6,9 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from can.cli import add_bus_arguments
-
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
 from hil_bench.bench.configuration.keys import REALTIME_KEYS
+from hil_bench.cli.bus_arguments import add_bus_arguments
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, require_cylinder
@@ -19,7 +18,7 @@ _NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--t
 
 
 def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that `load_bench_config` reads; those of the bus are python-can's own."""
+    """Add the arguments that `load_bench_config` reads."""
     parser.add_argument(
         "config",
         nargs="?",
@@ -27,11 +26,7 @@ def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
         help="the bench; without it HIL_BENCH_CONFIG, or else the built-in bench of one axis",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
-    add_bus_arguments(parser, group_title="bus (as in python-can)")
-    for action in parser._actions:  # noqa: SLF001 - python-can's group is out of reach otherwise
-        if action.dest == "interface":
-            action.metavar = "INTERFACE"  # or each usage line shows all two dozen of them
-            action.help = f"python-can's interface: {', '.join(map(str, action.choices or ()))}"
+    add_bus_arguments(parser)
 
 
 def add_loop_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import add_network_arguments, open_network, seen_from_bus
+from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.results import add_json_argument, is_silent, print_lines, print_results
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench

@@ -5,12 +5,10 @@ import json
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, Setting
 from hil_bench.bench.configuration.plausibility import find_doubts
-from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.cli.arguments import add_bench_arguments, add_fault_arguments, load_bench_config
-from hil_bench.cli.bus_check import add_bus_check_arguments, check_bus, wants_bus
+from hil_bench.cli.bus_check_arguments import add_bus_check_arguments, wants_bus
 from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
@@ -56,8 +54,10 @@ def run(args: argparse.Namespace) -> int:
     config = load_bench_config(args)
     read_devices(config)
     if config.modbus is not None:
-        ModbusBinding(config, build_bench(config))
+        _check_modbus(config)
     if wants_bus(args):
+        from hil_bench.cli.bus_check import check_bus  # noqa: PLC0415 - all that talks to devices
+
         return check_bus(args, config)
     doubts = find_doubts(config)
     if args.json:
@@ -66,6 +66,14 @@ def run(args: argparse.Namespace) -> int:
         print("\n".join(_toml_lines(config)))
     warn_of(doubts)
     return ExitCode.DONE
+
+
+def _check_modbus(config: BenchConfig) -> None:
+    """Refuse register maps that do not fit the devices."""
+    from hil_bench.bench.assembly import build_bench  # noqa: PLC0415 - a whole bench, for these
+    from hil_bench.bench.modbus_binding import ModbusBinding  # noqa: PLC0415
+
+    ModbusBinding(config, build_bench(config))
 
 
 def _toml_lines(config: BenchConfig) -> Iterator[str]:

@@ -26,14 +26,10 @@ from hil_bench.cli.commission_settings import (
     restore_command,
 )
 from hil_bench.cli.commission_view import ShownPlan, limits_text, result_text
-from hil_bench.cli.controller_side import (
-    OpenNetwork,
-    add_network_arguments,
-    open_network,
-    seen_from_bus,
-)
+from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.work_side import (

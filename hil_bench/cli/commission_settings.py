@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from hil_bench.cli.controller_side import OpenNetwork, bus_words
+from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.network_arguments import bus_words
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.borrowed import Returned
 from hil_bench.machine.commissioning.journal import BorrowedSetting, SettingsJournal

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
-from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
 from hil_bench.cli.exit_codes import ExitCode
@@ -16,6 +15,7 @@ from hil_bench.cli.helpers import Helpers, add_loss_argument
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.loop_summary import helper_lines, loop_lines
 from hil_bench.cli.modbus_side import require_pymodbus
+from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hil_bench.bench.assembly import load_objects
 from hil_bench.bench.configuration import BenchConfig, NodeConfig, SinkConfig, SourceConfig
 from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import Direction

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from can.cli import add_bus_arguments
-
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.controller_side import OpenNetwork, seen_from_bus
+from hil_bench.cli.bus_arguments import add_bus_arguments
+from hil_bench.cli.controller_side import OpenNetwork
+from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.selection import prepare_chosen
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
@@ -66,10 +66,7 @@ class Machine:
 
 def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what concerns a machine."""
-    add_bus_arguments(parser, group_title="machine (bus as in python-can)")
-    for action in parser._actions:  # noqa: SLF001 - python-can's group is out of reach otherwise
-        if action.dest == "interface":
-            action.metavar = "INTERFACE"
+    add_bus_arguments(parser, "machine")
     group = parser.add_argument_group("motion of a machine (docs/scenarios.md)")
     group.add_argument(
         "--plan",

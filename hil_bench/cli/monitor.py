@@ -4,7 +4,6 @@ import argparse
 import sys
 
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import (
     add_filter_arguments,
@@ -18,6 +17,7 @@ from hil_bench.cli.listening import (
     heard,
     open_listener,
 )
+from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.eyes.decoder import Decoder

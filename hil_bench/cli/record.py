@@ -4,7 +4,6 @@ import argparse
 from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import add_listening_arguments, known_nodes
 from hil_bench.cli.listening import (
@@ -13,6 +12,7 @@ from hil_bench.cli.listening import (
     heard,
     open_listener,
 )
+from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.recording_arguments import (
     add_trigger_arguments,
     check_pre_trigger,

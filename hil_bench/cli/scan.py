@@ -6,12 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import (
-    OpenNetwork,
-    add_network_arguments,
-    open_network,
-)
+from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.network_arguments import add_network_arguments
 from hil_bench.cli.results import add_json_argument, print_lines
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.discovery import NODE_IDS, Method

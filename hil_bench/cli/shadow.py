@@ -13,9 +13,9 @@ import can
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import check_one_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
+from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
 from hil_bench.cli.work_side import add_work_arguments, watched_work

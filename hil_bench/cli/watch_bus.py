@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bus_view import BusView
-from hil_bench.cli.controller_side import seen_from_bus
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.eyes_arguments import known_nodes
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.listening import open_listener
+from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.watch_view import REFRESH
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.bus_state import BusState

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from hil_bench.bench.assembly import load_objects
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.power_on import load_objects
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import UNCONFIGURED
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary

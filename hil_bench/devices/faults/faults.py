@@ -14,9 +14,7 @@ Amounts and times are in SI. Whatever makes no sense is refused with a `ConfigEr
 from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Unpack
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING, Unpack
 
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.checks import (
@@ -68,6 +66,9 @@ from hil_bench.devices.faults.sensor_stages import (
 from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 from hil_bench.errors import ConfigError
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 _SHORTEST_LAG = 1e-6
 _LONGEST_LAG = 1e6
@@ -319,7 +320,7 @@ class Faults(PhysicalFaults):
             self.lines = {**self.lines, node: Line(node)}
         return self.lines[node]
 
-    def _stream(self, target: str) -> Generator:
+    def _stream(self, target: str) -> "Generator":
         """Return the random stream of the target's next fault that needs one."""
         self._streams[target] += 1
         return random_stream(self._seed, target, f"fault {self._streams[target]}")

@@ -2,14 +2,15 @@
 
 import heapq
 from collections.abc import Callable
-from typing import NamedTuple
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.kinds import FaultDirection
 from hil_bench.devices.faults.wire_point import Disturbance
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 
 class Passage(NamedTuple):
@@ -125,7 +126,7 @@ def silence(_frame: Frame) -> Passage | None:
     return None
 
 
-def loss(share: float, stream: Generator) -> Rule:
+def loss(share: float, stream: "Generator") -> Rule:
     """Return the rule by which a share of the frames is lost."""
 
     def lose(frame: Frame) -> Passage | None:
@@ -150,7 +151,7 @@ def truncation(length: int) -> Rule:
     return truncate
 
 
-def corruption(share: float, stream: Generator) -> Rule:
+def corruption(share: float, stream: "Generator") -> Rule:
     """Return the rule by which a share of the data frames has one bit turned round."""
 
     def corrupt(frame: Frame) -> Passage:
@@ -176,7 +177,7 @@ def repetition() -> Rule:
     return repeat
 
 
-def disturbance(share: float, can_id: int | None, stream: Generator) -> Disturbance:
+def disturbance(share: float, can_id: int | None, stream: "Generator") -> Disturbance:
     """Return the rule by which a share of the frames of an identifier has a wrong bit, anywhere."""
 
     def disturb(frame: Frame) -> float | None:

@@ -11,8 +11,7 @@ A stage that is off is not called at all.
 
 from collections import deque
 from collections.abc import Callable
-
-from numpy.random import Generator
+from typing import TYPE_CHECKING
 
 from hil_bench.devices.measurement.conversion import Quantisation, Range
 from hil_bench.devices.measurement.low_pass import (
@@ -32,6 +31,9 @@ from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.devices.measurement.sensing_element import DriftingError, Hysteresis, LinearError
 from hil_bench.devices.measurement.speed import SpeedEstimate
 
+if TYPE_CHECKING:
+    from numpy.random import Generator
+
 Stage = Callable[[float], float]
 
 _S_PER_NS = 1e-9
@@ -48,7 +50,7 @@ class MeasuringChain:
         stream: where noise comes from.
     """
 
-    def __init__(self, parameters: ChainParameters, tick_ns: int, stream: Generator) -> None:
+    def __init__(self, parameters: ChainParameters, tick_ns: int, stream: "Generator") -> None:
         self._tick_ns = tick_ns
         self._period_ns = parameters.sampling_period_ns or tick_ns
         self._delay_ns = parameters.delay_ns

@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator
-
-from numpy.random import PCG64, Generator, SeedSequence
+from typing import TYPE_CHECKING
 
 from hil_bench.devices.measurement.low_pass import natural_frequency, transition
+
+if TYPE_CHECKING:
+    from numpy.random import Generator
 
 Draw = Callable[[], float]
 """Gives the next number of a normal distribution with mean 0 and variance 1."""
@@ -13,17 +15,19 @@ Draw = Callable[[], float]
 _BLOCK = 256  # numbers drawn at once: a single one costs ten times as much
 
 
-def random_stream(seed: int, *names: str) -> Generator:
+def random_stream(seed: int, *names: str) -> "Generator":
     """Return the random generator of what `names` name; another name gives an independent one."""
+    from numpy.random import PCG64, Generator, SeedSequence  # noqa: PLC0415 - only who builds a bench needs it
+
     return Generator(PCG64(SeedSequence(seed, spawn_key=tuple("/".join(names).encode()))))
 
 
-def normal_numbers(stream: Generator) -> Draw:
+def normal_numbers(stream: "Generator") -> Draw:
     """Return what draws from the stream; the numbers are those of single draws."""
     return _normal_numbers(stream).__next__
 
 
-def _normal_numbers(stream: Generator) -> Iterator[float]:
+def _normal_numbers(stream: "Generator") -> Iterator[float]:
     while True:
         yield from stream.standard_normal(_BLOCK).tolist()
 

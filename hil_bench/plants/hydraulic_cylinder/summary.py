@@ -6,8 +6,6 @@
 import math
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import (
@@ -20,6 +18,7 @@ from hil_bench.plants.kind import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
 
 _SWINGS = 1.0 / (2.0 * math.pi)
+_HALVINGS = 100  # more than a float has bits
 
 
 def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
@@ -55,7 +54,8 @@ def damping_ratio(axis: CylinderConfig, x: float) -> float:
     """Return the damping ratio of the piston on the oil with the valve closed.
 
     That of the oscillating pair among the eigenvalues of eqs. (8), (9) and (12), linearised in
-    v, P_A and P_B with viscous friction and leakage; 1 where nothing oscillates.
+    v, P_A and P_B with viscous friction and leakage; 1 where nothing oscillates. They are the roots
+    of the characteristic polynomial, which is written out here.
 
     Args:
         axis: the cylinder.
@@ -64,14 +64,36 @@ def damping_ratio(axis: CylinderConfig, x: float) -> float:
     p, options = axis.parameters, axis.options
     mass = p.m + options.load_mass
     per_a, per_b = p.E / (p.V_A0 + p.A_A * x), p.E / (p.V_B0 - p.A_B * x)
-    matrix = [
-        [-p.sigma / mass, p.A_A / mass, -p.A_B / mass],
-        [-p.A_A * per_a, -(p.C_L + options.C_LA) * per_a, p.C_L * per_a],
-        [p.A_B * per_b, p.C_L * per_b, -(p.C_L + options.C_LB) * per_b],
-    ]
-    modes = np.linalg.eigvals(np.array(matrix))
-    swing = modes[np.argmax(np.abs(modes.imag))]
-    return float(-swing.real / abs(swing)) if swing.imag else 1.0
+    drag = p.sigma / mass
+    loss_a, loss_b = (p.C_L + options.C_LA) * per_a, (p.C_L + options.C_LB) * per_b
+    spring_a, spring_b = p.A_A**2 * per_a / mass, p.A_B**2 * per_b / mass
+    leak = p.C_L**2 * per_a * per_b
+    both = p.A_A * p.A_B * p.C_L * per_a * per_b / mass
+    return _damping_of_pair(
+        drag + loss_a + loss_b,
+        drag * (loss_a + loss_b) + loss_a * loss_b - leak + spring_a + spring_b,
+        drag * (loss_a * loss_b - leak) + spring_a * loss_b + spring_b * loss_a - 2.0 * both,
+    )
+
+
+def _damping_of_pair(a: float, b: float, c: float) -> float:
+    """Return the damping ratio of the complex roots of s³ + a s² + b s + c; 1 where all are real.
+
+    None of a, b, c and a b - c is negative: no root grows, and one is real, from -a to 0. What is
+    left of the polynomial without that root is s² + (a + root) s + product.
+    """
+    low, high = -a, 0.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if ((middle + a) * middle + b) * middle + c > 0.0:
+            high = middle
+        else:
+            low = middle
+    rest = a + high
+    product = b + high * rest
+    if product <= 0.25 * rest**2:
+        return 1.0
+    return 0.5 * rest / math.sqrt(product)
 
 
 def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:

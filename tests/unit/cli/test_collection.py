@@ -34,3 +34,16 @@ def test_a_verb_runs_with_it(monkeypatch):
     )
     cli.main(["devices"])
     assert seen == [True]
+
+
+@pytest.mark.parametrize(("argv", "frozen"), [(None, True), (["devices"], False)])
+def test_only_a_process_of_its_own_leaves_what_was_imported_out_of_later_collections(
+    monkeypatch, argv, frozen
+):
+    monkeypatch.setattr("sys.argv", ["hil-bench", "devices"])
+    before = gc.get_freeze_count()
+    try:
+        cli.main(argv)
+        assert (gc.get_freeze_count() > before) == frozen
+    finally:
+        gc.unfreeze()

@@ -197,24 +197,40 @@ def test_each_help_ends_with_examples(verb: str | None, capsys: pytest.CaptureFi
     assert examples.startswith(f"  hil-bench {verb or ''}".rstrip())
 
 
-@pytest.mark.parametrize(
-    ("word", "heavy"),
-    [
-        ("--help", {"can", "numpy", "numba", "canopen"}),
-        ("check", {"numba", "scipy", "matplotlib"}),
-        ("devices", {"numba", "scipy", "matplotlib"}),
-    ],
-)
-def test_what_needs_no_plant_imports_nothing_heavy(word: str, heavy: set[str]) -> None:
+HEAVY = {
+    *("asyncio", "can", "canopen", "hil_drivers", "lark", "matplotlib", "numba", "numpy"),
+    *("pandas", "pymodbus", "scipy"),
+}
+
+
+@pytest.mark.parametrize("words", ["--help", "check", "check bench.toml", "devices"])
+def test_what_neither_runs_a_plant_nor_opens_a_bus_imports_nothing_heavy(
+    words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "bench.toml").write_text('[bus]\ninterface = "socketcan"\nchannel = "can0"\n')
     program = (
-        f"import sys; from hil_bench.cli import main; main(['{word}']); "
-        f"print(*sorted({heavy!r} & sys.modules.keys()))"
+        f"import sys; from hil_bench.cli import main; code = main({words.split()!r}); "
+        f"print(code, *sorted({HEAVY!r} & sys.modules.keys()))"
     )
     done = subprocess.run(  # noqa: S603 - the program just written
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path
     )
 
-    assert done.stdout.splitlines()[-1] == ""
+    assert done.stdout.splitlines()[-1] == "0"
+
+
+def test_scan_of_a_bus_builds_no_bench(tmp_path: Path) -> None:
+    program = (
+        "import sys; from hil_bench.cli import main; "
+        "code = main('scan -i virtual -c nobody --nodes 5 --patience 0.01'.split()); "
+        "print(code, 'can' in sys.modules, "
+        "*sorted({'numba', 'numpy', 'scipy', 'hil_bench.bench.bench'} & sys.modules.keys()))"
+    )
+    done = subprocess.run(  # noqa: S603 - the program just written
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+
+    assert done.stdout.splitlines()[-1] == "1 True"
 
 
 def test_python_m_is_the_same_command() -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from device_profiles import IMITATIONS
-from hil_bench.bench.assembly import build_bench, load_objects
+from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.power_on import load_objects
 from hil_bench.cli import main
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.generic import GenericConfig

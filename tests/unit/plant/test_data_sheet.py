@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from hil_bench.bench.configuration import load_config
@@ -12,7 +13,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import natural_frequen
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
-from hil_bench.plants.hydraulic_cylinder.summary import softest_position
+from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, softest_position
 
 PRESS = {
     "bore_mm": 63,
@@ -202,3 +203,33 @@ def test_the_softest_position_is_where_the_stiffness_is_least():
     x = softest_position(p)
     assert abs(x) < p.h
     assert stiffness(x) < min(stiffness(x - 1e-4), stiffness(x + 1e-4))
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        {},
+        {"internal_leakage_l_min_bar": 0.02},
+        {"viscous_friction_n_s_m": 0.0},
+        {"viscous_friction_n_s_m": 0.0, "external_leakage_a_l_min_bar": 0.01},
+        {"viscous_friction_n_s_m": 2e4, "internal_leakage_l_min_bar": 0.05},
+        {"viscous_friction_n_s_m": 1e6, "external_leakage_b_l_min_bar": 0.01},  # nothing swings
+    ],
+)
+@pytest.mark.parametrize("x", [-0.24, 0.0, 0.1])
+def test_the_damping_ratio_is_that_of_the_eigenvalues(keys, x):
+    found = axis(**keys)
+    p, options = found.parameters, found.options
+    mass = p.m + options.load_mass
+    per_a, per_b = p.E / (p.V_A0 + p.A_A * x), p.E / (p.V_B0 - p.A_B * x)
+    modes = np.linalg.eigvals(
+        [
+            [-p.sigma / mass, p.A_A / mass, -p.A_B / mass],
+            [-p.A_A * per_a, -(p.C_L + options.C_LA) * per_a, p.C_L * per_a],
+            [p.A_B * per_b, p.C_L * per_b, -(p.C_L + options.C_LB) * per_b],
+        ]
+    )
+    swing = max(modes, key=lambda mode: mode.imag)
+    expected = -swing.real / abs(swing) if swing.imag else 1.0
+    assert (expected == 1.0) == (keys.get("viscous_friction_n_s_m") == 1e6)
+    assert damping_ratio(found, x) == pytest.approx(expected, rel=1e-9, abs=1e-12)

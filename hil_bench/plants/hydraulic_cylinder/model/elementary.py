@@ -6,10 +6,12 @@ operations on the bits of a float have a compiled and an interpreted form; both 
 """
 
 import math
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, kernel
+
+if TYPE_CHECKING:
+    import numpy as np  # noqa: TC004 - who compiles a kernel puts it here
 
 _LOG2_E = 1.4426950408889634
 _LN2_HIGH = 0.6931471803691238  # its last 21 bits are 0, so its product with an exponent is exact

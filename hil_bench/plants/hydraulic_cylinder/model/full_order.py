@@ -24,11 +24,6 @@ from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
-from hil_bench.plants.hydraulic_cylinder.model.stability import (
-    largest_euler_step,
-    largest_midpoint_step,
-    largest_runge_kutta_step,
-)
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantInput,
     PlantOutput,
@@ -50,6 +45,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     check_step,
     divergence,
 )
+from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
 
 _ADVANCE = {
@@ -57,12 +53,6 @@ _ADVANCE = {
     (Solver.LINEARLY_IMPLICIT_MIDPOINT, False): advance_implicit_midpoint,
     (Solver.LINEARLY_IMPLICIT_MIDPOINT, True): advance_extended_midpoint,
     (Solver.RUNGE_KUTTA, True): advance_runge_kutta,
-}
-
-_LARGEST_STEP = {
-    Solver.FORWARD_EULER: largest_euler_step,
-    Solver.LINEARLY_IMPLICIT_MIDPOINT: largest_midpoint_step,
-    Solver.RUNGE_KUTTA: largest_runge_kutta_step,
 }
 
 _Z_F = 9  # its place in the state of an extended plant
@@ -234,4 +224,10 @@ def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Sol
     That is where forward Euler and Runge-Kutta are stable, 0 where forward Euler is at no step; and
     where the linearly implicit midpoint rule, stable at every step, follows the piston's swing.
     """
-    return _LARGEST_STEP[solver](parameters, options)
+    if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return largest_midpoint_step(parameters, options)
+    from hil_bench.plants.hydraulic_cylinder.model import stability  # noqa: PLC0415 - wants NumPy
+
+    if solver is Solver.FORWARD_EULER:
+        return stability.largest_euler_step(parameters, options)
+    return stability.largest_runge_kutta_step(parameters, options)

@@ -21,8 +21,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar, cast
 
-import numpy as np
-
 from hil_bench.errors import HilBenchError
 
 _Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
@@ -68,9 +66,11 @@ class _Late:
         """
         try:
             import numba  # noqa: PLC0415 - half a second, for those who build a plant
+            import numpy as np  # noqa: PLC0415 - Numba has imported it
         except ImportError as error:
             remedy = "update it, uninstall it, or set NUMBA_DISABLE_JIT=1"
             raise HilBenchError(f"Numba is there but does not run: {error}; {remedy}") from error
+        self._function.__globals__["np"] = np  # its module need not import it
         compile_with = functools.partial(numba.njit, error_model="numpy", **self._options)
         try:
             with _cached_by_sources(numba.config):
@@ -153,5 +153,7 @@ def ready(function: _Kernel) -> _Kernel:
 def make_row(values: Sequence[float]) -> Floats:
     """Return a row of floats as the kernels take it."""
     if IS_COMPILED:
+        import numpy as np  # noqa: PLC0415 - who makes a row runs a plant
+
         return cast("Floats", np.array(values, dtype=np.float64))
     return list(values)

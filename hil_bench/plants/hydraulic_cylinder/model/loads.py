@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
@@ -123,6 +121,8 @@ class LoadSeries:
 
     def force_at(self, _x: float, t: float) -> float:
         """Return the force against positive motion [N] at time t [s]."""
+        import numpy as np  # noqa: PLC0415 - for this kind of load alone
+
         return float(np.interp(t, self.times, self.forces))
 
 

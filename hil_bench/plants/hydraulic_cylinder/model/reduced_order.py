@@ -19,12 +19,6 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
     change_supply,
     pack_reduced,
 )
-from hil_bench.plants.hydraulic_cylinder.model.stability import (
-    euler_limit,
-    find_reduced_modes,
-    largest_reduced_midpoint_step,
-    runge_kutta_limit,
-)
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantInput,
     PlantOutput,
@@ -39,6 +33,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     check_step,
     divergence,
 )
+from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_reduced_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
     require_kind,
@@ -55,8 +50,6 @@ _ADVANCE = {
 }
 
 _CAVITY = 3  # its place in the row of states
-
-_LIMIT = {Solver.FORWARD_EULER: euler_limit, Solver.RUNGE_KUTTA: runge_kutta_limit}
 
 
 class ReducedOrderPlant:
@@ -224,7 +217,12 @@ def largest_reduced_step(
     """
     if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
         return largest_reduced_midpoint_step(parameters, options)
-    return _LIMIT[solver](find_reduced_modes(parameters, options))
+    from hil_bench.plants.hydraulic_cylinder.model import stability  # noqa: PLC0415 - wants NumPy
+
+    modes = stability.find_reduced_modes(parameters, options)
+    if solver is Solver.FORWARD_EULER:
+        return stability.euler_limit(modes)
+    return stability.runge_kutta_limit(modes)
 
 
 def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> None:

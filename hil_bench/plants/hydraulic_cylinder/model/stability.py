@@ -1,7 +1,4 @@
-"""The largest step that a solver can take over the whole operating range.
-
-For an explicit solver that is where it is stable, for the linearly implicit midpoint rule, which is
-stable at every step, where it resolves the piston's swing on the oil.
+"""The largest step at which an explicit solver is stable over the whole operating range.
 
 The model is linearised at points all over its range: positions along the stroke, valve closed and
 fully open either way, the piston at standstill, sliding, and pressed against an end stop, pressure
@@ -31,9 +28,6 @@ from hil_bench.plants.hydraulic_cylinder.model.supply import supply_compliance
 
 HARMLESS_DROP = 1e-4
 """Pressure drop, as a share of P_S - P_T, below which ringing at an orifice is let pass."""
-
-RESOLUTION = 1.0
-"""Largest frequency of a swing times step: then a period has six steps."""
 
 Modes = npt.NDArray[np.complex128]
 
@@ -69,35 +63,6 @@ def largest_runge_kutta_step(parameters: PlantParameters, options: PlantOptions)
         fastest = _largest_velocity(parameters, options)
         modes = np.append(modes, -options.bristles.sigma_0 * fastest / parameters.F_c)
     return runge_kutta_limit(modes)
-
-
-def largest_midpoint_step(parameters: PlantParameters, options: PlantOptions) -> float:
-    """Return the largest step at which the midpoint rule follows the piston's swing on the oil [s].
-
-    It is stable beyond, but what it shows is no motion of the model: at `RESOLUTION` the swing's
-    frequency comes out 7 % low, at ten times that 73 %.
-    """
-    p = parameters
-    stiffness = max(
-        p.E * (p.A_A**2 / (p.V_A0 + p.A_A * x) + p.A_B**2 / (p.V_B0 - p.A_B * x))
-        for x in (-p.h, p.h)
-    )
-    return _resolution_limit(stiffness, parameters, options)
-
-
-def largest_reduced_midpoint_step(parameters: PlantParameters, options: PlantOptions) -> float:
-    """Return the same for the reduced model [s]."""
-    p = parameters
-    return _resolution_limit(4.0 * p.E * p.mean_area**2 / p.total_volume, parameters, options)
-
-
-def _resolution_limit(
-    stiffness: float, parameters: PlantParameters, options: PlantOptions
-) -> float:
-    """Return `RESOLUTION` over the frequency of the sliding piston on the oil [s]."""
-    m = parameters.m + options.load_mass
-    square = stiffness / m - (0.5 * parameters.sigma / m) ** 2
-    return RESOLUTION / math.sqrt(square) if square > 0.0 else math.inf
 
 
 def euler_limit(modes: Modes) -> float:

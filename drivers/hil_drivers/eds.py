@@ -6,7 +6,9 @@ the sections are read here, made what canopen takes, and handed to it. What that
 
 import io
 import logging
+import pickle
 import re
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -54,6 +56,7 @@ _LARGEST_TYPE: Final = 0x1B
 _MOST_ENTRIES: Final = 254
 _COMMUNICATION: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _TO_MAPPING: Final = 0x200
+_DEVICES_KEPT: Final = 32
 
 
 def load_eds(path: Path, node_id: int) -> ObjectDictionary:
@@ -76,11 +79,18 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
         for line in (f"[{name}]", *(f"{key}={value}" for key, value in keys.items() if key))
     ]
     try:
-        dictionary: ObjectDictionary = import_eds(io.StringIO("\n".join(lines)), node_id)  # type: ignore[no-untyped-call]
+        kept = _imported("\n".join(lines), node_id)
     except Exception as error:  # canopen lets whatever fails in a file pass
         reason = (str(error).splitlines() or [type(error).__name__])[0].strip("'\"")
         raise EdsError(f"{path} is no EDS that canopen can read: {reason}") from error
+    dictionary: ObjectDictionary = pickle.loads(kept)  # noqa: S301 - of our own making
     return dictionary
+
+
+@lru_cache(maxsize=_DEVICES_KEPT)
+def _imported(text: str, node_id: int) -> bytes:
+    """Return what canopen makes of an EDS, for the next node of its kind; each has its own copy."""
+    return pickle.dumps(import_eds(io.StringIO(text), node_id))  # type: ignore[no-untyped-call]
 
 
 def _decode(raw: bytes) -> str:

@@ -11,7 +11,7 @@ SCENARIO = str(Path(__file__).parents[3] / "examples" / "scenarios" / "settling.
 
 LOOK_UPS = {
     "analyse": ["analyse", "linearisation"],
-    "bus-load": ["bus-load", "-b", "1000000"],
+    "bus-load": ["bus-load", "-b", "1000000", "--simulate", "1"],
     "check": ["check"],
     "check-eds": ["check-eds", EDS],
     "ctl": ["ctl", "list"],

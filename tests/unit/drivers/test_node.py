@@ -11,6 +11,7 @@ from hil_drivers import (
     RemoteProtocolError,
     SdoAbortError,
 )
+from hil_drivers.eds import load_eds
 from hil_drivers.pdo import PdoKind, eds_mappings
 
 
@@ -246,6 +247,14 @@ def test_entries_written_compactly_and_without_their_object(network, tmp_path):
     (mapping,) = eds_mappings(node, PdoKind.TPDO)
     assert (mapping.cob_id, [mapped.key for mapped in mapping.objects]) == (0x184, [(0x2001, 2)])
     assert node.variable(0x2001, 2).data_type == 6
+
+
+def test_two_nodes_of_one_eds_share_nothing(encoder_eds):
+    one, same, other = (load_eds(encoder_eds, number) for number in (4, 4, 5))
+    one[0x1017].default = 77
+    assert same[0x1017].default == other[0x1017].default == 0
+    assert same[0x1017].parent is same
+    assert [each[0x1800][1].default for each in (same, other)] == [0x40000184, 0x40000185]
 
 
 @pytest.mark.parametrize("node_id", [0, 128])

@@ -101,7 +101,8 @@ class ValveControl(ABC):
     def close(self) -> None:
         """Leave the valve disabled and no longer ours, as far as it can still be reached.
 
-        Never raises a `DriverError`: what could not be done is logged as a warning.
+        Never raises a `DriverError`: what could not be done is logged as a warning, or, of a valve
+        in a fault state, as information.
         """
         if not self._is_set_up:
             return
@@ -109,7 +110,9 @@ class ValveControl(ABC):
             try:
                 act()
             except DriverError as error:
-                logger.warning("%s: could not be %s: %s", self, what, error)
+                # In a fault state the valve has stopped by itself.
+                level = logging.INFO if isinstance(error, DeviceFaultError) else logging.WARNING
+                logger.log(level, "%s: could not be %s: %s", self, what, error)
 
     def _reach(self, target: ValveState, timeout: float) -> None:
         """Command a state until the device is there.

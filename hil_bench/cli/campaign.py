@@ -102,7 +102,8 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         write_campaign_report(args.report, plan, outcome, changes, sensitivity)
     found = plan, outcome, changes, sensitivity
-    print_results(args, _lines(*found), _content(*found))
+    lines = [*_lines(*found), f"  results are in {args.output}"]
+    print_results(args, lines, _content(*found))
     return _exit_code(outcome)
 
 

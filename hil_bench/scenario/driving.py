@@ -13,6 +13,8 @@ from hil_bench.session.firmware import HUB, Firmware, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import DriverError
 
+_RELATIVE = "a relative path counts from the folder of the command"
+
 
 class Timekeeper(Protocol):
     """Lets the time of a run pass."""
@@ -147,7 +149,9 @@ class FirmwareDriver:
         try:
             self._program = bus.start(self._words, directory)
         except OSError as error:
-            raise ControllerError(f"{self._words[0]}: cannot be started: {error}") from None
+            wrong = f"{self._words[0]}: cannot be started: {error.strerror or error}"
+            right = "" if Path(self._words[0]).is_absolute() else f"; {_RELATIVE}"
+            raise ControllerError(wrong + right) from None
 
     def _look_at_the_end(self) -> None:
         """Say so where the program has ended by itself, with an error.

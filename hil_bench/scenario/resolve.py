@@ -106,8 +106,9 @@ def parameter_values(
     names = [each.name for each in scenario.parameters]
     for name in given or {}:
         if name not in names:
-            right = f"the nearest is {find_nearest(name, names)}" if names else "there are none"
-            raise ConfigError(f"{scenario.path}: {quote(name)} is no parameter; {right}")
+            near = f"the nearest is {find_nearest(name, names)}; or " if names else ""
+            wrong = f"{quote(name)} is not in [parameters]; {near}add it there"
+            raise ConfigError(f"{scenario.path}: {wrong}")
     own = {each.name: each.value for each in scenario.parameters} | dict(given or {})
     return {each.name: each.unit.to_si(own[each.name]) for each in scenario.parameters}
 

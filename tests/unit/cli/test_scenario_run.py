@@ -168,7 +168,7 @@ FIRMWARE = '[controller]\nfirmware = ["/no/such"]\n[[step]]\nat_s = 0.01\nfirmwa
         (["--lockstep"], "--lockstep: not with --scenario"),
         (["--fault", "freeze", "position"], "--fault: not with --scenario"),
         (["--histograms", "h.json"], "--histograms: belongs to a bus"),
-        (["--set", "x=1"], '"x" is no parameter'),
+        (["--set", "x=1"], '"x" is not in [parameters]'),
         ([*ON_A_BUS], "nothing starts firmware on a bus; leave -i, -c and --hub out"),
     ],
 )

@@ -98,7 +98,7 @@ def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
     ("words", "wrong"),
     [
         (["--set", "x"], "--set x: write NAME=NUMBER"),
-        (["--set", "x=1"], '"x" is no parameter; there are none'),
+        (["--set", "x=1"], '"x" is not in [parameters]; add it there'),
     ],
 )
 def test_a_wrong_parameter_is_a_line(tmp_path, capsys, words, wrong):

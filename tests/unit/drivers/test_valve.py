@@ -247,6 +247,23 @@ def test_close_of_a_lost_valve_raises_nothing(ready, caplog):
     ]
 
 
+def test_close_of_a_valve_in_a_fault_state_is_no_warning(
+    ready, expected_protocol, upload, download, caplog
+):
+    steps = [
+        ("201#01.00.00.00", None),
+        status(upload, 0b0011),  # FAULT_HOLD
+        upload(1, "1400.01", "01.02.00.00"),
+        upload(1, "1400.05", "00.00"),
+        download(1, "1016.01", "00.00.00.00"),
+    ]
+    with caplog.at_level(logging.INFO), expected_protocol(steps):
+        ready.close()
+    (record,) = caplog.records
+    assert record.levelno == logging.INFO
+    assert "FAULT_HOLD" in record.message
+
+
 def test_close_without_setup_sends_nothing(valve, bus):
     valve.close()
     assert bus.sent == []

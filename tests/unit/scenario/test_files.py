@@ -127,7 +127,9 @@ def test_steps_act_at_ticks_with_numbers(tmp_path):
 
 def test_a_value_for_what_is_no_parameter_is_refused(tmp_path):
     scenario = load(tmp_path, WHOLE)
-    with pytest.raises(ConfigError, match=r'"sag_ba" is no parameter; the nearest is sag_bar'):
+    with pytest.raises(
+        ConfigError, match=r'"sag_ba" is not in \[parameters\]; the nearest is sag_bar'
+    ):
         parameter_values(scenario, {"sag_ba": 1.0})
 
 

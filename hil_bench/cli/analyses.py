@@ -68,10 +68,15 @@ def add_analysis(
             "config",
             nargs="?",
             metavar="bench.toml",
-            help="the bench; without it HIL_BENCH_CONFIG, or else the built-in bench: Table I",
+            help="the bench (default: HIL_BENCH_CONFIG, else the built-in bench: Table I)",
         )
         parser.add_argument("--axis", metavar="NAME", help="the axis; the first one by default")
-        parser.add_argument("--output", type=Path, metavar="DIR", help="where files go")
+        parser.add_argument(
+            "--output",
+            type=Path,
+            metavar="DIR",
+            help="folder for tables and figures (default: write none)",
+        )
     add_json_argument(parser)
     parser.set_defaults(study=study)
     return parser
@@ -88,11 +93,18 @@ def _add_linearisation(names: "Names[argparse.ArgumentParser]") -> None:
     )
     point = parser.add_mutually_exclusive_group()
     point.add_argument(
-        "--velocity-mm-s", type=float, metavar="V", help="velocity of the piston (100 mm/s)"
+        "--velocity-mm-s",
+        type=float,
+        metavar="V",
+        help="velocity of the piston in mm/s (default: 100)",
     )
     point.add_argument("--spool-position-mm", type=float, metavar="NU", help="spool position")
     parser.add_argument(
-        "--position-mm", type=float, default=0.0, metavar="X", help="from mid-stroke (0 mm)"
+        "--position-mm",
+        type=float,
+        default=0.0,
+        metavar="X",
+        help="position from mid-stroke in mm (default: 0)",
     )
     parser.add_argument("--load-n", type=float, default=0.0, metavar="F", help="load (0 N)")
 
@@ -153,7 +165,11 @@ def _add_frequency_response(names: "Names[argparse.ArgumentParser]") -> None:
     parser.add_argument("--from-hz", type=float, default=600.0, metavar="F", help="(600 Hz)")
     parser.add_argument("--to-hz", type=float, default=1.0, metavar="F", help="(1 Hz)")
     parser.add_argument(
-        "--duration", type=float, default=60.0, metavar="S", help="of the chirp (60 s)"
+        "--duration",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="length of the chirp in s (default: 60)",
     )
     parser.add_argument(
         "--smoothing",
@@ -216,9 +232,19 @@ def _add_trajectories(names: "Names[argparse.ArgumentParser]") -> None:
         help="amplitudes of the spool set-point (dead-zone and 10 %% of the opening; the opening)",
     )
     parser.add_argument(
-        "--frequency-hz", type=float, default=0.1, metavar="F", help="of the sine (0.1 Hz)"
+        "--frequency-hz",
+        type=float,
+        default=0.1,
+        metavar="F",
+        help="frequency of the sine in Hz (default: 0.1)",
     )
-    parser.add_argument("--duration", type=float, default=10.0, metavar="S", help="(10 s)")
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="length of the run in s (default: 10)",
+    )
 
 
 def _trajectories(args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig) -> Study:

@@ -23,9 +23,14 @@ def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
         "config",
         nargs="?",
         metavar="bench.toml",
-        help="the bench; without it HIL_BENCH_CONFIG, or else the built-in bench of one axis",
+        help="the bench (default: HIL_BENCH_CONFIG, else the built-in bench of one axis)",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        metavar="N",
+        help="seed of all random generators (default: that of the bench)",
+    )
     add_bus_arguments(parser)
 
 
@@ -35,18 +40,21 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--realtime",
         choices=[policy.value for policy in RealtimePolicy],
-        help="with a real-time policy, and the memory locked: SCHED_FIFO or SCHED_DEADLINE (off)",
+        help="scheduling policy SCHED_FIFO or SCHED_DEADLINE, with locked memory (default: off)",
     )
     group.add_argument(
-        "--realtime-priority", type=int, metavar="N", help="of SCHED_FIFO, 1 to 98 (80)"
+        "--realtime-priority",
+        type=int,
+        metavar="N",
+        help="priority of SCHED_FIFO, 1 to 98 (default: 80)",
     )
     group.add_argument(
-        "--realtime-cpu", type=int, metavar="N", help="run the loop on this processor only"
+        "--realtime-cpu", type=int, metavar="N", help="run the loop on processor N only, as in 3"
     )
     group.add_argument(
         "--overrun",
         choices=[policy.value for policy in OverrunPolicy],
-        help="after a tick that took too long: make up for the late ticks (count, the default), "
+        help="after a tick that took too long: catch up with the late ticks (count, the default), "
         f"skip them and keep the phase, or stop with exit code {ExitCode.TIMING}",
     )
 
@@ -59,8 +67,8 @@ def add_fault_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="WORD",
-        help="KIND TARGET [KEY=VALUE ...]: a table of [[faults]] in one line, as in "
-        "'freeze pressure_a at_s=2 for_s=1'; may be given again (docs/faults.md)",
+        help="fault as KIND TARGET [KEY=VALUE ...], as in 'freeze pressure_a at_s=2 for_s=1'; "
+        "repeat it for more faults (docs/faults.md)",
     )
 
 
@@ -71,7 +79,7 @@ def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str
         type=Path,
         default=Path(default),
         metavar="DIR",
-        help=f"where {what} go (%(default)s)",
+        help=f"folder for {what} (default: %(default)s)",
     )
 
 

@@ -60,7 +60,7 @@ def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> No
         f"{title} (as in python-can)", argument_default=argparse.SUPPRESS
     )
     group.add_argument(
-        "-c", "--channel", metavar="CHANNEL", help="the channel of the interface, as in can0"
+        "-c", "--channel", metavar="CHANNEL", help="channel of the interface, as in can0"
     )
     group.add_argument(
         "-i",
@@ -69,7 +69,9 @@ def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> No
         metavar="INTERFACE",  # or each usage line shows all two dozen of them
         help="python-can's interface (default: of its configuration): %(choices)s",
     )
-    group.add_argument("-b", "--bitrate", type=int, metavar="BITRATE", help="bit rate [bit/s]")
+    group.add_argument(
+        "-b", "--bitrate", type=int, metavar="BITRATE", help="bit rate in bit/s, as in 500000"
+    )
     group.add_argument("--fd", action="store_true", help=argparse.SUPPRESS)
     group.add_argument("--data-bitrate", help=argparse.SUPPRESS)
     group.add_argument("--timing", nargs="+", help=argparse.SUPPRESS)
@@ -78,5 +80,5 @@ def add_bus_arguments(parser: argparse.ArgumentParser, title: str = "bus") -> No
         action=_BusOptions,
         nargs="+",
         metavar="NAME=VALUE",
-        help="what else the interface takes, as in host=127.0.0.1 port=29536",
+        help="further options of the interface, as in host=127.0.0.1 port=29536",
     )

@@ -74,25 +74,29 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=float,
         default=10.0,
         metavar="MS",
-        help="cycle of the controller: between two SYNCs and between two RPDOs, and of a TPDO "
-        "without inhibit time and event timer (10)",
+        help="cycle of the controller's SYNC and RPDOs, and of a TPDO without inhibit time and "
+        "event timer, in ms (default: 10)",
     )
     parser.add_argument(
         "--jitter-us",
         type=float,
         default=0.0,
         metavar="US",
-        help="how late a device or the controller may queue a frame (0)",
+        help="how late a device or the controller may queue a frame, in us (default: 0)",
     )
     parser.add_argument(
-        "--max-load", type=float, default=80.0, metavar="%", help="highest load that is right (80)"
+        "--max-load",
+        type=float,
+        default=80.0,
+        metavar="%",
+        help="highest load allowed, in percent (default: 80)",
     )
     parser.add_argument(
         "--simulate",
         type=float,
         default=60.0,
         metavar="S",
-        help="bench time to simulate, 0 for none (60)",
+        help="simulate S seconds of bench time (default: 60); 0 for not at all",
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

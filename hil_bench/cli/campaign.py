@@ -40,8 +40,8 @@ logger = logging.getLogger(__name__)
 _SHOWN = 3  # worst runs on the terminal
 
 _EXAMPLES = """\
-The same command goes on where it was ended. Results of several machines are merged by putting their
-folders into one, and giving that as --output: what is done there is not done again.
+The same command resumes where it was ended. To merge the results of several machines, copy their
+folders into one, and give that with --output and --merge.
 
 exit code 1 where a run failed, crashed or timed out; 6 where none did, but a requirement could not
 be decided or was never exercised, or runs are missing
@@ -59,27 +59,53 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "campaign",
-        description="Run scenarios over parameters, benches and firmware, thousands of times.",
+        description="Run scenarios thousands of times over parameters, benches and firmware, and\n"
+        "print verdicts, smallest margins and a bound on the failure probability.",
         epilog=_EXAMPLES,
     )
     parser.add_argument(
-        "campaign", type=Path, metavar="FILE", help="campaign.toml, or a scenario with ranges"
+        "campaign",
+        type=Path,
+        metavar="FILE",
+        help="campaign.toml, or a scenario whose parameters have ranges",
     )
-    parser.add_argument("--runs", type=count, metavar="N", help="points of each scenario")
-    parser.add_argument("--sampler", choices=[each.value for each in Sampler])
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler")
+    parser.add_argument(
+        "--runs", type=count, metavar="N", help="points of each scenario (default: 64)"
+    )
+    parser.add_argument(
+        "--sampler",
+        choices=[each.value for each in Sampler],
+        help="how points are chosen (default: sobol); monte_carlo allows a bound",
+    )
+    parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler (default: 0)")
     add_jobs_argument(parser)
-    parser.add_argument("--shard", type=_shard, default=WHOLE, metavar="I/N", help="one part of N")
     parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="folder of the results (FILE's name + .results)"
+        "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"
     )
-    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, as tcp://host:8786")
-    parser.add_argument("--merge", action="store_true", help="run nothing, show what is there")
-    parser.add_argument("--run", metavar="KEY", dest="key", help="repeat one run; its first digits")
     parser.add_argument(
-        "--compare", type=Path, metavar="DIR", help="results of a campaign before a change"
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder of the results (default: the name of FILE with .results)",
     )
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="run on the Dask cluster of this scheduler, as in tcp://host:8786",
+    )
+    parser.add_argument("--merge", action="store_true", help="run nothing, show the results so far")
+    parser.add_argument(
+        "--run", metavar="KEY", dest="key", help="repeat one run, by the first digits of its key"
+    )
+    parser.add_argument(
+        "--compare",
+        type=Path,
+        metavar="DIR",
+        help="compare with these results, from before a change",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="write an HTML report that opens offline"
+    )
     add_json_argument(parser)
     add_work_arguments(parser, "campaign")
     parser.set_defaults(run=run)

@@ -11,7 +11,7 @@ def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
         type=_jobs,
         metavar="N",
         default=_processors(),
-        help="processes (%(default)s); 0 for this one, where nothing ends a run that hangs",
+        help="number of processes (default: %(default)s); 0 runs in this one, without time-outs",
     )
 
 

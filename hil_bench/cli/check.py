@@ -38,8 +38,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "check",
         description="Check a bench and its EDS files, and print each value with its origin\n"
         "(default, data sheet, file, environment, command line) as a bench.toml, then what an\n"
-        "engineer checks first of each axis: speeds, forces, frequencies. No bus is opened but\n"
-        "with --bus, which compares the devices on it with the bench, a line a difference.",
+        "engineer checks first of each axis: speeds, forces, frequencies. No bus is opened\n"
+        "except with --bus, which compares the devices on it with the bench, one line per\n"
+        "difference.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)

@@ -16,8 +16,8 @@ examples:
   hil-bench check-eds *.eds --strict
   hil-bench check-eds *.eds --json
 
-An error is what will not work: a limit that is not kept, a PDO that is off, an object that is not
-there. A warning deviates from CiA 306, and works.
+An error does not work: a value beyond its limit, a PDO of wrong length, an object that is missing.
+A warning deviates from CiA 306, and works.
 
 exit code 1 where a file has errors, with --strict also where it has warnings
 """
@@ -27,12 +27,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "check-eds",
-        description="Check EDS files (CiA 306) beyond what loaders notice: lists and counts, "
+        description="Check EDS files (CiA 306) more strictly than loaders do: lists and counts, "
         "formats,\ndata types, limits and defaults, PDO mappings with their targets and lengths.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="an EDS file")
-    parser.add_argument("--strict", action="store_true", help="let a warning count as an error")
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="EDS file")
+    parser.add_argument("--strict", action="store_true", help="count warnings as errors")
     add_json_argument(parser)
     parser.set_defaults(run=run)
 

@@ -86,7 +86,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "recording.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("plan", type=Path, metavar="PLAN.toml", help="steps, limits, what is right")
+    parser.add_argument(
+        "plan", type=Path, metavar="PLAN.toml", help="plan: steps, limits, tolerances"
+    )
     add_bench_arguments(parser)
     add_network_arguments(parser)
     parser.add_argument(

@@ -23,7 +23,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Print a script by which a shell completes verbs and options.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("shell", choices=SHELLS, help=", ".join(SHELLS))
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
     parser.set_defaults(run=run)
 
 

@@ -44,32 +44,38 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "conformance",
         description="Check a device on a bus, clause by clause, against CiA 301 and CiA 305, and\n"
-        "print a line a check. The EDS tells which objects and services the device has.",
+        "print one line per check. The EDS file gives the device's objects and services.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
     add_network_arguments(parser)
     parser.add_argument("--node-id", type=int, required=True, metavar="N", help="of the device")
     parser.add_argument(
-        "--eds", type=Path, metavar="FILE", help="of the device; without it that of bench.toml"
+        "--eds",
+        type=Path,
+        metavar="FILE",
+        help="EDS file of the device (default: that of bench.toml)",
     )
     parser.add_argument(
-        "--write", action="store_true", help="also the checks that change the device, see below"
+        "--write", action="store_true", help="also run the checks that change the device, see below"
     )
     parser.add_argument(
         "--store",
         action="store_true",
-        help="also those that overwrite what it has stored (0x1010, 0x1011); needs --write",
+        help="also run those that overwrite stored parameters (0x1010, 0x1011); needs --write",
     )
     parser.add_argument(
         "--patience",
         type=float,
         default=0.5,
         metavar="S",
-        help="longest wait for an answer, and how long silence is waited for (default: 0.5)",
+        help="time-out of an answer in s, and time that counts as silence (default: 0.5)",
     )
     parser.add_argument(
-        "--report", type=Path, metavar="FILE.md", help="write a report, in the order of CiA's test"
+        "--report",
+        type=Path,
+        metavar="FILE.md",
+        help="write a report in the order of CiA's test plan",
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

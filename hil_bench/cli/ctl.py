@@ -47,13 +47,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "ctl",
-        description="Look at a bench that hil-bench run runs on this machine, break it and set it.",
+        description="Read, set and break a bench that hil-bench run runs on this machine.",
         epilog=_EXAMPLES,
     )
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, parser_class=Parser
     )
-    listing = actions.add_parser("list", help="list the benches that run")
+    listing = actions.add_parser("list", help="list the running benches")
     add_json_argument(listing)
     listing.set_defaults(run=list_benches)
     _add(actions, "status", show_status, "show states, faults, values and how the loop is")
@@ -62,41 +62,47 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "words",
         nargs="+",
         metavar="WORD",
-        help="KIND TARGET [KEY=VALUE ...]: as in [[faults]] of the configuration; without at_s it "
-        "begins with the next tick",
+        help="fault as KIND TARGET [KEY=VALUE ...], as in [[faults]]; without at_s it begins "
+        "with the next tick",
     )
     clear = _add(actions, "clear", clear_faults, "end faults")
     clear.add_argument(
-        "faults", nargs="*", metavar="FAULT", help="its number, kind or target; without any, all"
+        "faults", nargs="*", metavar="FAULT", help="number, kind or target (default: all)"
     )
     setting = _add(actions, "set", set_values, "set objects of nodes, and loads")
     setting.add_argument(
         "settings",
         nargs="+",
         metavar="PLACE=VALUE",
-        help="AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE; bytes as hex:00ff",
+        help="as in axis1.load_n=5000 or valve.0x1017=500; bytes as in hex:00ff",
     )
     marking = _add(actions, "mark", mark, "mark this moment for all who watch")
-    marking.add_argument("text", help="what for, in words")
-    recording = _add(actions, "record", record, "begin or end a recording")
+    marking.add_argument("text", help="text of the mark")
+    recording = _add(actions, "record", record, "start or end a recording")
     which = recording.add_mutually_exclusive_group(required=True)
     which.add_argument(
         "file",
         nargs="?",
         type=Path,
         metavar="FILE",
-        help="where to; the suffix is the format, as of hil-bench run --record",
+        help="file to write; the suffix gives the format, as in hil-bench run --record",
     )
-    which.add_argument("--stop", action="store_true", help="end the one that was begun so")
+    which.add_argument(
+        "--stop", action="store_true", help="end the recording that ctl record has started"
+    )
     _add(actions, "stop", stop, "end the run in order, as --duration does")
     getting = _add(actions, "get", get_values, "read objects of nodes")
-    getting.add_argument("objects", nargs="+", metavar="NODE.OBJECT", help="as in valve.0x1017")
+    getting.add_argument(
+        "objects", nargs="+", metavar="NODE.OBJECT", help="object to read, as in valve.0x1017"
+    )
 
 
 def add_bench_argument(parser: argparse.ArgumentParser) -> None:
     """Add --bench."""
     parser.add_argument(
-        "--bench", metavar="NAME", help="the bench, where more than one runs (hil-bench ctl list)"
+        "--bench",
+        metavar="NAME",
+        help="name of the bench, if more than one runs (hil-bench ctl list)",
     )
 
 

@@ -57,20 +57,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "config",
         nargs="?",
         metavar="bench.toml",
-        help="the bench; without it HIL_BENCH_CONFIG, or else the built-in bench of one axis",
+        help="the bench (default: HIL_BENCH_CONFIG, else the built-in bench of one axis)",
     )
     parser.add_argument(
-        "--duration", type=float, default=10.0, metavar="S", help="length of the motion (10 s)"
+        "--duration",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="length of the motion in s (default: 10)",
     )
     add_output_argument(parser, "hil-bench-demo", "recording and plot")
     parser.add_argument(
-        "--speed", type=read_speed, default=1.0, metavar="X", help="times real time (1), or max"
+        "--speed",
+        type=read_speed,
+        default=1.0,
+        metavar="X",
+        help="factor of real time, as in 0.1, or max (default: 1)",
     )
     parser.add_argument(
         "--sensors",
         choices=[bus.value for bus in SensorBus],
         default=SensorBus.CANOPEN.value,
-        help="where the controller reads the sensors; the valve is on CANopen (canopen)",
+        help="bus of the sensors; the valve is on CANopen (default: canopen)",
     )
     add_recording_arguments(parser)
     add_loss_argument(parser)

@@ -51,7 +51,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=float,
         default=2.0,
         metavar="S",
-        help="length of the test of the lateness (2 s); 0 leaves it out",
+        help="measure the lateness for S seconds (default: 2); 0 for not at all",
     )
     parser.set_defaults(run=run)
 

@@ -44,14 +44,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "evidence",
-        description="Validate this installation on this machine, and write what was found as a\n"
+        description="Validate this installation on this machine, and write the evidence as a\n"
         "page that opens offline and as JSON: plant, devices, determinism, timing, requirements\n"
         "and results, versions, known defects, notes for a tool classification.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("folder", type=Path, metavar="DIR", help="a new or empty folder")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of the pack, new or empty")
     parser.add_argument(
-        "config", nargs="?", metavar="bench.toml", help="the bench (the built-in one)"
+        "config", nargs="?", metavar="bench.toml", help="the bench (default: the built-in one)"
     )
     parser.add_argument(
         "--results",
@@ -60,20 +60,22 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=Path,
         default=[],
         metavar="FILE",
-        help="output of 'hil-bench test --json', or JUnit XML, for the traceability",
+        help="results of your tests: output of 'hil-bench test --json', or JUnit XML",
     )
     parser.add_argument(
         "--seconds",
         type=float,
         default=2.0,
         metavar="S",
-        help="length of the test of the lateness (2 s); 0 leaves it out",
+        help="measure the lateness for S seconds (default: 2); 0 for not at all",
     )
     parser.add_argument(
         "--verify", action="store_true", help="check a pack against its manifest, offline"
     )
     parser.add_argument(
-        "--digest", metavar="SHA256", help="of the manifest, kept elsewhere; for --verify"
+        "--digest",
+        metavar="SHA256",
+        help="with --verify: the manifest's SHA-256, as you have kept it",
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

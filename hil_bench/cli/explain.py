@@ -27,9 +27,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "explain",
-        description="Say what went wrong in a log of a CANopen bus, in the order an expert looks:\n"
-        "who is missing, double or restarts, what was refused, what stayed out; each with its\n"
-        "frames and its clause of CiA 301.",
+        description="Find what went wrong in a log of a CANopen bus, in the order an expert\n"
+        "looks: nodes that are missing, double or restart, refused accesses, missing frames; each\n"
+        "with its frames and its clause of CiA 301.",
         epilog=_EXAMPLES,
     )
     add_log_arguments(parser)

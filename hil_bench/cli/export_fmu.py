@@ -15,7 +15,7 @@ examples:
 
 The FMU runs in a Python that has hil-bench: in FMPy, and in tools that bring a Python.
 
-exit code 1 where FMPy finds something wrong in it
+exit code 1 where FMPy finds an error in it
 """
 
 
@@ -27,9 +27,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "its command,\nload and supply pressure, outputs all of its quantities, in SI.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("fmu", type=Path, metavar="FMU", help="the file to write")
-    parser.add_argument("config", nargs="?", metavar="BENCH.toml", help="the bench (built-in)")
-    parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
+    parser.add_argument("fmu", type=Path, metavar="FMU", help="file to write")
+    parser.add_argument(
+        "config", nargs="?", metavar="BENCH.toml", help="the bench (default: the built-in one)"
+    )
+    parser.add_argument("--axis", metavar="NAME", help="axis to export (default: the first)")
     parser.set_defaults(run=run)
 
 

@@ -23,7 +23,7 @@ def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--on",
         metavar="NAME",
-        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
+        help="use the bus of [buses.NAME] in a bench with several (default: that of [bus])",
     )
     add_eds_argument(parser)
 
@@ -31,7 +31,7 @@ def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
 def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the log of frames that is read, and which nodes are in it."""
     parser.add_argument(
-        "log", type=Path, metavar="FILE", help="the log: .log of candump, .asc, .blf or .mf4"
+        "log", type=Path, metavar="FILE", help="log of frames: .log (candump), .asc, .blf or .mf4"
     )
     add_bench_arguments(parser)
     add_eds_argument(parser)
@@ -44,7 +44,7 @@ def add_eds_argument(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="N=FILE",
-        help="the EDS or DCF file of node N, as in 5=vendor.eds; again for another node",
+        help="EDS or DCF file of node N, as in 5=vendor.eds; repeat it for more nodes",
     )
 
 
@@ -53,26 +53,30 @@ def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
     services = [service.value for service in Service]
     group = parser.add_argument_group("lines")
     group.add_argument(
-        "--node", action="append", default=[], metavar="NAME", help="of this node, by name or ID"
+        "--node",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="show only this node, by name or ID; repeat it for more",
     )
     group.add_argument(
-        "--only", action="append", default=[], choices=services, help="of this service alone"
+        "--only", action="append", default=[], choices=services, help="show only this service"
     )
     group.add_argument(
-        "--hide", action="append", default=[], choices=services, help="none of this service"
+        "--hide", action="append", default=[], choices=services, help="hide this service"
     )
     group.add_argument(
-        "--changes", action="store_true", help="leave out what says the same as the time before"
+        "--changes", action="store_true", help="hide frames that repeat the last content"
     )
     group.add_argument(
-        "--problems", action="store_true", help="errors alone: aborts, EMCY, wrong lengths"
+        "--problems", action="store_true", help="show only errors: aborts, EMCY, wrong lengths"
     )
-    group.add_argument("--raw", action="store_true", help="show the bytes, too")
+    group.add_argument("--raw", action="store_true", help="show the bytes as well")
     group.add_argument(
         "--colour",
         choices=["auto", "always", "never"],
         default="auto",
-        help="colour lines by their service (auto: on a terminal)",
+        help="colour lines by service (default: auto, on a terminal)",
     )
 
 

@@ -17,7 +17,7 @@ from hil_bench.cli.results import add_json_argument, is_silent, print_results
 
 _EXAMPLES = """\
 The space is that of the scenario's parameters with a range. Each method gets the same number of
-runs. A failure is made small and written as a scenario and a pytest file.
+runs. A failure is shrunk, and written as a scenario and as a pytest file.
 
 exit code 1 where a requirement failed or a run crashed; 6 where none did, but a requirement was
 never exercised
@@ -33,33 +33,53 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "falsify",
-        description="Search for values of a scenario's parameters for which a requirement fails.",
+        description="Search for values of a scenario's parameters at which a requirement fails.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO", help="with ranges")
     parser.add_argument(
-        "--runs", type=count, default=200, metavar="N", help="of each method (%(default)s)"
+        "scenario", type=Path, metavar="SCENARIO", help="scenario whose parameters have ranges"
     )
-    parser.add_argument("--minutes", type=float, metavar="M", help="longest time for all methods")
+    parser.add_argument(
+        "--runs",
+        type=count,
+        default=200,
+        metavar="N",
+        help="runs of each method (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--minutes", type=float, metavar="M", help="time limit of all methods together, in minutes"
+    )
     parser.add_argument(
         "--method",
         action="append",
         type=Method,
         choices=list(ALL_METHODS),
         dest="methods",
-        help="again for more (all, one after the other)",
+        help="method of the search; repeat it for more (default: all)",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (0)")
     parser.add_argument(
-        "--timeout-s", type=float, default=60.0, metavar="S", help="longest time of a run (60)"
+        "--seed", type=int, default=0, metavar="N", help="seed of the search (default: 0)"
+    )
+    parser.add_argument(
+        "--timeout-s",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="time-out of a run in s (default: 60)",
     )
     parser.add_argument(
         "--stop-at-failure", action="store_true", help="end when all requirements have failed"
     )
     parser.add_argument(
-        "--output", type=Path, default=Path("failures"), metavar="DIR", help="(%(default)s)"
+        "--output",
+        type=Path,
+        default=Path("failures"),
+        metavar="DIR",
+        help="folder for the failures (default: %(default)s)",
     )
-    parser.add_argument("--report", type=Path, metavar="FILE", help="write an HTML report")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE", help="write an HTML report that opens offline"
+    )
     add_jobs_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)

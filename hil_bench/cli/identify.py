@@ -56,19 +56,23 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--columns",
         type=Path,
         metavar="FILE.toml",
-        help="which column is which quantity, for tables of other tools",
+        help="file that gives the quantity of each column, for tables of other tools",
     )
     parser.add_argument(
         "--map",
         action="append",
         default=[],
         metavar="COLUMN=QUANTITY:UNIT",
-        help="the same for one column; may be given again; -QUANTITY turns the sign",
+        help="the same for one column; -QUANTITY changes the sign; repeat it for more",
     )
-    parser.add_argument("--axis", metavar="NAME", help="which axis (the first)")
+    parser.add_argument("--axis", metavar="NAME", help="axis to identify (default: the first)")
     add_output_argument(parser, "hil-bench-identify", "the files")
     parser.add_argument(
-        "--starts", type=int, default=24, metavar="N", help="starts that the search tries (24)"
+        "--starts",
+        type=int,
+        default=24,
+        metavar="N",
+        help="number of starts of the search (default: 24)",
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

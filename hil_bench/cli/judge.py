@@ -33,13 +33,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "judge",
-        description="Hold requirements against recordings, of the bench or of a machine: verdict,\n"
+        description="Judge recordings of the bench or of a machine by requirements: verdict,\n"
         "margin, and the comparison that decides.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("requirements", type=Path, metavar="REQUIREMENTS", help=".toml or .csv")
     parser.add_argument(
-        "recordings", type=Path, nargs="+", metavar="RECORDING", help=".mf4 or .csv"
+        "requirements", type=Path, metavar="REQUIREMENTS", help="requirements, .toml or .csv"
+    )
+    parser.add_argument(
+        "recordings", type=Path, nargs="+", metavar="RECORDING", help="recording, .mf4 or .csv"
     )
     add_report_argument(parser)
     add_json_argument(parser)

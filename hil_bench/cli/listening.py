@@ -28,7 +28,7 @@ def add_duration_argument(parser: argparse.ArgumentParser, what: str) -> None:
         type=float,
         default=math.inf,
         metavar="S",
-        help=f"time to {what}; until Ctrl-C by default",
+        help=f"{what} for S seconds (default: until Ctrl-C)",
     )
 
 

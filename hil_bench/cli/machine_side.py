@@ -72,8 +72,8 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         "--plan",
         type=Path,
         metavar="PLAN.toml",
-        help="plan of the machine's commissioning: its axis, its period, and the [limits] that "
-        "close the valve",
+        help="plan of the machine's commissioning, with axis, period and the [limits] that close "
+        "the valve",
     )
     group.add_argument("--yes", action="store_true", help="move without asking")
     group.add_argument(
@@ -81,7 +81,7 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("hil-bench-commissioning"),
         metavar="DIR",
-        help="where to note settings of the devices until they are restored (%(default)s)",
+        help="folder for the devices' settings until they are restored (default: %(default)s)",
     )
     parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)
 

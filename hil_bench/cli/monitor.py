@@ -39,9 +39,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "monitor",
-        description="Print what passes a bus, in words: node, service, objects with values and\n"
+        description="Print the frames of a bus in words: node, service, objects with values and\n"
         "units, an SDO transfer as one line. Nothing is sent. Nodes without an EDS file are named\n"
-        "by what they say of themselves.",
+        "by their answers.",
         epilog=_EXAMPLES,
     )
     add_listening_arguments(parser)

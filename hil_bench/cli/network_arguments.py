@@ -12,12 +12,12 @@ def add_network_arguments(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--on",
         metavar="NAME",
-        help="the bus of [buses.NAME], where the bench has several (default: that of [bus])",
+        help="use the bus of [buses.NAME] in a bench with several (default: that of [bus])",
     )
     parser.add_argument(
         "--virtual",
         action="store_true",
-        help="no bus: the virtual bench of the configuration, in this process and virtual time",
+        help="use no bus, but the virtual bench in this process, in virtual time",
     )
 
 

@@ -140,26 +140,42 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "new",
         description="Write a bench.toml from the data sheets of an axis, each value with where it\n"
         "comes from, and print what an engineer checks first: speeds, forces, frequencies.\n"
-        "What no option says is asked, where the input is a terminal.",
+        "On a terminal it asks for what no option gives.",
         epilog=_EXAMPLES,
     )
     parser.add_argument(
-        "file", nargs="?", type=Path, default=Path("bench.toml"), help="to write (bench.toml)"
+        "file",
+        nargs="?",
+        type=Path,
+        default=Path("bench.toml"),
+        help="file to write (default: bench.toml)",
     )
     parser.add_argument(
-        "--cylinder", metavar="BORE/RODxSTROKE", help="in mm; BORE/ROD/RODxSTROKE of a double rod"
+        "--cylinder",
+        metavar="BORE/RODxSTROKE",
+        help="in mm, as in 63/36x500; BORE/ROD/RODxSTROKE for a double rod",
     )
     parser.add_argument(
         "--valve",
         metavar="VALVE",
-        help=f'"{VALVE_EXAMPLE}" by edge, or a size as NG10'.replace("%", "%%"),
+        help=f'"{VALVE_EXAMPLE}" per edge, or a size, as in NG10'.replace("%", "%%"),
     )
-    parser.add_argument("--supply", metavar="BAR", help="supply pressure")
-    parser.add_argument("--load", metavar="KG", help="mass that moves with the rod")
-    parser.add_argument("--slope", metavar="DEG", help="of the axis; 90 lifts the load (0)")
-    parser.add_argument("--oil", metavar="OIL", help="(HLP 46)")
-    parser.add_argument("--force", action="store_true", help="write over a file that is there")
-    parser.add_argument("--catalogue", action="store_true", help="print generic sizes and end")
+    parser.add_argument("--supply", metavar="BAR", help="supply pressure in bar, as in 210")
+    parser.add_argument(
+        "--load", metavar="KG", help="mass that moves with the rod in kg, as in 500"
+    )
+    parser.add_argument(
+        "--slope",
+        metavar="DEG",
+        help="slope of the axis in degrees; 90 lifts the load (default: 0)",
+    )
+    parser.add_argument("--oil", metavar="OIL", help=f"{', '.join(OILS)} (default: HLP 46)")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
+    parser.add_argument(
+        "--catalogue",
+        action="store_true",
+        help="print standard sizes of cylinders and valves, and exit",
+    )
     add_json_argument(parser)
     parser.set_defaults(run=run)
 

@@ -27,7 +27,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "panel",
         description="Serve a web page on which people watch a bench that runs on this machine,\n"
-        "break it and set it, until Ctrl-C. A bench that ends is waited for.",
+        "set it and break it, until Ctrl-C. When the bench ends, it waits for the next start.",
         epilog=_EXAMPLES,
     )
     add_bench_argument(parser)
@@ -35,18 +35,18 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--port",
         type=int,
         metavar="PORT",
-        help=f"port (default {DEFAULT_PORT} or, where that is in use, a free one; 0: a free one)",
+        help=f"port (default: {DEFAULT_PORT}, or a free one if it is in use; 0: a free one)",
     )
     parser.add_argument(
         "--listen",
         metavar="ADDRESS",
-        help="address for other machines (default 127.0.0.1); needs --password-file",
+        help="address that other machines may reach (default: 127.0.0.1); needs --password-file",
     )
     parser.add_argument(
         "--password-file",
         type=Path,
         metavar="FILE",
-        help="file with the password that the page asks for, readable by its owner only",
+        help="file with the page's password, readable by its owner only",
     )
     parser.add_argument(
         "--tests",
@@ -58,7 +58,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--once",
         action="store_true",
-        help="end with the bench, and where the bench of --bench does not run",
+        help="exit when the bench ends, or if the bench of --bench does not run",
     )
     parser.set_defaults(run=run)
 

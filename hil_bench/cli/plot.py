@@ -36,21 +36,25 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("recording", type=Path, metavar="FILE", help="the recording")
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="PICTURE", help=".png, .svg or .pdf (FILE.png)"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="PICTURE",
+        help="picture to write: .png, .svg or .pdf (default: FILE.png)",
     )
     parser.add_argument(
         "--signals",
         action="append",
         default=[],
         metavar="NAME",
-        help='draw these signals, a panel a unit: "axis1.P_*"; again for more',
+        help='draw these signals, one panel per unit, as in "axis1.P_*"; repeat it for more',
     )
     parser.add_argument("--frames", action="store_true", help="draw the traffic on the bus")
     parser.add_argument(
-        "--from", type=float, default=-np.inf, metavar="S", dest="begin", help="leave out before"
+        "--from", type=float, default=-np.inf, metavar="S", dest="begin", help="begin at S seconds"
     )
     parser.add_argument(
-        "--to", type=float, default=np.inf, metavar="S", dest="end", help="leave out after"
+        "--to", type=float, default=np.inf, metavar="S", dest="end", help="end at S seconds"
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

@@ -42,7 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "record",
-        description="Record what passes a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
+        description="Record a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
         ".csv also the values of the PDOs of known nodes, in SI. Nothing is sent; no bench runs.",
         epilog=_EXAMPLES,
     )

@@ -19,10 +19,10 @@ def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FILE",
-        help="record while the bench runs, in the format of the suffix: .mf4 signals and frames, "
-        ".csv signals, .blf .asc .log frames; again for another file",
+        help="record while the bench runs; the suffix gives the format: .mf4 signals and frames, "
+        ".csv signals, .blf .asc .log frames; repeat it for more files",
     )
-    right = 'begin recording when a signal is beyond a level: "axis1.P_A > 80 bar"'
+    right = 'start recording when a signal passes a level, as in "axis1.P_A > 80 bar"'
     add_trigger_arguments(group, right)
 
 
@@ -34,7 +34,7 @@ def add_trigger_arguments(parser: "argparse._ActionsContainer", right: str) -> N
         type=float,
         default=1.0,
         metavar="S",
-        help="time before the trigger that is recorded too (1 s)",
+        help="also record S seconds before the trigger (default: 1)",
     )
 
 

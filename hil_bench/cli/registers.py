@@ -45,11 +45,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "registers",
         description="Print the register map of each Modbus unit: tables, addresses, types, units "
-        "and who\nmay write. Without [modbus] in the file, what it would be.",
+        "and who\nmay write. Without [modbus] in the file, the default map.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
-    parser.add_argument("--csv", action="store_true", help="print CSV for a program to read")
+    parser.add_argument("--csv", action="store_true", help="print CSV, for programs")
     parser.set_defaults(run=run)
 
 

@@ -57,16 +57,20 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--frames",
         choices=[direction.value for direction in FrameDirection],
         default=FrameDirection.ALL.value,
-        help="of these, as seen by who recorded them; a .log does not say (default: %(default)s)",
+        help="frames to replay, as the recorder saw them; a .log does not say (default: all)",
     )
     parser.add_argument(
-        "--speed", type=read_speed, default=1.0, metavar="X", help="times as fast (1), or max"
+        "--speed",
+        type=read_speed,
+        default=1.0,
+        metavar="X",
+        help="factor of the speed, as in 2, or max (default: 1)",
     )
     virtual = parser.add_argument_group("set-points into the plant")
     virtual.add_argument(
         "--virtual",
         action="store_true",
-        help="no bus: drive the plant of the bench with the recorded spool set-points, in virtual "
+        help="use no bus: drive the plant of the bench with the recorded set-points, in virtual "
         "time, and compare; exit code 1 where a deviation is out of tolerance",
     )
     virtual.add_argument(
@@ -74,8 +78,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help='largest deviation that is right, as in "position=0.5 mm" or "axis1.P_A=3 bar"; '
-        "without: position 1 mm, pressures 2 bar, spool position 2 %%",
+        help='largest deviation allowed, as in "position=0.5 mm" or "axis1.P_A=3 bar" '
+        "(default: position 1 mm, pressures 2 bar, spool position 2 %%)",
     )
     virtual.add_argument("--json", action="store_true", help="print JSON for a program to read")
     parser.set_defaults(run=run)

@@ -14,7 +14,7 @@ from dataclasses import asdict, is_dataclass
 
 def add_json_argument(parser: argparse.ArgumentParser) -> None:
     """Add --json."""
-    parser.add_argument("--json", action="store_true", help="print JSON for a program to read")
+    parser.add_argument("--json", action="store_true", help="print JSON, for programs")
 
 
 def is_silent(args: argparse.Namespace) -> bool:

@@ -52,21 +52,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "run",
         description="Run the bench on a CAN bus, until Ctrl-C or --duration: in real time, or in\n"
-        "lock-step with a controller, each SYNC of which moves the bench on by one period.",
+        "lock-step with a controller, whose SYNC moves the bench by one period.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
     add_loop_arguments(parser)
     add_fault_arguments(parser)
     parser.add_argument(
-        "--duration", type=float, metavar="S", help="end after S seconds of bench time"
+        "--duration",
+        type=float,
+        metavar="S",
+        help="end after S seconds of bench time (default: run until Ctrl-C)",
     )
     parser.add_argument(
         "--speed",
         type=read_speed,
         default=1.0,
         metavar="X",
-        help="times real time (1), or max: as fast as this machine can, however slow others are",
+        help="factor of real time, as in 0.1, or max: as fast as this machine can (default: 1)",
     )
     parser.add_argument(
         "--hub",
@@ -74,18 +77,18 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=int,
         const=DEFAULT_PORT,
         metavar="PORT",
-        help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port {DEFAULT_PORT})",
+        help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port: {DEFAULT_PORT})",
     )
     parser.add_argument(
         "--hub-unlimited",
         action="store_true",
-        help="with --hub: let a program send more than the bus's bit rate (-b, else 1 Mbit/s) "
-        "carries; without it, it has to wait",
+        help="with --hub: accept frames faster than the bit rate (-b, else 1 Mbit/s) carries "
+        "them; without it, a program has to wait",
     )
     parser.add_argument(
         "--modbus",
         action="store_true",
-        help="serve Modbus even where bench.toml has no [modbus]",
+        help="serve the devices on Modbus also if bench.toml has no [modbus]",
     )
     parser.add_argument(
         "--strict-timing",
@@ -103,8 +106,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--whole-bus",
         action="store_true",
-        help="with --record: record the frames that the bench does not listen to as well; each of "
-        "them then costs the loop time (in lock-step the bench hears all frames anyway)",
+        help="with --record: also record frames that the bench does not use; each costs the loop "
+        "time (in lock-step all frames are recorded anyway)",
     )
     add_feed_arguments(parser)
     add_scenario_arguments(parser)
@@ -119,13 +122,13 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--lockstep",
         action="store_true",
-        help="time passes with the controller's SYNC (0x080) only, as fast as both can",
+        help="let bench time pass only with the controller's SYNC (0x080), as fast as both can",
     )
     group.add_argument(
         "--sync-period-us",
         type=int,
         metavar="US",
-        help="how far each SYNC moves the bench (default: bench.sync_period_us, else one tick)",
+        help="period of a SYNC in us (default: bench.sync_period_us, else one tick)",
     )
 
 

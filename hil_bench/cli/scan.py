@@ -31,7 +31,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "scan",
-        description="Find the nodes of a CANopen bus and print what each says of itself.\n"
+        description="Find the nodes of a CANopen bus, and print identity and state of each.\n"
         "Nothing is written to any node, and no node changes its state, but with --by boot-up,\n"
         "and with --by guarding where life guarding is set.",
         epilog=_EXAMPLES,
@@ -48,16 +48,24 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "is reset: motion stops (default: %(default)s)",
     )
     parser.add_argument(
-        "--nodes", type=_node_ids, default=NODE_IDS, metavar="A-B", help="look for these node-IDs"
+        "--nodes",
+        type=_node_ids,
+        default=NODE_IDS,
+        metavar="A-B",
+        help="range of node-IDs (default: 1-127)",
     )
     parser.add_argument(
-        "--patience", type=float, default=1.0, metavar="S", help="listen for S seconds (1)"
+        "--patience",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="wait S seconds for answers (default: 1)",
     )
     parser.add_argument(
         "--lss", action="store_true", help="also find devices without node-ID (fastscan)"
     )
     parser.add_argument(
-        "--listen", type=float, metavar="S", help="send nothing; say what is heard in S seconds"
+        "--listen", type=float, metavar="S", help="send nothing; print what is heard in S seconds"
     )
     add_json_argument(parser)
     parser.set_defaults(run=run)

@@ -26,7 +26,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "scenario",
-        description="Check scenario files, list what they hold, convert TOML to CSV and back.",
+        description="Check scenario files, list their content, and convert TOML to CSV and back.",
         epilog=_EXAMPLES,
     )
     actions = parser.add_subparsers(title="actions", metavar="ACTION", required=True)
@@ -38,9 +38,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     listing.add_argument("files", nargs="+", type=Path, metavar="FILE")
     add_json_argument(listing)
     listing.set_defaults(run=run_list)
-    convert = actions.add_parser("convert", help="write a file anew; its suffix is its form")
+    convert = actions.add_parser(
+        "convert", help="convert a file; the suffix of the new file gives its format"
+    )
     convert.add_argument("source", type=Path, metavar="FILE", help=".toml or .csv")
-    convert.add_argument("target", type=Path, metavar="NEW", help=".toml or .csv, not there yet")
+    convert.add_argument(
+        "target", type=Path, metavar="NEW", help="new file, .toml or .csv; must not exist"
+    )
     convert.set_defaults(run=run_convert)
     schema = actions.add_parser("schema", help="print a JSON schema, for editors")
     schema.set_defaults(run=run_schema)

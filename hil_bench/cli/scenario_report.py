@@ -64,7 +64,7 @@ def add_report_argument(parser: argparse.ArgumentParser) -> None:
         "--report",
         type=Path,
         metavar="FILE",
-        help="write a report that opens in any browser, offline (.html), and the same as .json",
+        help="write a report that opens offline in any browser (.html), and the same as .json",
     )
 
 

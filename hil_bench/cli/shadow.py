@@ -63,9 +63,9 @@ class _Limit(NamedTuple):
 
 
 _LIMITS = (
-    _Limit("--position-mm", ("position",), MILLIMETRE, "position (0.5 mm"),
-    _Limit("--pressure-bar", PORTS, BAR, "pressures (0.25 bar"),
-    _Limit("--spool-percent", ("spool_position",), PERCENT, "spool (3 %%"),
+    _Limit("--position-mm", ("position",), MILLIMETRE, "position (default: 0.5 mm"),
+    _Limit("--pressure-bar", PORTS, BAR, "pressures (default: 0.25 bar"),
+    _Limit("--spool-percent", ("spool_position",), PERCENT, "spool (default: 3 %%"),
 )
 
 
@@ -74,27 +74,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "shadow",
         description="Run the plant of a bench on the commands that a real valve gets, as heard on\n"
-        "the bus, and show what sets the machine apart from it. It joins at any moment: while the\n"
+        "the bus, and show how the machine differs from it. It joins at any moment: while the\n"
         "axis moves, stands, or has a fault. Nothing is sent.",
         epilog=_EXAMPLES,
     )
     add_bench_arguments(parser)
     parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="no bus: the frames of a recording"
+        "--log", type=Path, metavar="FILE", help="use no bus, but the frames of a recording"
     )
     parser.add_argument(
         "--duration",
         type=float,
         default=math.inf,
         metavar="S",
-        help="time to listen, whatever is heard; until Ctrl-C by default",
+        help="listen for S seconds (default: until Ctrl-C)",
     )
     parser.add_argument(
         "--horizon",
         type=float,
         default=0.5,
         metavar="S",
-        help="the plant is set to what the sensors say this often, and predicts from there (0.5)",
+        help="set the plant to the sensors' values each S seconds (default: 0.5), and predict "
+        "from there",
     )
     for limit in _LIMITS:
         noise = "" if limit.unit is PERCENT else "; more where [nodes.NAME.chain] has noise"
@@ -102,10 +103,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
             limit.flag,
             type=float,
             metavar="X",
-            help=f"RMS of a window that is too much for the {limit.text}{noise})",
+            help=f"highest RMS of a window of the {limit.text}{noise})",
         )
     parser.add_argument(
-        "--record", type=Path, metavar="FILE.csv", help="write each value beside the twin's"
+        "--record",
+        type=Path,
+        metavar="FILE.csv",
+        help="write each measured value beside the twin's",
     )
     add_json_argument(parser)
     add_work_arguments(parser, "shadow")

@@ -54,21 +54,31 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "test",
         description="Play scenarios on the virtual bench, or with -i and -c on a machine, and\n"
-        "judge what they require: verdict, margin, and the comparison that decides.",
+        "judge their requirements: verdict, margin, and the comparison that decides.",
         epilog=_EXAMPLES,
     )
     parser.add_argument(
-        "paths", nargs="+", type=Path, metavar="PATH", help=f"scenario, or folder of *{_SUFFIX}"
+        "paths", nargs="+", type=Path, metavar="PATH", help=f"scenario, or folder with *{_SUFFIX}"
     )
     parser.add_argument(
-        "-k", metavar="TEXT", default="", help="only requirements with TEXT in file, title or id"
+        "-k",
+        metavar="TEXT",
+        default="",
+        help="play only requirements with TEXT in file, title or id",
     )
     add_parameter_argument(parser)
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of all random generators")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        metavar="N",
+        help="seed of all random generators (default: that of the bench)",
+    )
     parser.add_argument(
         "--stop-at-failure", action="store_true", help="end a run when a requirement has failed"
     )
-    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    parser.add_argument(
+        "--junit", type=Path, metavar="FILE", help="also write the verdicts as a JUnit file"
+    )
     add_report_argument(parser)
     add_json_argument(parser)
     add_machine_arguments(parser)

@@ -12,14 +12,14 @@ def add_verbosity_arguments(
         "--verbose",
         action="count",
         default=verbose,
-        help="say more; twice: all, with the traceback of an error",
+        help="print more; twice: all, with the traceback of an error",
     )
     parser.add_argument(
         "-q",
         "--quiet",
         action="store_true",
         default=quiet,
-        help="print nothing but errors; what --json and its like ask for is printed all the same",
+        help="print only errors, and the output of --json, --csv and the like",
     )
 
 

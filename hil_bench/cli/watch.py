@@ -32,16 +32,16 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "watch",
-        description="Show the values, nodes, faults and timing of a bench that hil-bench run runs\n"
-        "on this machine, until Ctrl-C. A bench that ends is waited for. With -i, -c, --eds or a\n"
-        "bench.toml, show a bus instead: nodes, values of PDOs, EMCY, load, who sends how often.",
+        description="Show values, nodes, faults and timing of a bench that hil-bench run runs\n"
+        "on this machine, until Ctrl-C. When the bench ends, it waits for the next. With -i, -c,\n"
+        "--eds or a bench.toml, show a bus instead: nodes, values of PDOs, EMCY, load, rates.",
         epilog=_EXAMPLES,
     )
     add_bench_argument(parser)
     parser.add_argument(
         "--once",
         action="store_true",
-        help=f"show one picture, and end; a bus is listened to for {ONCE:g} s",
+        help=f"show one picture, and exit; listen to a bus for {ONCE:g} s",
     )
     add_listening_arguments(parser)
     parser.set_defaults(run=run)

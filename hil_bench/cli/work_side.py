@@ -92,13 +92,13 @@ def add_work_arguments(parser: argparse.ArgumentParser, verb: str) -> None:
     group.add_argument(
         "--panel",
         action="store_true",
-        help="show it on the web page of hil-bench panel while it runs; ends with it",
+        help="serve the web page of hil-bench panel while the verb runs",
     )
     group.add_argument(
         "--name",
         metavar="NAME",
-        help="let hil-bench panel, watch and ctl find it by a name; without --panel and --name "
-        f"nobody can watch it (default with --panel: {verb})",
+        help="name for hil-bench panel, watch and ctl (default with --panel: "
+        f"{verb}; without both, nobody can watch)",
     )
 
 

@@ -50,16 +50,19 @@ def undisturbed_by_garbage_collection() -> Iterator[None]:
 
     What exists at the start is collected once and then set aside; until the end nothing is
     searched. Reference counting still frees what the ticks use, as long as they build no cycles.
-    The collector is left as it was found, after an exception too.
+    The collector is left as it was found, after an exception too: what the caller has set aside
+    stays so, and then nothing more is, since both would come back as one.
     """
-    was_enabled = gc.isenabled()
+    was_enabled, sets_aside = gc.isenabled(), gc.get_freeze_count() == 0
     gc.collect()
-    gc.freeze()
+    if sets_aside:
+        gc.freeze()
     gc.disable()
     try:
         yield
     finally:
-        gc.unfreeze()
+        if sets_aside:
+            gc.unfreeze()
         if was_enabled:
             gc.enable()
 

@@ -11,8 +11,11 @@ from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_ga
 
 @pytest.fixture(autouse=True)
 def _collector_as_before():
+    """Begin with nothing set aside; conftest.py has set aside what stays."""
     was_enabled = gc.isenabled()
+    gc.unfreeze()
     yield
+    gc.freeze()
     if was_enabled:
         gc.enable()
     else:
@@ -26,6 +29,16 @@ def test_the_collector_is_off_inside_and_on_again_after():
         assert gc.get_freeze_count() > 0
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
+
+
+def test_what_the_caller_has_set_aside_stays_so():
+    gc.freeze()
+    count = gc.get_freeze_count()
+    with undisturbed_by_garbage_collection():
+        kept = [[]]
+    # Only what was freed meanwhile is gone; before, all came back to the collector.
+    assert count // 2 < gc.get_freeze_count() <= count
+    assert kept
 
 
 def test_a_collector_that_was_off_stays_off():

@@ -235,6 +235,7 @@ def test_sources_decide_the_identity_of_the_program():
     assert identity.program_identity().startswith(f"{hil_bench.__version__}+")
 
 
+@pytest.mark.slow
 def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys):
     close = REST.replace(
         "value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]"
@@ -283,6 +284,7 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_said_at_once(tmp_path):
     path = write_rest(tmp_path)
     program = tmp_path / "script.py"

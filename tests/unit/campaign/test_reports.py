@@ -55,6 +55,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
     assert html.count("<svg") >= 2
 
 
+@pytest.mark.slow
 def test_the_report_says_which_parameter_matters_and_what_repeats_the_worst(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
@@ -73,6 +74,7 @@ def test_a_report_that_cannot_be_written_is_said(tmp_path, capsys):
     assert "cannot be written: No such file or directory" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_worst_runs_are_drawn(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
@@ -96,6 +98,7 @@ def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):
     assert replay(spec, result).picture.startswith(b"<?xml")
 
 
+@pytest.mark.slow
 def test_the_sobol_indices_are_in_report_and_json(tmp_path, capsys):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"

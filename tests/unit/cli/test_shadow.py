@@ -1,6 +1,7 @@
 """`hil-bench shadow` on the recorded frames of a machine."""
 
 import contextlib
+import io
 import json
 import re
 
@@ -12,14 +13,16 @@ from hil_bench.outside.recording.files import read_recording
 from hil_bench.session.virtual_bench import VirtualBench
 
 
-@pytest.fixture
-def log(tmp_path, capsys):
-    """Return a recording of the demo's bus."""
-    path = tmp_path / "machine.log"
-    output = str(tmp_path / "demo")
-    demo = ["demo", "--speed", "max", "--duration", "1.5", "--output", output, "-q"]
-    assert main([*demo, "--record", str(path)]) == 0
-    capsys.readouterr()
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Return a recording of the demo's bus, which nobody changes."""
+    folder = tmp_path_factory.mktemp("demo")
+    path = folder / "machine.log"
+    demo = ["demo", "--speed", "max", "--duration", "1.5", "--output", str(folder / "demo"), "-q"]
+    with contextlib.redirect_stdout(io.StringIO()), pytest.MonkeyPatch.context() as environment:
+        environment.delenv("HIL_BENCH_CONFIG", raising=False)
+        environment.delenv("HIL_BENCH_SEED", raising=False)
+        assert main([*demo, "--record", str(path)]) == 0
     return path
 
 

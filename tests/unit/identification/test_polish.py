@@ -153,12 +153,14 @@ def test_the_fit_ends_where_no_other_optimiser_finds_less(problem: Problem) -> N
     assert gain_by_another_optimiser(problem) < GAINED
 
 
+@pytest.mark.slow
 def test_progress_that_has_become_slow_is_not_the_end(problem: Problem) -> None:
     # The rule before: a round that gains less than a thousandth of the cost was the last.
     assert problem.first.gain > GAINED
     assert not problem.first.is_reached
 
 
+@pytest.mark.slow
 def test_the_gradient_vanishes_by_differences_of_the_cost(problem: Problem) -> None:
     # Central differences of the whole cost by each variable, starts following by `slopes` being
     # projected: at the optimum, the gradient by the starts is zero, so they may stay.

@@ -72,6 +72,7 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     assert compiled == run_plants(400, "1")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_without_numba_the_plant_is_interpreted() -> None:
     assert run_plants(20, "0", "numba") == run_plants(20, "0")

@@ -26,6 +26,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     Cushion,
     EntrainedAir,
     FullOrderPlant,
+    Line,
     LoadSeries,
     LuGreFriction,
     MassOnSlope,
@@ -54,6 +55,7 @@ FUNCTIONS = {
     Solver.LINEARLY_IMPLICIT_MIDPOINT: "advance_implicit_midpoint",
 }
 
+HOSE = Line(length=6.0, inner=0.016, bulk_modulus=7e8)
 CUSHION = Cushion(length=0.05, orifice=2e-3)
 EXTENSIONS = {
     "none": {},
@@ -77,6 +79,7 @@ MOVING = {
             in_line_a=True, in_line_b=True, setting=1e7, pilot_ratio=3.0, conductance=1e-6
         )
     },
+    "lines with waves": {"line_a": HOSE, "line_b": HOSE},
     "load-sensing pump": {
         "supply": SupplyUnit(
             accumulator_volume=0.0,

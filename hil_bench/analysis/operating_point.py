@@ -80,7 +80,7 @@ def _check_options(options: PlantOptions) -> None:
     Raises:
         OperatingPointError: such an option is on.
     """
-    for name in ("bristles", "supply", "counterbalance", "loads"):
+    for name in ("bristles", "supply", "counterbalance", "line_a", "line_b", "loads"):
         if getattr(options, name, None):
             raise OperatingPointError(
                 f"{name}: an operating point is one of eqs. (1)-(13), without {name}; "

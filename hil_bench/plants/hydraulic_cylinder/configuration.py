@@ -26,12 +26,19 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     SLOPE_KEYS,
     SPRING_KEYS,
     SUPPLY_KEYS,
+    VISCOSITY_KEY,
+    WALL_KEYS,
     Friction,
     Lines,
     PumpControl,
     Supply,
 )
-from hil_bench.plants.hydraulic_cylinder.model.checks import check_components, check_full_model
+from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
+from hil_bench.plants.hydraulic_cylinder.model.checks import (
+    check_components,
+    check_full_model,
+    check_lines,
+)
 from hil_bench.plants.hydraulic_cylinder.model.defects import MOST_AIR
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
@@ -102,6 +109,16 @@ _PHYSICAL_KEYS = {
     "lands": "flow_saturation",
     "the cushion": "cushion_a_length_mm",
     **{key.name: key.name for keys in CUSHION_KEYS.values() for key in keys},
+    "line_a": "line_a_length_m",
+    "line_b": "line_b_length_m",
+    "lines": "line_model",
+    "line_model": "line_model",
+    **{
+        name: name
+        for side, keys in WALL_KEYS.items()
+        for name in (f"line_{side}_length_m", f"line_{side}_inner_mm", *(key.name for key in keys))
+    },
+    VISCOSITY_KEY.name: VISCOSITY_KEY.name,
     "pump_control": "pump_control",
     "counterbalance": "counterbalance",
 }
@@ -169,6 +186,7 @@ def configure(
     _check_position(name, axis, problems)
     try:
         record = _build_axis(kind, name, axis)
+        check_lines(record.parameters, record.options, step_us * 1e-6)
     except ParameterError as error:
         explain_refusal(f"plant.{name}", error, problems)
         return None
@@ -230,6 +248,7 @@ def _build_options(axis: Settings) -> PlantOptions:
     options = convert(axis, OPTION_KEYS) | hydraulic_options(axis)
     options |= {end: _build_cushion(axis, end) for end in CUSHION_KEYS}
     options["counterbalance"] = _build_counterbalance(axis)
+    options |= build_lines(axis)
     pump = _build_pump(axis)
     if pump is not None:
         options["supply"] = replace(options["supply"], variable=pump)

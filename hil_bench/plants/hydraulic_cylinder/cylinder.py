@@ -1,7 +1,7 @@
 """The paper's two models as plants of a bench."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -30,6 +30,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
     SPEED,
     SPOOL_POSITION,
 )
+from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import SUPPLY
 
 _FASTEST = 10.0
@@ -99,13 +100,49 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
         self.defects = replace(self.defects, **{name: amount})
 
 
+class LinedCylinder:
+    """The full-order model with lines, which shows the pressures at the valve too.
+
+    Args:
+        model: it.
+    """
+
+    def __init__(self, model: FullOrderCylinder) -> None:
+        self._model = model
+        self._has_a = model.options.line_a is not None
+        self._has_b = model.options.line_b is not None
+
+    @property
+    def output(self) -> Sequence[float]:
+        """The model's output and the pressures at the valve's ends of the lines [Pa]."""
+        return self._see(self._model.output)
+
+    def drive(self, command: float, steps: int) -> Sequence[float]:
+        """Move the model on under a spool set-point [m]."""
+        return self._see(self._model.drive(command, steps))
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from other values; the waves in the lines go on as they are."""
+        self._model.go_to(values)
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set what acts on the model."""
+        self._model.influence(name, value)
+
+    def _see(self, seen: PlantOutput) -> Sequence[float]:
+        at_a, at_b = self._model.valve_pressures
+        if self._has_a and self._has_b:
+            return (*seen, at_a, at_b)
+        return (*seen, at_a if self._has_a else at_b)
+
+
 class ReducedOrderCylinder(ReducedOrderPlant, _Cylinder):
     """The reduced model on a bench."""
 
 
 def build_cylinder(
     axis: CylinderConfig, dt: float, start: Mapping[str, float] | None = None
-) -> _Cylinder:
+) -> Plant:
     """Return the plant of an axis, at rest where no whole state is given to start with."""
     start = start or {}
     x = start.get(POSITION.name, axis.position)
@@ -124,7 +161,8 @@ def build_cylinder(
     if start.keys() >= set(names):
         position, speed, pressure_a, pressure_b, spool = (start[name] for name in names)
         state = PlantState(position, speed, pressure_a, pressure_b, spool, 0.0)
-    return FullOrderCylinder(parameters, options=options, solver=axis.solver, dt=dt, state=state)
+    model = FullOrderCylinder(parameters, options=options, solver=axis.solver, dt=dt, state=state)
+    return LinedCylinder(model) if options.has_lines else model
 
 
 def _within(low: float, value: float, high: float) -> float:

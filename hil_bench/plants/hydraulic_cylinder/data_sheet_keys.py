@@ -1,5 +1,6 @@
 """The keys of a data sheet in ``[plant.NAME]``; each group fills physical keys beside it."""
 
+from enum import StrEnum
 from typing import Final
 
 from hil_bench.config.settings import Key
@@ -18,6 +19,13 @@ from hil_bench.units import (
     REVOLUTION_PER_MINUTE,
     Unit,
 )
+
+
+class LineModel(StrEnum):
+    """What a line between valve and cylinder is."""
+
+    VOLUME = "volume"
+    WAVES = "waves"
 
 
 def _datum(name: str, unit: Unit, low: float, high: float) -> Key:

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, number, points
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS, LineModel
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
@@ -34,6 +34,7 @@ from hil_bench.units import (
     SECOND_AND_NEWTON,
     SECOND_PER_METRE,
     SQUARE_CENTIMETRE,
+    SQUARE_MILLIMETRE_PER_SECOND,
     Unit,
 )
 
@@ -141,6 +142,18 @@ LAND_KEYS = (
     _quantity("null_opening_um", 0.0, MICROMETRE, "null_opening"),
 )
 
+LINE_MODEL_KEY = Key("line_model", choice(LineModel), LineModel.VOLUME)
+
+VISCOSITY_KEY = _quantity("oil_viscosity_mm2_s", 46.0, SQUARE_MILLIMETRE_PER_SECOND, "viscosity")
+
+WALL_KEYS = {
+    side: (
+        Key(f"line_{side}_modulus_mpa", number(MEGAPASCAL), None, MEGAPASCAL, "bulk_modulus"),
+        Key(f"line_{side}_wall_mm", number(MILLIMETRE), None, MILLIMETRE, "wall"),
+    )
+    for side in "ab"
+}
+
 COMPENSATOR_KEY = Key("compensator_margin_bar", number(BAR), None, BAR, "compensator_margin")
 
 CUSHION_KEYS = {
@@ -211,6 +224,10 @@ AXIS_KEYS = (
     Key("friction", choice(Friction), Friction.STRIBECK),
     *BRISTLE_KEYS,
     *LAND_KEYS,
+    LINE_MODEL_KEY,
+    VISCOSITY_KEY,
+    *WALL_KEYS["a"],
+    *WALL_KEYS["b"],
     COMPENSATOR_KEY,
     *CUSHION_KEYS["cushion_a"],
     *CUSHION_KEYS["cushion_b"],

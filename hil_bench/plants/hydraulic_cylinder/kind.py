@@ -1,6 +1,7 @@
 """The hydraulic cylinder as a kind of plant."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -11,14 +12,16 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
     apply_data_sheet,
     find_leftovers,
 )
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
-from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
+from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES, quantities_with_lines
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.plant import Plant
+from hil_bench.plants.quantity import Quantity
 
 
 class HydraulicCylinder(ValveControlled[CylinderConfig]):
@@ -26,7 +29,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
 
     name = "hydraulic_cylinder"
     keys = AXIS_KEYS
-    quantities = QUANTITIES
+    quantities: tuple[Quantity, ...] = QUANTITIES
     usual = USUAL
     possible = POSSIBLE
     default_nodes = MappingProxyType(
@@ -42,6 +45,14 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     def derive(self, settings: Settings, problems: Problems) -> Settings:
         """Return the settings of an axis with what its data sheets determine."""
         return apply_data_sheet(settings, problems)
+
+    def specialise(
+        self, settings: Settings, folder: Path, problems: Problems
+    ) -> "HydraulicCylinder":
+        """Return the kind with the pressures at the valve, of an axis with waves in its lines."""
+        if settings["line_model"].value is LineModel.VOLUME:
+            return self
+        return LinedKind("".join(s for s in "ab" if settings[f"line_{s}_length_m"].value))
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis that are still Table I's beside data sheets of others."""
@@ -60,6 +71,17 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""
         return find_unresolved(axis, tick_us, step_us)
+
+
+class LinedKind(HydraulicCylinder):
+    """A cylinder with waves in its lines.
+
+    Args:
+        sides: which lines there are: "a", "b" or "ab".
+    """
+
+    def __init__(self, sides: str) -> None:
+        self.quantities = quantities_with_lines(sides)
 
 
 HYDRAULIC_CYLINDER: Final = HydraulicCylinder()

@@ -18,6 +18,7 @@ _SPOOL = "spools of size 4 to 32 travel 0.3 to 15 mm"
 _LAND = "edges differ by some percent, those of a spool 2:1 by half"
 _OVERLAP = "up to a third of the travel, negative for edges that are open in the centre"
 _CUSHION = "ISO 6020 cylinders have 15 to 60 mm"
+_HOSE = "100 of expanding hoses to 1500 of steel pipes; 500 to 1000 of hydraulic hoses"
 _EXPONENT = "1 is isothermal, 1.4 adiabatic, 1.67 that of a noble gas"
 
 USUAL: Final[Mapping[str, Range]] = {
@@ -103,6 +104,11 @@ USUAL: Final[Mapping[str, Range]] = {
     "line_b_length_m": Range(0.0, 100.0, "a valve on the cylinder to one across the hall"),
     "line_a_inner_mm": Range(2.0, 150.0, "hoses of DN 3 to pipes of DN 125"),
     "line_b_inner_mm": Range(2.0, 150.0, "hoses of DN 3 to pipes of DN 125"),
+    "line_a_modulus_mpa": Range(100.0, 2500.0, _HOSE),
+    "line_b_modulus_mpa": Range(100.0, 2500.0, _HOSE),
+    "line_a_wall_mm": Range(0.5, 30.0, "steel pipes of 1 to 10"),
+    "line_b_wall_mm": Range(0.5, 30.0, "steel pipes of 1 to 10"),
+    "oil_viscosity_mm2_s": Range(1.0, 5000.0, "water to cold oil; 15 to 100 at work"),
     "breakaway_pressure_bar": Range(0.05, 20.0, "0.5 of low-friction seals to 10 of V-packings"),
     "rated_flow_l_min": Range(0.5, 5000.0, "servo-valves of size 4 to cartridges of size 100"),
     "rated_pressure_drop_bar": Range(1.0, 70.0, "an edge: 5 of proportional, 35 of servo-valves"),

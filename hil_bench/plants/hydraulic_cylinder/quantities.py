@@ -60,6 +60,19 @@ QUANTITIES: Final = (
     FLOW_B,
 )
 
+
+def quantities_with_lines(sides: str) -> tuple[Quantity, ...]:
+    """Return the quantities of a cylinder with lines at these sides, "a", "b" or "ab".
+
+    `P_A_valve` and `P_B_valve` are the pressures at the valve's ends of the lines.
+    """
+    first = len(PlantOutput._fields)
+    at_valve = (
+        Quantity(f"P_{side.upper()}_valve", "Pa", first + place) for place, side in enumerate(sides)
+    )
+    return (*QUANTITIES, *at_valve)
+
+
 LOAD: Final = "load"
 """What acts on the piston from outside [N]."""
 

@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
@@ -13,7 +14,8 @@ from hil_bench.plants.hydraulic_cylinder.model.steady_motion import (
     state_of_rest,
     steady_motion,
 )
-from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency
+from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
+from hil_bench.plants.hydraulic_cylinder.resolution import eigenfrequency, line_frequency
 from hil_bench.plants.kind import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
 
@@ -33,6 +35,7 @@ def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact
         *_motion_facts(axis),
         *_cushion_facts(axis),
         *_rest_facts(axis),
+        *_line_facts(axis, step_us),
         *_swing_facts(axis, tick_us, step_us),
         *_impact_facts(axis),
     ]
@@ -61,7 +64,7 @@ def damping_ratio(axis: CylinderConfig, x: float) -> float:
         axis: the cylinder.
         x: position from mid-stroke [m].
     """
-    p, options = axis.parameters, axis.options
+    p, options = _with_lines(axis), axis.options
     mass = p.m + options.load_mass
     per_a, per_b = p.E / (p.V_A0 + p.A_A * x), p.E / (p.V_B0 - p.A_B * x)
     drag = p.sigma / mass
@@ -94,6 +97,17 @@ def _damping_of_pair(a: float, b: float, c: float) -> float:
     if product <= 0.25 * rest**2:
         return 1.0
     return 0.5 * rest / math.sqrt(product)
+
+
+def _with_lines(axis: CylinderConfig) -> PlantParameters:
+    """Return the parameters with the oil of the lines in the chambers: the slow view of waves."""
+    p, options = axis.parameters, axis.options
+    if not options.has_lines:
+        return p
+    extra = [
+        0.0 if line is None else line.compliance * p.E for line in (options.line_a, options.line_b)
+    ]
+    return replace(p, V_A0=p.V_A0 + extra[0], V_B0=p.V_B0 + extra[1])
 
 
 def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
@@ -143,9 +157,31 @@ def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
         yield Fact("load at the start", load * 1e-3, "kN", "positive against extension")
 
 
+def _line_facts(axis: CylinderConfig, step_us: int) -> Iterator[Fact]:
+    p, options = axis.parameters, axis.options
+    top = _fastest(axis, cushioned=False)
+    for side, line, area, volume in (
+        ("A", options.line_a, p.A_A, p.V_A0),
+        ("B", options.line_b, p.A_B, p.V_B0),
+    ):
+        if line is None:
+            continue
+        time, steps = line.wave_time(p.rho), line.steps(p.rho, step_us * 1e-6)
+        note = f"at {line.wave_speed(p.rho):.4g} m/s; {steps} steps"
+        yield Fact(f"wave time of line {side}", time * 1e3, "ms", note)
+        frequency = line_frequency(line, p.rho, volume / p.E)
+        yield Fact("  its eigenfrequency", frequency, "Hz", "valve shut, piston held at mid-stroke")
+        drop = line_drop(line, p.rho, area * top)
+        yield Fact("  its pressure drop", BAR.from_si(drop), "bar", "at the higher top speed")
+        surge = line.impedance(p.rho) * area * top
+        yield Fact(
+            "  surge of a valve that shuts", BAR.from_si(surge), "bar", "rho c v at that speed"
+        )
+
+
 def _swing_facts(axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[Fact]:
     p = axis.parameters
-    x = softest_position(p)
+    x = softest_position(_with_lines(axis))
     lowest = eigenfrequency(axis, x)
     highest = max(eigenfrequency(axis, -p.h), eigenfrequency(axis, p.h))
     yield Fact("eigenfrequency, retracted", eigenfrequency(axis, -p.h), "Hz")

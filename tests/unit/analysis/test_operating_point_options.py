@@ -10,6 +10,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     LuGreFriction,
     SupplyUnit,
 )
+from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
 
 
@@ -23,6 +24,7 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import ConstantLoad
                 in_line_a=True, setting=1e7, pilot_ratio=3.0, conductance=1e-6
             )
         ),
+        PlantOptions(line_b=Line(length=1.0, inner=0.01, bulk_modulus=1e9)),
         PlantOptions(loads=(ConstantLoad(10.0),)),
     ],
 )

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import CYLINDER_KEYS
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import CYLINDER_KEYS, LineModel
 
 STEEL = 7850.0
 """Density of steel [kg/m³]."""
@@ -59,7 +59,8 @@ def piston_mass(bore: float, rod: float, second_rod: float, stroke: float) -> fl
 
 def derive_cylinder(sheet: Sheet) -> Iterator[Derived]:
     """Yield what bore, rods, stroke, dead volumes, lines and breakaway pressure determine."""
-    given = sheet.given(_NAMES)
+    has_waves = sheet.settings["line_model"].value is LineModel.WAVES
+    given = sheet.given(name for name in _NAMES if not (has_waves and name.startswith("line_")))
     if not given:
         return
     wanted = (("bore_mm", "63"), ("rod_mm", "36"), ("stroke_mm", "500"))
@@ -71,8 +72,12 @@ def derive_cylinder(sheet: Sheet) -> Iterator[Derived]:
     sources = ("bore_mm", "second_rod_mm") if second else ("bore_mm",)
     yield Derived("piston_area_cm2", area_a * 1e4, sources)
     yield Derived("rod_side_area_cm2", area_b * 1e4, ("bore_mm", "rod_mm"))
-    yield from _derive_volume(sheet, "a", "piston_side_volume_cm3", area_a, stroke)
-    yield from _derive_volume(sheet, "b", "rod_side_volume_cm3", area_b, stroke)
+    for side, key, area in (
+        ("a", "piston_side_volume_cm3", area_a),
+        ("b", "rod_side_volume_cm3", area_b),
+    ):
+        lines = () if has_waves else (f"line_{side}_length_m", f"line_{side}_inner_mm")
+        yield from _derive_volume(sheet, side, key, area, stroke, lines)
     mass = piston_mass(bore, rod, second, stroke)
     rods = sheet.given((*_RODS, "stroke_mm"))
     what = "piston and rod of steel, no load"
@@ -93,17 +98,25 @@ def _has_sound_rods(sheet: Sheet) -> bool:
 
 
 def _derive_volume(
-    sheet: Sheet, side: str, key: str, area: float, stroke: float
+    sheet: Sheet, side: str, key: str, area: float, stroke: float, names: tuple[str, ...]
 ) -> Iterator[Derived]:
-    """Yield the volume of a chamber and its line at mid-stroke."""
-    length, inner = f"line_{side}_length_m", f"line_{side}_inner_mm"
-    lines = sheet.given((length, inner))
+    """Yield the volume of a chamber and its line at mid-stroke.
+
+    Args:
+        sheet: of the axis.
+        side: "a" or "b".
+        key: of the volume.
+        area: of the piston in the chamber [m²].
+        stroke: from stop to stop [m].
+        names: of the keys of length and inner diameter of a line that counts as volume.
+    """
+    lines = sheet.given(names)
     if len(lines) == 1:
-        other = inner if lines[0] == length else length
+        other = next(name for name in names if name not in lines)
         right = f"give {other} too"
         sheet.refuse(lines[0], f"does not say the line's volume by itself; {right}")
         return
-    line = ring_area(sheet.si(inner), 0.0) * sheet.si(length) if lines else 0.0
+    line = ring_area(sheet.si(lines[1]), 0.0) * sheet.si(lines[0]) if lines else 0.0
     dead_key = f"dead_volume_{side}_cm3"
     has_dead = sheet.has(dead_key)
     dead = sheet.si(dead_key) if has_dead else DEAD_SHARE * area * stroke

@@ -78,12 +78,16 @@ def find_oil(sheet: Sheet) -> Oil | None:
 
 
 def derive_oil(sheet: Sheet, oil: Oil | None) -> Iterator[Derived]:
-    """Yield density and bulk modulus of an oil."""
+    """Yield density, bulk modulus and, where a plant asks for it, viscosity of an oil."""
     if oil is None:
         return
-    density = oil.density_at(sheet.number("oil_temperature_c", TEMPERATURE_C))
+    temperature = sheet.number("oil_temperature_c", TEMPERATURE_C)
+    density = oil.density_at(temperature)
     sources = sheet.given(("oil", "oil_temperature_c"))
     heat = "" if sheet.has("oil_temperature_c") else f"at {TEMPERATURE_C:g} °C"
     yield Derived("oil_density_kg_m3", density, sources, heat, yields=True)
     what = "oil without air in rigid lines"
     yield Derived("bulk_modulus_mpa", oil.bulk_modulus, ("oil",), what, yields=True)
+    if "oil_viscosity_mm2_s" in sheet.settings:
+        viscosity = oil.viscosity_at(temperature)
+        yield Derived("oil_viscosity_mm2_s", viscosity, sources, heat, yields=True)

@@ -11,6 +11,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     VariablePump,
 )
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
+from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -38,6 +39,7 @@ __all__ = [
     "EntrainedAir",
     "ExtensionState",
     "FullOrderPlant",
+    "Line",
     "Load",
     "LoadSeries",
     "LuGreFriction",

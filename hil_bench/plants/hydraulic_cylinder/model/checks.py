@@ -4,6 +4,7 @@ import math
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
+from hil_bench.plants.hydraulic_cylinder.model.line import check_line
 from hil_bench.plants.hydraulic_cylinder.model.options import VACUUM_PRESSURE, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState, require_finite_state
@@ -49,7 +50,15 @@ def check_components(options: PlantOptions, solver: Solver) -> None:
     Raises:
         ParameterError: for a solver other than the bench's.
     """
-    if not options.has_moving_components or solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+    if solver is Solver.LINEARLY_IMPLICIT_MIDPOINT:
+        return
+    if options.has_lines:
+        raise ParameterError(
+            f"{solver.value} has no lines with waves: "
+            f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value} is right",
+            "line_a" if options.line_b is None else "line_b",
+        )
+    if not options.has_moving_components:
         return
     symbol = "pump_control" if options.counterbalance is None else "counterbalance"
     raise ParameterError(
@@ -57,6 +66,12 @@ def check_components(options: PlantOptions, solver: Solver) -> None:
         f"{Solver.LINEARLY_IMPLICIT_MIDPOINT.value} is right",
         symbol,
     )
+
+
+def check_lines(parameters: PlantParameters, options: PlantOptions, dt: float) -> None:
+    """Refuse lines whose wave time no count of steps fits, as `line.check_line` does."""
+    for symbol, line in (("line_a", options.line_a), ("line_b", options.line_b)):
+        check_line(symbol, line, parameters.rho, dt)
 
 
 def _check_edges(parameters: PlantParameters, options: PlantOptions) -> None:
@@ -187,9 +202,9 @@ def check_extension(
     if extension is None:
         return ExtensionState(0.0, 0.0, parameters.P_S)
     require_kind("extension", extension, ExtensionState)
-    for symbol, value, unit in zip(
-        ExtensionState._fields, extension, ("s", "m", "Pa", "", "", "m³/s"), strict=True
-    ):
+    *values, _ = extension
+    names = ExtensionState._fields[: len(values)]
+    for symbol, value, unit in zip(names, values, ("s", "m", "Pa", "", "", "m³/s"), strict=True):
         require_finite(symbol, value, unit)
     floor = VACUUM_PRESSURE if options.cavitation_floor is None else options.cavitation_floor
     if extension.P_S < floor:

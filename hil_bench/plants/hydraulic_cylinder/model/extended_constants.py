@@ -30,6 +30,7 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.pump import PumpConstants
 from hil_bench.plants.hydraulic_cylinder.model.supply import SupplyConstants
+from hil_bench.plants.hydraulic_cylinder.model.waves import LineConstants, line_constants
 
 CompensatorConstants = tuple[float]
 """Margin of the pressure compensator [Pa]; infinite for none."""
@@ -51,9 +52,10 @@ ExtendedConstants = tuple[
     PumpConstants,
 ]
 
-# Where the extension begins in the row, after the paper's constants, and where the load series.
+# Where the extension begins in the row, after the paper's constants; where lines and load series.
 _EXTENSION = ROW
-SERIES = _EXTENSION + 45
+LINES = _EXTENSION + 45
+SERIES = LINES + 8
 
 RELIEF_PRESSURE = _EXTENSION + 11
 """Place of the relief valve's setting in the row: the third of the supply's constants."""
@@ -69,6 +71,8 @@ class ExtensionState(NamedTuple):
         Y_A: share by which the counterbalance valve at A is open [-].
         Y_B: the same at B.
         Q_P: flow of a pump that swivels [m³/s].
+        waves: the lines with their waves under way, as a plant of the same step had them; none for
+            lines at rest.
     """
 
     t: float
@@ -77,6 +81,7 @@ class ExtensionState(NamedTuple):
     Y_A: float = 0.0
     Y_B: float = 0.0
     Q_P: float = 0.0
+    waves: tuple[float, ...] = ()
 
 
 def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float) -> Sequence[float]:
@@ -97,10 +102,12 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
     )
+    lines = (line_constants(line, parameters.rho, dt) for line in (options.line_a, options.line_b))
     points = zip(series.times, series.forces, strict=True)
     return [
         *pack(parameters, options, dt),
         *(float(value) for group in groups for value in group),
+        *(value for line in lines for value in line),
         *(float(value) for point in points for value in point),
     ]
 
@@ -211,3 +218,9 @@ def unpack_extended(row: Floats) -> ExtendedConstants:
         (row[69], row[70], row[71], row[72], row[73], row[74], row[75]),
         (row[76], row[77], row[78], row[79]),
     )
+
+
+@kernel
+def unpack_lines(row: Floats) -> tuple[LineConstants, LineConstants]:
+    """Return the constants of the lines at A and at B."""
+    return (row[80], row[81], row[82], row[83]), (row[84], row[85], row[86], row[87])

@@ -14,7 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.model.bristles import (
     settle,
     slip_rate,
 )
-from hil_bench.plants.hydraulic_cylinder.model.cavitation import Response
+from hil_bench.plants.hydraulic_cylinder.model.cavitation import Oil, Response
 from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.coupling import eliminate_pressures, velocity_change
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
@@ -91,6 +91,47 @@ def find_bending(
 
 
 @kernel
+def move_piston(
+    cylinder: Cylinder,
+    F_L: float,
+    z_f: float,
+    oil: Oil,
+    constants: Constants,
+    extension: ExtendedConstants,
+) -> tuple[Cylinder, float, float]:
+    """Return the cylinder and its bristles one step later, and what the velocity is off by.
+
+    Args:
+        cylinder: at the start of the step.
+        F_L: external load in the middle of the step, without the spring's [N].
+        z_f: bristle deflection at the start of the step [m].
+        oil: of the step.
+        constants: in their groups.
+        extension: those of the extensions.
+    """
+    (dt, m, _, _), _, _, _, _, chambers, friction, _ = constants
+    _, _, bristles, (_, spring, rest) = extension[:4]
+    x, v, P_A, P_B, _, _ = cylinder
+    load = F_L + spring * (x + 0.5 * dt * v - rest)
+    drive = P_A * chambers[2] - P_B * chambers[3]
+    inertia = m / dt + 0.25 * dt * spring
+    if bristles[0] == 0.0:
+        drag = linearise_drag(v, m / dt, friction)
+        force = drive - drag[0] * v - load
+        moved, error = finish_step(cylinder, force, inertia, drag, oil, constants)
+    else:
+        response = eliminate_pressures(oil, chambers)
+        bending = find_bending(drive - load, v, inertia, z_f, response, constants, bristles)
+        held, slope = resist(z_f, bending, friction[2], dt, bristles)
+        force = drive - held - slope * v - load
+        inertia += 0.5 * slope
+        moved, error = finish_step(cylinder, force, inertia, NO_DRAG, oil, constants)
+        limit = (friction[0] + friction[1]) / bristles[0]
+        z_f = settle(z_f, 0.5 * (v + moved[1]), bending, limit)
+    return moved, z_f, error
+
+
+@kernel
 def try_extended(
     cylinder: Cylinder,
     spool: Spool,
@@ -109,43 +150,28 @@ def try_extended(
         constants: in their groups.
         extension: those of the extensions.
     """
-    (dt, m, _, floor), _, opening, _, _, chambers, friction, _ = constants
-    _, _, bristles, (_, spring, rest) = extension[:4]
-    x, v, P_A, P_B, _, _ = cylinder
+    (dt, _, _, floor), _, opening, _, _, _, _, _ = constants
+    _, _, P_A, P_B, _, _ = cylinder
     z_f, P_S, inner = others
     nu = 0.5 * (spool[0] + spool[1])
     z = orifice_state(nu, opening)
     if extension[6][0] == 0.0:
         oil, ports, feeding = compress_oil(cylinder, z, P_S, constants, extension)
     else:
-        middle, _ = move_inner(inner, nu, (P_A, P_B, P_S), dt, constants, extension)
+        before = (P_A, P_B, P_S)
+        middle, _ = move_inner(inner, nu, before, (P_A, P_B), dt, constants, extension)
         oil, ports, feeding = compress_through_edges(
             cylinder, nu, P_S, middle, constants, extension
         )
 
-    load = F_L + spring * (x + 0.5 * dt * v - rest)
-    drive = P_A * chambers[2] - P_B * chambers[3]
-    inertia = m / dt + 0.25 * dt * spring
-    if bristles[0] == 0.0:
-        drag = linearise_drag(v, m / dt, friction)
-        force = drive - drag[0] * v - load
-        moved, error = finish_step(cylinder, force, inertia, drag, oil, constants)
-    else:
-        response = eliminate_pressures(oil, chambers)
-        bending = find_bending(drive - load, v, inertia, z_f, response, constants, bristles)
-        held, slope = resist(z_f, bending, friction[2], dt, bristles)
-        force = drive - held - slope * v - load
-        inertia += 0.5 * slope
-        moved, error = finish_step(cylinder, force, inertia, NO_DRAG, oil, constants)
-        limit = (friction[0] + friction[1]) / bristles[0]
-        z_f = settle(z_f, 0.5 * (v + moved[1]), bending, limit)
-
+    moved, z_f, error = move_piston(cylinder, F_L, z_f, oil, constants, extension)
     rises = (moved[2] - P_A, moved[3] - P_B)
     error += oil_error(rises, ports, spool, z, constants)
     charged = charged_pressure(P_S, feeding, rises)
     if extension[6][0] != 0.0:
         means = (P_A + 0.5 * rises[0], P_B + 0.5 * rises[1], 0.5 * (P_S + charged))
-        _, inner = move_inner(inner, nu, means, dt, constants, extension)
+        at_ports = (means[0], means[1])
+        _, inner = move_inner(inner, nu, means, at_ports, dt, constants, extension)
     return moved, (z_f, floor if charged < floor else charged, inner), error
 
 

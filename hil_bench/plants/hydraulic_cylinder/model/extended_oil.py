@@ -214,6 +214,7 @@ def move_inner(
     inner: Inner,
     nu: float,
     pressures: tuple[float, float, float],
+    ports: tuple[float, float],
     dt: float,
     constants: Constants,
     extension: ExtendedConstants,
@@ -224,13 +225,14 @@ def move_inner(
         inner: at the start of the step.
         nu: spool position in the middle of the step [m].
         pressures: P_A, P_B and P_S that move them [Pa].
+        ports: pressures at the valve's ports, of which the pump senses one [Pa].
         dt: step [s].
         constants: in their groups.
         extension: those of the extensions.
     """
     supply, edges, valve, pump = extension[4], extension[6], extension[9], extension[10]
-    ports = (pressures[0], pressures[1])
-    middle, end = move_valves((inner[0], inner[1]), ports, dt, valve)
+    chambers = (pressures[0], pressures[1])
+    middle, end = move_valves((inner[0], inner[1]), chambers, dt, valve)
     sensed = sensed_pressure(nu, ports, constants[4][2], edges)
     return (
         (middle[0], middle[1], swivel(inner[2], pressures[2], sensed, 0.5 * dt, pump, supply)),

@@ -9,6 +9,7 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_components,
     check_extension,
     check_full_model,
+    check_lines,
     check_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
@@ -21,6 +22,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
+from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import advance_lined_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
@@ -33,6 +35,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state import (
 from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     EXTRA,
     INNER,
+    LINES,
     PLAIN_EXTRA,
     STEPS,
     SUPPLY,
@@ -47,6 +50,13 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
+from hil_bench.plants.hydraulic_cylinder.model.waves import (
+    CAVITY,
+    QUEUE,
+    SHOWN,
+    WAS_VALVE,
+    require_waves,
+)
 
 _ADVANCE = {
     (Solver.FORWARD_EULER, True): advance_forward_euler,
@@ -103,21 +113,24 @@ class FullOrderPlant:
         self.dt = dt
         check_full_model(parameters, self.options)
         check_components(self.options, solver)
+        check_lines(parameters, self.options, dt)
         check_step(dt, largest_step(parameters, self.options, solver), self.options, solver)
-        t, z_f, P_S, *inner = check_extension(extension, parameters, self.options)
+        t, z_f, P_S, *inner, waves = check_extension(extension, parameters, self.options)
         F_L = self.options.load_at(0.0, t)
         start = balanced_state(parameters, F_L=F_L) if state is None else state
         check_state(start, parameters, self.options)
         # Only the bench's solver has a second kernel, shorter by what no extension needs.
         is_midpoint = solver is Solver.LINEARLY_IMPLICIT_MIDPOINT
         self._is_extended = is_extended = self.options.is_extended or not is_midpoint
-        self._advance = ready(_ADVANCE[solver, is_extended])
+        kernel = advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
+        self._advance = ready(kernel)
         self._defects = Defects()
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
+        lines = self._lines_at_start(start, waves)
         self._state = make_row(
-            (*start, t / dt, z_f, P_S, 0.0, 0.0, *inner) if is_extended else (*start, 0.0)
+            (*start, t / dt, z_f, P_S, 0.0, 0.0, *inner, *lines) if is_extended else (*start, 0.0)
         )
         self._output = self._advance_by(0.0, 0.0, 0)
 
@@ -133,9 +146,18 @@ class FullOrderPlant:
         row = self._state
         if not self._is_extended:
             return ExtensionState(0.0, 0.0, self.parameters.P_S)
-        inner = (float(row[place]) for place in range(INNER, len(row)))
-        return ExtensionState(
-            float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY]), *inner
+        Y_A, Y_B, Q_P, *waves = (float(row[place]) for place in range(INNER, len(row)))
+        t, z_f, P_S = float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY])
+        return ExtensionState(t, z_f, P_S, Y_A, Y_B, Q_P, tuple(waves))
+
+    @property
+    def valve_pressures(self) -> tuple[float, float]:
+        """Pressures at the valve's ports A and B [Pa]; without a line that of the chamber."""
+        options, seen = self.options, self._output
+        at = LINES + SHOWN
+        return (
+            seen.P_A if options.line_a is None else float(self._state[at]),
+            seen.P_B if options.line_b is None else float(self._state[at + 1]),
         )
 
     @property
@@ -209,6 +231,23 @@ class FullOrderPlant:
         """
         u, F_L = bound_input(plant_input, steps)
         return self._advance_by(u, F_L, steps)
+
+    def _lines_at_start(self, start: PlantState, waves: tuple[float, ...]) -> Sequence[float]:
+        """Return the lines' part of the row of states, at rest where nothing else is given."""
+        lines = (self.options.line_a, self.options.line_b)
+        if not self.options.has_lines:
+            return ()
+        sizes = [0 if line is None else line.steps(self.parameters.rho, self.dt) for line in lines]
+        if waves:
+            require_waves(waves, QUEUE + 2 * sum(sizes))
+            return waves
+        valve, P_T = self.options.counterbalance, self.parameters.P_T
+        # Behind a counterbalance valve nothing holds a pressure.
+        A = P_T if valve is not None and valve.in_line_a else start.P_A
+        B = P_T if valve is not None and valve.in_line_b else start.P_B
+        queues = (A,) * (2 * sizes[0]) + (B,) * (2 * sizes[1])
+        rest = (0.0,) * (WAS_VALVE - CAVITY)
+        return 0.0, 0.0, A, B, *rest, A, B, A, B, A, B, *queues
 
     def _advance_by(self, u: float, F_L: float, steps: int) -> PlantOutput:
         seen = self._advance(self._state, self._constants, u, F_L, steps)

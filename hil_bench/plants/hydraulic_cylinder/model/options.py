@@ -15,6 +15,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     MeteringLands,
     SupplyUnit,
 )
+from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -81,6 +82,8 @@ class PlantOptions:
         cushion_a: at the end at which A is empty; None for none.
         cushion_b: at the end at which B is empty; None for none.
         counterbalance: what holds the load in line A, in line B or in both; None for nothing.
+        line_a: from the valve to A, where its waves are to be seen; None for a volume of chamber A.
+        line_b: the same to B.
         supply: what holds P_S up; None for the constant P_S.
         loads: what acts on the rod besides the F_L of each step; one series at the most.
 
@@ -104,6 +107,8 @@ class PlantOptions:
     cushion_a: Cushion | None = None
     cushion_b: Cushion | None = None
     counterbalance: CounterbalanceValve | None = None
+    line_a: Line | None = None
+    line_b: Line | None = None
     supply: SupplyUnit | None = None
     loads: tuple[Load, ...] = ()
 
@@ -142,6 +147,8 @@ class PlantOptions:
         require_kind("cushion_a", self.cushion_a, Cushion, NoneType)
         require_kind("cushion_b", self.cushion_b, Cushion, NoneType)
         require_kind("counterbalance", self.counterbalance, CounterbalanceValve, NoneType)
+        require_kind("line_a", self.line_a, Line, NoneType)
+        require_kind("line_b", self.line_b, Line, NoneType)
         require_kind("supply", self.supply, SupplyUnit, NoneType)
         require_kind("loads", self.loads, tuple)
         for load in self.loads:
@@ -162,6 +169,7 @@ class PlantOptions:
         are_apart = self.lands is not None and self.lands.are_apart
         return (
             are_apart
+            or self.has_lines
             or self.has_moving_components
             or any(component is not None for component in components)
         )
@@ -171,6 +179,11 @@ class PlantOptions:
         """Whether there are valves or pumps with states of their own."""
         is_variable = self.supply is not None and self.supply.variable is not None
         return is_variable or self.counterbalance is not None
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether waves run between valve and cylinder."""
+        return self.line_a is not None or self.line_b is not None
 
     @property
     def load_mass(self) -> float:

@@ -245,6 +245,7 @@ def check_reduced_model(parameters: PlantParameters, options: PlantOptions) -> N
         "counterbalance": options.counterbalance is not None,
         "compensator_margin": options.compensator_margin is not None,
         "cushion": options.cushion_a is not None or options.cushion_b is not None,
+        "lines": options.has_lines,
         "supply_unit": options.supply is not None,
     }
     for symbol, is_given in given.items():

@@ -26,9 +26,9 @@ point of the load series after them.
 PLAIN_EXTRA = 8
 """Place of the extra evaluations in the row of a plant without extensions."""
 
-STEPS, SUPPLY, POINT, EXTRA, INNER = 8, 10, 11, 12, 13
+STEPS, SUPPLY, POINT, EXTRA, INNER, LINES = 8, 10, 11, 12, 13, 16
 """Places in the row of a plant with extensions: steps since time 0, P_S, point of the series,
-evaluations beyond one a step; openings of counterbalance valves and the pump's flow."""
+evaluations beyond one a step; openings of counterbalance valves and the pump's flow; lines."""
 
 NO_VALVES: Shares = (0.0, 0.0)
 """Of the solvers that have no counterbalance valves."""
@@ -106,6 +106,15 @@ def valve_flows(
 
 
 @kernel
+def write_states(row: Floats, states: States, steps: int, point: int) -> None:
+    """Write the states of a plant with extensions back, as `keep_extended` takes them."""
+    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
+    row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
+    row[6], row[7], row[9], row[10] = V_CA, V_CB, z_f, P_S
+    row[STEPS], row[POINT] = row[STEPS] + steps, float(point - SERIES)
+
+
+@kernel
 def keep_extended(
     row: Floats,
     states: States,
@@ -124,10 +133,8 @@ def keep_extended(
         constants: in their groups.
         extension: those of the extensions.
     """
-    x, v, P_A, P_B, nu, nu_dot, V_CA, V_CB, z_f, P_S = states
-    row[0], row[1], row[2], row[3], row[4], row[5] = x, v, P_A, P_B, nu, nu_dot
-    row[6], row[7], row[9], row[10] = V_CA, V_CB, z_f, P_S
-    row[STEPS], row[POINT] = row[STEPS] + steps, float(point - SERIES)
+    write_states(row, states, steps, point)
+    x, v, P_A, P_B, nu, _, _, _, _, P_S = states
     K, _, P_T, transition, signed = constants[4]
     orifice = (K, P_S, P_T, transition, signed)
     z = orifice_state(nu, constants[2])

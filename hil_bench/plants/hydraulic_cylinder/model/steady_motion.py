@@ -1,6 +1,8 @@
 """The steady motion of a cylinder under a constant opening: speed, pressures and flow."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from hil_bench.plants.hydraulic_cylinder.model.edges import edge_openings
@@ -16,6 +18,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state import (
     balanced_state,
     held_state,
 )
+from hil_bench.plants.hydraulic_cylinder.model.waves import line_drop
 
 _SHUT = 1e-9  # share of its opening at which a counterbalance valve is as good as shut
 
@@ -134,7 +137,15 @@ def _move(
     P_S = p.P_S if unit is None else unit.relief_pressure
     fed, other, against = (p.A_A, p.A_B, force) if extends else (p.A_B, p.A_A, -force)
     drive = P_S * fed - p.P_T * other - against
-    speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2)
+    inlet, outlet = (
+        (options.line_a, options.line_b) if extends else (options.line_b, options.line_a)
+    )
+
+    def lost(speed: float, *, fills: bool = True) -> float:
+        behind = line_drop(outlet, p.rho, other * speed) * other
+        return behind + line_drop(inlet, p.rho, fed * speed) * fed if fills else behind
+
+    speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2, lost)
     margin = _margin(options)
     held = feeding * math.sqrt(margin)
     is_compensated = speed * fed > held
@@ -142,14 +153,15 @@ def _move(
     pump = math.inf if unit is None else unit.pump_flow
     is_limited = speed * fed > pump
     speed = min(speed, pump / fed)
-    P_2 = p.P_T + (other * speed / draining) ** 2
+    P_2 = p.P_T + (other * speed / draining) ** 2 + line_drop(outlet, p.rho, other * speed)
     P_1 = (P_2 * other + against + _friction(p, speed)) / fed if speed else P_S
     flow, floor = speed * fed, options.cavitation_floor
     is_cavitating = floor is not None and P_1 < floor
     if floor is not None and is_cavitating:
         drive = floor * fed - p.P_T * other - against
-        speed, P_1 = _balance(parameters, drive, other**3 / draining**2), floor
-        P_2 = p.P_T + (other * speed / draining) ** 2
+        falls = partial(lost, fills=False)
+        speed, P_1 = _balance(parameters, drive, other**3 / draining**2, falls), floor
+        P_2 = p.P_T + (other * speed / draining) ** 2 + line_drop(outlet, p.rho, other * speed)
         flow = min(feeding * math.sqrt(min(P_S - floor, margin)), pump)
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
     return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_compensated, is_cavitating)
@@ -201,14 +213,23 @@ def _friction(parameters: PlantParameters, speed: float) -> float:
     return p.F_c + stribeck + p.sigma * speed
 
 
-def _balance(parameters: PlantParameters, drive: float, resistance: float) -> float:
-    """Return the largest speed at which a force drives friction and edges [m/s]; 0 for none."""
+def _balance(
+    parameters: PlantParameters, drive: float, resistance: float, lost: Callable[[float], float]
+) -> float:
+    """Return the largest speed at which a force drives friction, edges and lines [m/s]; 0 for none.
+
+    Args:
+        parameters: of the plant.
+        drive: the force [N].
+        resistance: of the edges, force over speed² [N s²/m²].
+        lost: force that the lines take at a speed [N].
+    """
     if drive <= parameters.F_c:
         return 0.0
     low, high = 0.0, math.sqrt(drive / resistance)
     for _ in range(200):
         middle = 0.5 * (low + high)
-        if drive - _friction(parameters, middle) > resistance * middle * middle:
+        if drive - _friction(parameters, middle) - lost(middle) > resistance * middle * middle:
             low = middle
         else:
             high = middle

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import ExtensionState
 from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     CounterbalanceValve,
@@ -150,6 +151,40 @@ def test_on_a_shut_valve_no_oil_is_made_or_lost():
     assert turned > 1e-5
     assert abs(lost_a) < 1e-9 * turned
     assert abs(lost_b) < 1e-9 * turned
+
+
+def test_what_the_supply_gives_is_in_line_and_chamber():
+    """Pump flow less what stays in the supply line enters A's line, to rounding."""
+    unit = SupplyUnit(
+        pump_flow=4e-4, relief_pressure=190e5, accumulator_volume=0.0, precharge_pressure=0.0
+    )
+    options = replace(PlantOptions.paper(), line_a=HOSE, line_b=SHORT, supply=unit)
+    moving = plant(options, OIL_ALONE, state=PlantState(-0.15, 0.0, 50e5, 53e5, 0.0, 0.0))
+    moving.step(PlantInput(0.5e-3), 6000)
+    extra, lost, turned = moving.extra_evaluations, 0.0, 0.0
+    for k in range(500):
+        before, line, P_S = moving.output, content(moving)[0], moving.extension.P_S
+        after = moving.step(PlantInput(0.5e-3 + 1e-7 * k))
+        given = unit.pump_flow * moving.dt
+        kept = unit.line_volume / P.E * (moving.extension.P_S - P_S)
+        volume = P.V_A0 + P.A_A * (before.x + 0.5 * moving.dt * before.v)
+        pressed = volume / P.E * (after.P_A - before.P_A)
+        gained = content(moving)[0] - line
+        lost += given - kept - gained - P.A_A * (after.x - before.x) - pressed
+        turned += given
+    assert moving.extra_evaluations == extra
+    assert moving.extension.P_S < unit.relief_pressure
+    assert abs(lost) < 1e-9 * turned
+
+
+def test_what_wears_is_worn_with_lines_too():
+    """A leak of chamber B to the tank empties line and chamber behind a shut valve."""
+    held = plant()
+    before = held.valve_pressures[1]
+    held.defects = Defects(leakage_b=1e-10)
+    held.step(PlantInput(0.0), 8000)
+    assert held.valve_pressures[1] < 0.5 * before
+    assert held.valve_pressures[1] == pytest.approx(held.output.P_B, rel=2e-2, abs=2e4)
 
 
 def test_the_step_is_of_second_order():

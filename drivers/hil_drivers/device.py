@@ -75,7 +75,7 @@ class Device:
         return str(self.node)
 
     def poll(self) -> bool:
-        """Return False: CANopen devices send by themselves, as `setup` told them to."""
+        """Return False: CANopen devices send by themselves, as `setup` has configured."""
         return False
 
     def _first_mapped(self, candidates: Sequence[ObjectKey]) -> ObjectKey:
@@ -211,7 +211,7 @@ class Sensor(Device):
 
     @property
     def protections(self) -> list[Protection]:
-        """What came of its protected PDOs: accepted, wrong, repeated and lost frames of each."""
+        """Counters of its protected PDOs: accepted, wrong, repeated and lost frames of each."""
         return [pdo.protection for pdo in self._received if pdo.protection is not None]
 
     def _read_scaling(self) -> None:

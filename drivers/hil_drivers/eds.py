@@ -72,7 +72,7 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
     sections = _read(text)
     objects = _objects(sections, str(path))
     if not objects:
-        raise EdsError(f"{path} is no EDS file: it has no object such as [1000]")
+        raise EdsError(f"{path} is not an EDS file: it has no object such as [1000]")
     lines = [
         line
         for name, keys in (_headers(sections) | objects).items()
@@ -82,7 +82,7 @@ def load_eds(path: Path, node_id: int) -> ObjectDictionary:
         kept = _imported("\n".join(lines), node_id)
     except Exception as error:  # canopen lets whatever fails in a file pass
         reason = (str(error).splitlines() or [type(error).__name__])[0].strip("'\"")
-        raise EdsError(f"{path} is no EDS that canopen can read: {reason}") from error
+        raise EdsError(f"{path} cannot be read as an EDS file: {reason}") from error
     dictionary: ObjectDictionary = pickle.loads(kept)  # noqa: S301 - of our own making
     return dictionary
 

@@ -155,7 +155,7 @@ class Node(canopen.RemoteNode):
             self.sdo.RESPONSE_TIMEOUT = patience
         raise DriverTimeoutError(
             f"no answer within {PROBES * PROBE_TIMEOUT:g} s; "
-            "a device with this node-ID, powered and on this bus, is right",
+            "check node-ID, power, wiring and bit rate",
             device=self,
         )
 

@@ -25,7 +25,7 @@ SAMPLE_TIMEOUT = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerParameters:
-    """What the controller knows of valve and cylinder; the defaults fit Ruderman 2017, Table I.
+    """Parameters of the controller, of valve and cylinder; the defaults fit Ruderman 2017, Table I.
 
     Attributes:
         position_gain: speed per position error [1/s]; stable only well below 2 ζ ω_c of the

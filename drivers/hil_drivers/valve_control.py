@@ -99,7 +99,7 @@ class ValveControl(ABC):
         self._command(state.command)
 
     def close(self) -> None:
-        """Leave the valve disabled and no longer ours, as far as it can still be reached.
+        """Disable and release the valve, as far as it can still be reached.
 
         Never raises a `DriverError`: what could not be done is logged as a warning, or, of a valve
         in a fault state, as information.
@@ -144,7 +144,7 @@ class ValveControl(ABC):
             return ValveState(status_word & STATE_BITS)
         except ValueError:
             raise RemoteProtocolError(
-                f"{self}: status word 0x{status_word:04X} tells no state of CiA 408"
+                f"{self}: status word 0x{status_word:04X} is no state of CiA 408"
             ) from None
 
     def _circumstances(self) -> str:

@@ -17,7 +17,7 @@ STATE_BITS = 0b1111
 
 
 class ValveState(IntEnum):
-    """State of the device, as bits R M H D of the status word tell it.
+    """State of the device, from bits R M H D of the status word.
 
     The spool follows the set-point only in ACTIVE; in HOLD and FAULT_HOLD it is at the device's
     hold set-point. NOT_READY is power-up, and also how FAULT_INIT reads.

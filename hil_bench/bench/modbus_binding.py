@@ -102,7 +102,7 @@ class ModbusBinding:
 
     def __init__(self, config: BenchConfig, bench: Bench) -> None:
         if config.modbus is None:
-            raise ConfigError("modbus: there is no such table; give [modbus]")
+            raise ConfigError("modbus: the file has no table [modbus]; add one")
         self._sample = 0
         names = [node.name for node in config.nodes]
         nodes = dict(zip(names, bench.nodes, strict=True))

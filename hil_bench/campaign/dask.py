@@ -51,7 +51,9 @@ class DaskBackend:
             right = "give one as in tcp://host:8786"
             raise ConfigError(f"--dask {address}: {error}; {right}") from None
         except OSError:
-            raise BusError(f"--dask {address}: no scheduler answers there") from None
+            raise BusError(
+                f"--dask {address}: no scheduler answers there; start it with: dask scheduler"
+            ) from None
 
     def __enter__(self) -> Self:
         return self

@@ -149,7 +149,7 @@ def read_speed(text: str) -> float:
     except ValueError:
         speed = math.nan
     if not speed > 0:
-        raise argparse.ArgumentTypeError(f"{text!r}: a positive number or max is right")
+        raise argparse.ArgumentTypeError(f"{text!r}: give a positive number, or max")
     return speed
 
 

@@ -115,7 +115,7 @@ def _duration(text: str) -> float:
     except ValueError:
         seconds = math.nan
     if not seconds > 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r}: a positive number of seconds or inf is right")
+        raise argparse.ArgumentTypeError(f"{text!r}: give a positive number of seconds, or inf")
     return seconds
 
 

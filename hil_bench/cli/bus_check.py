@@ -103,7 +103,10 @@ def _is_wanted(plans: Sequence[Plan], args: argparse.Namespace) -> bool:
     if args.yes:
         return True
     if not sys.stdin.isatty():
-        raise ConfigError("--apply: nobody to ask, for this is no terminal; --yes writes unasked")
+        raise ConfigError(
+            "--apply: needs a confirmation, and this is no terminal; "
+            "give --yes to write without asking"
+        )
     return input("write this? [y/N] ").strip().lower() in {"y", "yes"}
 
 

@@ -133,7 +133,7 @@ def _check_arguments(args: argparse.Namespace) -> None:
         value = getattr(args, name)
         if not low <= value <= high:
             flag = name.replace("_", "-")
-            raise ConfigError(f"--{flag} {value:g}: {low:g} to {high:g} is right")
+            raise ConfigError(f"--{flag} {value:g}: give {low:g} to {high:g}")
 
 
 def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_Bus, list[_Row]]:

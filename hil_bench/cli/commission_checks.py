@@ -15,9 +15,9 @@ def check_arguments(args: argparse.Namespace) -> None:
         ConfigError: it says which option and what would be right.
     """
     if args.machine and not args.virtual:
-        raise ConfigError("--machine: is a virtual one; give --virtual too")
+        raise ConfigError("--machine: is for a virtual machine; give --virtual too")
     if args.lockstep and args.virtual:
-        raise ConfigError("--lockstep: --virtual needs none, its time is virtual; give either")
+        raise ConfigError("--lockstep: --virtual has virtual time already; give one of both")
     if args.sync_period_us is not None and not args.lockstep:
         raise ConfigError("--sync-period-us: belongs to --lockstep; give both")
     if args.restore and args.virtual:
@@ -50,5 +50,6 @@ def check_consent(args: argparse.Namespace, plan: CommissioningPlan) -> None:
     has_motion = any(step.kind.moves for step in plan.steps)
     if has_motion and not (args.virtual or args.yes or sys.stdin.isatty()):
         raise ConfigError(
-            "nobody to ask before motion, for this is no terminal; --yes moves unasked"
+            "motion needs a confirmation, and this is no terminal; "
+            "give --yes to move without asking"
         )

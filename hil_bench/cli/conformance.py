@@ -131,9 +131,9 @@ def _allowed(args: argparse.Namespace) -> Impact:
     if args.store and not args.write:
         raise ConfigError("--store: overwrites what the device has stored; give --write, too")
     if not 0.0 < args.patience < 60.0:
-        raise ConfigError(f"--patience {args.patience:g}: more than 0 and less than 60 s is right")
+        raise ConfigError(f"--patience {args.patience:g}: give more than 0 and less than 60 s")
     if args.report is not None and not args.report.absolute().parent.is_dir():
-        raise ConfigError(f"--report {args.report}: there is no such folder")
+        raise ConfigError(f"--report {args.report}: there is no such folder; make it first")
     if args.report is not None and args.report.is_dir():
         raise ConfigError(f"--report {args.report}: is a directory; give the name of a file")
     if args.store:
@@ -149,7 +149,7 @@ def _node_id(args: argparse.Namespace) -> int:
     """
     node_id = int(args.node_id)
     if not 1 <= node_id <= 127:
-        raise ConfigError(f"--node-id {node_id}: 1 to 127 is right")
+        raise ConfigError(f"--node-id {node_id}: give 1 to 127")
     return node_id
 
 
@@ -164,7 +164,9 @@ def _eds(args: argparse.Namespace, config: BenchConfig) -> Path:
     for node in config.nodes:
         if node.node_id == args.node_id:
             return Path(node.eds)
-    raise ConfigError(f"no --eds, and {config.path or 'the built-in bench'} has no such node")
+    raise ConfigError(
+        f"no --eds, and {config.path or 'the built-in bench'} has no such node; give --eds FILE"
+    )
 
 
 def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:

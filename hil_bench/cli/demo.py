@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the duration makes no sense.
     """
     if not 0 < args.duration <= _LONGEST:
-        raise ConfigError(f"--duration {args.duration:g}: above 0, up to {_LONGEST:g} s, is right")
+        raise ConfigError(f"--duration {args.duration:g}: give more than 0, up to {_LONGEST:g} s")
     sensors = SensorBus(args.sensors)
     if sensors is SensorBus.MODBUS:
         require_pymodbus()

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the length of the test makes no sense.
     """
     if not 0 <= args.seconds <= _LONGEST:
-        raise ConfigError(f"--seconds {args.seconds:g}: 0 to {_LONGEST:g} s is right")
+        raise ConfigError(f"--seconds {args.seconds:g}: give 0 to {_LONGEST:g} s")
     permissions, machine = examine_permissions(read_file), examine_machine(read_file)
     buses = examine_buses(read_file)
     tests = measure(args.seconds, permissions)

@@ -90,9 +90,9 @@ def run(args: argparse.Namespace) -> int:
     if args.verify:
         return _verify(args)
     if args.digest is not None:
-        raise ConfigError("--digest: is of a pack that is there; give --verify, too")
+        raise ConfigError("--digest: checks an existing pack; give --verify too")
     if not 0 <= args.seconds <= _LONGEST:
-        raise ConfigError(f"--seconds {args.seconds:g}: 0 to {_LONGEST:g} s is right")
+        raise ConfigError(f"--seconds {args.seconds:g}: give 0 to {_LONGEST:g} s")
     if find_spec("jinja2") is None:
         raise ConfigError("evidence needs Jinja2: pip install 'hil-bench[report]'")
     check_folder(args.folder)

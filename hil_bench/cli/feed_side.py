@@ -137,7 +137,7 @@ def check_feed_arguments(args: argparse.Namespace) -> None:
         return
     if args.no_feed or not HAS_SOCKETS:
         why = "--no-feed" if args.no_feed else "this machine has no Unix sockets"
-        raise ConfigError(f"--panel: shows the bench by its feed, and there is none ({why})")
+        raise ConfigError(f"--panel: needs the feed, which is off ({why}); leave one out")
     check_panel_argument()
 
 

@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     for package in ("scipy", "matplotlib", "tqdm"):
         require_extra(package, "hil-bench identify")
     if not 1 <= args.starts <= 10_000:
-        raise ConfigError(f"--starts {args.starts}: 1 to 10000 are right")
+        raise ConfigError(f"--starts {args.starts}: give 1 to 10000")
     recordings, config = _sort_files(args.files)
     axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:

@@ -39,7 +39,7 @@ def check_duration(args: argparse.Namespace) -> None:
         ConfigError: it is not positive.
     """
     if not args.duration > 0.0:
-        raise ConfigError(f"--duration {args.duration:g}: more than 0 is right")
+        raise ConfigError(f"--duration {args.duration:g}: give more than 0 s")
 
 
 @contextmanager

@@ -154,8 +154,8 @@ def check_consent(args: argparse.Namespace) -> None:
         ConfigError: there is nobody to ask.
     """
     if not (args.yes or sys.stdin.isatty()):
-        wrong = "nobody to ask before motion, for this is no terminal"
-        raise ConfigError(f"{wrong}; --yes moves unasked")
+        wrong = "motion needs a confirmation, and this is no terminal"
+        raise ConfigError(f"{wrong}; give --yes to move without asking")
 
 
 def is_confirmed(

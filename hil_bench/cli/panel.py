@@ -104,7 +104,7 @@ def check_arguments(args: argparse.Namespace) -> None:
     if args.port is not None and not 0 <= args.port <= 65535:
         raise ConfigError(f"--port {args.port}: give 1 to 65535, or 0 for a free one")
     if not args.tests.is_dir():
-        raise ConfigError(f"--tests {args.tests}: there is no such folder")
+        raise ConfigError(f"--tests {args.tests}: there is no such folder; make it first")
     if args.listen is None:
         return
     try:

@@ -60,7 +60,7 @@ def check_pre_trigger(args: argparse.Namespace) -> None:
         ConfigError: it is negative, or beyond an hour.
     """
     if not 0 <= args.pre_trigger <= 3600:
-        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: 0 to 3600 s is right")
+        raise ConfigError(f"--pre-trigger {args.pre_trigger:g}: give 0 to 3600 s")
 
 
 def recording_wish(args: argparse.Namespace) -> RecordingWish:

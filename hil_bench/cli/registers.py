@@ -103,7 +103,7 @@ def _units(config: BenchConfig) -> Sequence[ModbusUnitConfig]:
         ConfigError: there is no Modbus server.
     """
     if config.modbus is None:
-        raise ConfigError("modbus: there is no such table; give [modbus]")
+        raise ConfigError("modbus: the file has no table [modbus]; add one")
     return config.modbus.units
 
 

@@ -147,9 +147,9 @@ def check_arguments(args: argparse.Namespace) -> None:
         ConfigError: it says which option and what would be right.
     """
     if args.duration is not None and not 0 < args.duration < float("inf"):
-        raise ConfigError(f"--duration {args.duration:g}: a positive number of seconds is right")
+        raise ConfigError(f"--duration {args.duration:g}: give a positive number of seconds")
     if args.hub is not None and not 0 <= args.hub <= 65535:
-        raise ConfigError(f"--hub {args.hub}: a port from 1 to 65535 is right, or 0 for a free one")
+        raise ConfigError(f"--hub {args.hub}: give a port from 1 to 65535, or 0 for a free one")
     if args.lockstep and args.speed != 1:
         raise ConfigError("--speed: in lock-step the controller's SYNC is the pace; leave it out")
     for option in ("strict_timing", "histograms", "realtime", "overrun"):

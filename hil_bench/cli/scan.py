@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the time to listen makes no sense.
     """
     if args.listen is not None and not 0.0 < args.listen < float("inf"):
-        raise ConfigError(f"--listen {args.listen:g}: a positive number of seconds is right")
+        raise ConfigError(f"--listen {args.listen:g}: give a positive number of seconds")
     config = load_bench_config(args)
     with open_network(args, config) as opened:
         if args.listen is not None:
@@ -114,7 +114,7 @@ def _node_ids(text: str) -> range:
     except ValueError:
         node_ids = range(0)
     if not node_ids or node_ids[0] not in NODE_IDS or node_ids[-1] not in NODE_IDS:
-        raise argparse.ArgumentTypeError(f"{text!r}: 5 or 1-16 is right, from 1 to 127")
+        raise argparse.ArgumentTypeError(f"{text!r}: give 5 or 1-16, from 1 to 127")
     return node_ids
 
 

@@ -79,7 +79,9 @@ def check_report_argument(args: argparse.Namespace) -> None:
     if args.report.suffix.lower() != _SUFFIX:
         raise ConfigError(f"--report {args.report}: give the name of an {_SUFFIX} file")
     if not args.report.parent.is_dir():
-        raise ConfigError(f"--report {args.report}: there is no folder {args.report.parent}")
+        raise ConfigError(
+            f"--report {args.report}: there is no folder {args.report.parent}; make it first"
+        )
     if find_spec("jinja2") is None:
         raise ConfigError("--report needs Jinja2: pip install 'hil-bench[report]'")
 

@@ -169,9 +169,9 @@ def _check_arguments(args: argparse.Namespace) -> None:
     for name in ("duration", "horizon", "position_mm", "pressure_bar", "spool_percent"):
         value = getattr(args, name)
         if value is not None and not value > 0.0:
-            raise ConfigError(f"--{name.replace('_', '-')} {value:g}: more than 0 is right")
+            raise ConfigError(f"--{name.replace('_', '-')} {value:g}: give more than 0")
     if not 0.02 <= args.horizon <= 60.0:
-        raise ConfigError(f"--horizon {args.horizon:g}: 0.02 to 60 s is right")
+        raise ConfigError(f"--horizon {args.horizon:g}: give 0.02 to 60 s")
     if args.record is not None and args.record.suffix.lower() != ".csv":
         raise ConfigError(f"--record {args.record}: give a file name that ends in .csv")
 

@@ -58,7 +58,7 @@ def read_named_sections(
     for key, (value, _, place) in read_section(document, name, problems).items():
         if not _NAME.fullmatch(key):
             right = "give at most 32 letters, digits, _ or -"
-            problems.add(problems.place(name), f"{describe(key)} is no good as a name; {right}")
+            problems.add(problems.place(name), f"{describe(key)} cannot be a name; {right}")
         elif not isinstance(value, dict):
             problems.add(place, f"{describe(value)} is not a table; write it as [{name}.NAME]")
         else:

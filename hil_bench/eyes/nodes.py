@@ -66,7 +66,7 @@ def node_of_eds(text: str) -> KnownNode:
     """
     number, sign, name = text.partition("=")
     if not sign or not number.strip().isdecimal() or int(number) not in _NODE_IDS or not name:
-        raise ConfigError(f"--eds {text}: NODE-ID=FILE is right, as in 5=vendor.eds")
+        raise ConfigError(f"--eds {text}: give NODE-ID=FILE, as in 5=vendor.eds")
     path = Path(name)
     return KnownNode(int(number), f"{path.stem}_{int(number)}", load_eds(path, int(number)))
 

@@ -138,7 +138,7 @@ def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
     """
     if len(recording) < 2:
         raise ConfigError(
-            f"the recording has {len(recording)} rows of signals; 2 or more are right"
+            f"the recording has {len(recording)} rows of signals; 2 or more are needed"
         )
     names = [channel.name for channel in recording_channels(recording)]
     axes = (config.first_axis, *config.axes[1:])
@@ -228,9 +228,7 @@ def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.N
     times = recording[TIME.name]
     steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
     if np.any(steps < 0):
-        raise ConfigError(
-            "the recording's time goes back; a recording in the order of time is right"
-        )
+        raise ConfigError("the recording's time goes back; give a recording in the order of time")
     setpoints = recording[_command_of(axis)]
     if axis.kind.command.is_share:
         setpoints = setpoints * full

@@ -267,7 +267,7 @@ def _firmware(
 
 @pytest.fixture
 def faults(bench: "VirtualBench") -> "Faults":
-    """What makes things go wrong on the bench: ``faults.freeze("pressure_a")``."""
+    """The faults of the bench, as in ``faults.freeze("pressure_a")``."""
     return bench.faults
 
 

@@ -195,7 +195,7 @@ class AttachedBench:
         self.close()
 
     def close(self) -> None:
-        """Let go of the bench, which runs on; faults that were begun stay."""
+        """Disconnect from the bench, which keeps running; active faults stay."""
         self._client.close()
 
     def status(self) -> dict[str, Any]:
@@ -224,7 +224,7 @@ class AttachedBench:
         self._client.request("set_plant", axis=axis, quantity=quantity, value=value)
 
     def mark(self, text: str) -> None:
-        """Mark this moment in the journal, for who watches."""
+        """Mark this moment in the journal, for everyone who watches."""
         self._client.request("mark", text=text)
 
     def record(self, path: Path | str) -> AttachedRecording:
@@ -238,7 +238,7 @@ class AttachedBench:
         return AttachedRecording(self._client, absolute)
 
     def journal(self) -> list[dict[str, Any]]:
-        """Return which commands have acted, the oldest first; see docs/watching.md."""
+        """Return the commands that have acted, the oldest first; see docs/watching.md."""
         entries: list[dict[str, Any]] = self._client.request("journal")["entries"]
         return entries
 

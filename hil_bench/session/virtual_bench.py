@@ -127,12 +127,12 @@ class VirtualBench:
 
     @property
     def faults(self) -> Faults:
-        """What makes things go wrong: ``bench.faults.freeze("pressure_a")``."""
+        """The faults of the bench, as in ``bench.faults.freeze("pressure_a")``."""
         return self.bench.faults
 
     @property
     def signals(self) -> SignalTable:
-        """What the plant did so far, a row a tick: `time` [s] first, then the channels in SI."""
+        """The signals so far, one row per tick: `time` [s] first, then the channels in SI units."""
         return as_table(self._recorder.result())
 
     @property

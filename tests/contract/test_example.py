@@ -70,7 +70,7 @@ def test_a_device_that_is_not_there_is_a_failure(start):
     assert process.returncode == 1
     assert errors == (
         "position_control: error: node 99: no answer within 2 s; "
-        "a device with this node-ID, powered and on this bus, is right\n"
+        "check node-ID, power, wiring and bit rate\n"
     )
 
 

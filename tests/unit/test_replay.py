@@ -110,7 +110,7 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda rows: rows[:1], "the recording has 1 rows of signals; 2 or more are right"),
+        (lambda rows: rows[:1], "the recording has 1 rows of signals; 2 or more are needed"),
         (
             lambda rows: rows[["time", "axis1.position"]],
             "the recording has no spool set-point; it must have axis1.spool_setpoint",
@@ -121,7 +121,7 @@ def test_a_tolerance_is_for_a_channel_or_for_all_of_its_quantity(recorded):
         ),
         (
             lambda rows: rows[::-1],
-            "the recording's time goes back; a recording in the order of time is right",
+            "the recording's time goes back; give a recording in the order of time",
         ),
     ],
 )

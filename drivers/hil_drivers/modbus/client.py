@@ -211,7 +211,7 @@ class ModbusClient:
             del buffer[:-_LONGEST_BUFFER]
         raise DriverTimeoutError(
             f"{self._name(unit_id)}: no response within {self.timeout:g} s; "
-            "a device with this unit-ID, powered and on this link, is right"
+            "check unit-ID, power and link"
         )
 
     def _ensure_open(self) -> None:

@@ -46,7 +46,9 @@ class TcpFraming:
         while len(buffer) > _HEADER.size:
             transaction, protocol, length, unit_id = _HEADER.unpack_from(buffer)
             if protocol != 0 or not 2 <= length <= 254:
-                raise RemoteProtocolError(f"header {buffer[:7].hex(' ')} is none of Modbus TCP")
+                raise RemoteProtocolError(
+                    f"header {buffer[:7].hex(' ')} is not a Modbus TCP header"
+                )
             end = _HEADER.size - 1 + length
             if len(buffer) < end:
                 return None

@@ -104,7 +104,7 @@ class RegisterMap:
             }
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             what = f"{type(error).__name__}: {error}"
-            raise RegisterMapError(f"{self.path}: no register map: {what}") from None
+            raise RegisterMapError(f"{self.path}: is not a register map: {what}") from None
 
     def find(self, table: str, source: str) -> Register | None:
         """Return the register of a quantity or an object, in its finest type; None for none."""

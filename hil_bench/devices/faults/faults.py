@@ -91,9 +91,9 @@ class Faults(PhysicalFaults):
     """The faults of one bench.
 
     Args:
-        points: what may have faults.
+        points: the targets of faults.
         tick_ns: time between two ticks [ns].
-        seed: of what happens at random.
+        seed: of the random faults.
 
     Attributes:
         lines: connections that have or had a fault, by node; a new object whenever one comes in.
@@ -114,7 +114,7 @@ class Faults(PhysicalFaults):
 
     @property
     def targets(self) -> dict[str, list[str]]:
-        """Names of what may have faults: sensors, valves, supplies, plants that wear, and nodes."""
+        """Names of the fault targets: sensors, valves, supplies, plants that wear, and nodes."""
         points = self._points
         return {
             "sensors": [*points.sensors],
@@ -125,21 +125,21 @@ class Faults(PhysicalFaults):
         }
 
     def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
-        """Let a sensor show one value for ever."""
+        """Freeze the value of a sensor."""
         return self._measure(FaultKind.FREEZE, sensor, Frozen, when)
 
     def offset(self, sensor: str, amount: float, **when: Unpack[When]) -> Fault:
-        """Let a sensor show too much by an amount [Pa or m]."""
+        """Add an offset [Pa or m] to the value of a sensor."""
         make = partial(Shifted, bounded("amount", amount), 0.0, self._tick)
         return self._measure(FaultKind.OFFSET, sensor, make, when)
 
     def drift(self, sensor: str, rate: float, **when: Unpack[When]) -> Fault:
-        """Let a sensor show more and more too much, by a rate [Pa/s or m/s]."""
+        """Let the value of a sensor drift at a rate [Pa/s or m/s]."""
         make = partial(Shifted, 0.0, bounded("rate", rate), self._tick)
         return self._measure(FaultKind.DRIFT, sensor, make, when)
 
     def noise(self, sensor: str, rms: float, **when: Unpack[When]) -> Fault:
-        """Add noise of an RMS [Pa or m] to what a sensor shows."""
+        """Add noise of an RMS [Pa or m] to the value of a sensor."""
         draw = normal_numbers(self._stream(sensor))
         make = partial(Noisy, bounded("rms", rms, low=0.0), draw)
         return self._measure(FaultKind.NOISE, sensor, make, when)
@@ -147,12 +147,12 @@ class Faults(PhysicalFaults):
     def break_wire(
         self, sensor: str, reads: BrokenReading | str = BrokenReading.NOTHING, **when: Unpack[When]
     ) -> Fault:
-        """Let a sensor measure "nothing", or what is beyond its range: "low" or "high"."""
+        """Break a sensor's wire: it reads "nothing", or beyond its range, "low" or "high"."""
         make = partial(Broken, choose("reads", BrokenReading, reads))
         return self._measure(FaultKind.BREAK_WIRE, sensor, make, when)
 
     def slow(self, target: str, time_constant: float, **when: Unpack[When]) -> Fault:
-        """Let a sensor, or the spool of a valve, lag behind by a time constant [s]."""
+        """Add a lag of a time constant [s] to a sensor, or to the spool of a valve."""
         lag = bounded("time_constant", time_constant, low=_SHORTEST_LAG, high=_LONGEST_LAG)
         if target not in self._points.valves:
             known = {**self._points.sensors, **self._points.valves}
@@ -163,13 +163,13 @@ class Faults(PhysicalFaults):
         return self.add(FaultKind.SLOW, target, effect, when)
 
     def stick(self, valve: str, **when: Unpack[When]) -> Fault:
-        """Let the spool of a valve stay where it is."""
+        """Hold the spool of a valve where it is."""
         point = find("valve", valve, self._points.valves)
         effect = SpoolEffect(point, lambda position: lambda _setpoint: position)
         return self.add(FaultKind.STICK, valve, effect, when)
 
     def invert(self, valve: str, **when: Unpack[When]) -> Fault:
-        """Let the spool of a valve go the other way, as with crossed wires."""
+        """Invert the spool of a valve, as crossed wires do."""
         point = find("valve", valve, self._points.valves)
         effect = SpoolEffect(point, lambda _position: lambda setpoint: -setpoint)
         return self.add(FaultKind.INVERT, valve, effect, when)
@@ -193,12 +193,12 @@ class Faults(PhysicalFaults):
         return self.add(FaultKind.DROP_SUPPLY, axis, effect, when)
 
     def silence(self, node: str, **when: Unpack[When]) -> Fault:
-        """Cut a node off the bus, as when it is bus-off: it neither sends nor hears."""
+        """Cut a node off the bus, as in bus-off: it neither sends nor receives."""
         effect = LineEffect(self._line(node), Meeting(silence))
         return self.add(FaultKind.SILENCE, node, effect, when)
 
     def reset(self, node: str, **when: Unpack[When]) -> Fault:
-        """Take the power from a node, and let it boot at the end; without a duration, at once."""
+        """Switch a node off, and let it boot at the end; without a duration, at once."""
         effect = ResetEffect(find("node", node, self._points.nodes), self._line(node))
         when.setdefault("duration", 0.0)
         return self.add(FaultKind.RESET, node, effect, when)
@@ -210,11 +210,11 @@ class Faults(PhysicalFaults):
         return self._disturb(FaultKind.LOSE, node, rule, which)
 
     def delay(self, node: str, time: float, **which: Unpack[Which]) -> Fault:
-        """Let a node's frames be late by `time` [s], rounded up to ticks."""
+        """Delay a node's frames by `time` [s], rounded up to ticks."""
         return self._disturb(FaultKind.DELAY, node, delay(to_ns("time", time)), which)
 
     def truncate(self, node: str, length: int, **which: Unpack[Which]) -> Fault:
-        """Let a node's data frames have `length` bytes, 0 to 8, whatever they should have.
+        """Cut or fill a node's data frames to `length` bytes, 0 to 8.
 
         Without a direction, those that it sends.
         """
@@ -223,7 +223,7 @@ class Faults(PhysicalFaults):
         return self._disturb(FaultKind.TRUNCATE, node, rule, which)
 
     def corrupt(self, node: str, share: float = 1.0, **which: Unpack[Which]) -> Fault:
-        """Turn one bit round in a share of a node's data frames, 0 to 1, at random.
+        """Flip one bit in a share of a node's data frames, 0 to 1, at random.
 
         Without a direction, in those that it sends.
         """
@@ -233,7 +233,7 @@ class Faults(PhysicalFaults):
         return self._disturb(FaultKind.CORRUPT, node, rule, which)
 
     def repeat(self, node: str, **which: Unpack[Which]) -> Fault:
-        """Let a node's data frames repeat the first of their identifier, as a program that hangs.
+        """Let a node's data frames repeat the first of each identifier, as when it hangs.
 
         Without a direction, those that it sends.
         """

@@ -84,13 +84,13 @@ class PhysicalFaults(FaultSchedule):
         return self._wear(FaultKind.WEAR_SPOOL, axis, _Wear("null_opening", opening, growth), when)
 
     def jam(self, axis: str, force: float, *, growth: float = 0.0, **when: Unpack[When]) -> Fault:
-        """Let piston or load rub with a further dry friction [N]."""
+        """Add dry friction [N] to piston or load."""
         return self._wear(FaultKind.JAM, axis, _Wear("dry_friction", force, growth), when)
 
     def drop_load(
         self, axis: str, share: float = 1.0, *, growth: float = 0.0, **when: Unpack[When]
     ) -> Fault:
-        """Take a share of the loads, with their mass, from the rod."""
+        """Remove a share of the loads, with their mass, from the rod."""
         return self._wear(FaultKind.DROP_LOAD, axis, _Wear("load_loss", share, growth), when)
 
     def wear_pump(
@@ -112,7 +112,7 @@ class PhysicalFaults(FaultSchedule):
         return self._wear(FaultKind.LOSE_GAS, axis, _Wear("gas_loss", share, growth), when)
 
     def bind(self, valve: str, band: float, *, growth: float = 0.0, **when: Unpack[When]) -> Fault:
-        """Let the spool stick until its set-point is off by a share of the full opening."""
+        """Let the spool stick until its set-point differs by a share of the full opening."""
         point = find("valve", valve, self._points.valves)
         bounded("band", band, low=0.0, high=1.0)
         ticks = self._ticks(growth)

@@ -57,7 +57,7 @@ class FaultSchedule:
 
     @property
     def active(self) -> tuple[Fault, ...]:
-        """The faults that are there now."""
+        """The faults that are active."""
         return tuple(fault for fault in self._faults if fault.is_active)
 
     def events_since(self, last: FaultEvent | None) -> list[FaultEvent]:
@@ -66,7 +66,7 @@ class FaultSchedule:
         return list(newest)[::-1]
 
     def advance(self, now: int) -> None:
-        """End and begin what is due at `now` [ns]."""
+        """Begin and end the faults that are due at `now` [ns]."""
         self._now = now
         for fault in self.active:
             if fault.ends is not None and fault.ends <= now:
@@ -84,7 +84,7 @@ class FaultSchedule:
         self._set_due()
 
     def add(self, kind: FaultKind, target: str, effect: Effect, when: When) -> Fault:
-        """Return a new fault, which begins by itself.
+        """Add a fault, which begins by itself, and return it.
 
         Raises:
             TypeError: `when` has a key that is none.

@@ -116,8 +116,8 @@ def _unexpected(node_id: int, config: BenchConfig) -> Difference:
 
 def _missing(node: NodeConfig) -> Difference:
     what = (
-        f"node {node.node_id} ({node.name}): does not answer; a device with this node-ID, "
-        "powered, on this bus and at its bit rate, is right"
+        f"node {node.node_id} ({node.name}): does not answer; "
+        "check node-ID, power, wiring and bit rate"
     )
     return Difference(node.node_id, what, Mend.NODE, is_missing=True)
 

@@ -41,7 +41,7 @@ def _check_range(
     """
     low, high = limits
     if math.isnan(value):
-        raise LimitError(f"{what} is not valid, says its sensor")
+        raise LimitError(f"{what} is not valid by the status of its sensor")
     if not low <= value <= high:
         beyond = low if value < low else high
         raise LimitError(

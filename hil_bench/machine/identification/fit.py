@@ -131,7 +131,7 @@ class Fitter:
         if len(pieces.rows) < _FEWEST_PIECES:
             raise ConfigError(
                 f"the recording has {len(pieces.rows)} pieces of {stage.length:g} s clear of the "
-                f"end stops to fit to; {_FEWEST_PIECES} or more are right"
+                f"end stops to fit to; {_FEWEST_PIECES} or more are needed"
             )
         return pieces.share(stage.share)
 

@@ -318,8 +318,8 @@ def _check_times(times: Values) -> float:
         )
     if not 0.0 < interval <= _SLOWEST:
         raise ConfigError(
-            f"the recording has a row each {interval * 1e3:g} ms; {_SLOWEST * 1e3:g} ms or less "
-            "are right"
+            f"the recording has a row each {interval * 1e3:g} ms; give {_SLOWEST * 1e3:g} ms "
+            "or less"
         )
     return interval
 
@@ -341,7 +341,7 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
         raise ConfigError(
             f"the recording has {len(gaps)} gaps in time, the first at {times[place]:g} s, of "
             f"{steps[place] * 1e3:g} ms; {span:.3g} s of it are even for {_LEAST_STRETCH:g} s and "
-            f"more, {_SHORTEST:g} s are right"
+            f"more, {_SHORTEST:g} s are needed"
         )
     return tuple(stretches)
 
@@ -390,5 +390,5 @@ def _check_motion(position: Values, axis: str) -> None:
     if travel < _MOTION:
         raise ConfigError(
             f"{axis} moves by {travel * 1e3:.3g} mm in this recording; {_MOTION * 1e3:g} mm or "
-            "more are right, in both directions"
+            "more are needed, in both directions"
         )

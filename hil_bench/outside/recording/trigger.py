@@ -45,7 +45,7 @@ def parse_trigger(text: str, channels: Sequence[Channel]) -> Trigger:
     """
     match = _CONDITION.fullmatch(text)
     if match is None:
-        raise ConfigError(f'trigger "{text}": "axis1.P_A > 80 bar" is the form')
+        raise ConfigError(f'trigger "{text}": write it as in "axis1.P_A > 80 bar"')
     name, relation, level, symbol = match.groups()
     units = {channel.name: channel.unit for channel in (TIME, *channels)}
     if name not in units:

@@ -75,7 +75,7 @@ class HostedBus:
             self._selector.close()
             what = error.strerror or str(error)
             if error.errno == errno.EADDRINUSE:
-                what = "the port is in use, by another hub?; port 0 takes a free one"
+                what = "the port is in use, perhaps by another hub; port 0 takes a free one"
             raise BusError(f"hub {host}:{port}: {what}") from error
         self._server.setblocking(False)
         self._selector.register(self._server, selectors.EVENT_READ, self._admit)

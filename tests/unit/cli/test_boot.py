@@ -66,7 +66,7 @@ def test_concise_dcfs_are_files_a_slave(tmp_path):
     ("arguments", "what"),
     [
         (["--concise-dcf", "x"], "--concise-dcf: needs the configurations of a network"),
-        (["--stay", "-1"], "a positive number of seconds or inf is right"),
+        (["--stay", "-1"], "give a positive number of seconds, or inf"),
         (["--network", "none.toml"], "none.toml: cannot be read"),
     ],
 )

@@ -70,8 +70,8 @@ def test_beyond_a_limit_the_exit_code_is_1(bench, capsys, options, word):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--cycle-ms", "0"], "--cycle-ms 0: 0.1 to 10000 is right"),
-        (["--max-load", "nan"], "--max-load nan: 1 to 100 is right"),
+        (["--cycle-ms", "0"], "--cycle-ms 0: give 0.1 to 10000"),
+        (["--max-load", "nan"], "--max-load nan: give 1 to 100"),
     ],
 )
 def test_a_wrong_number_is_one_line(bench, capsys, options, message):

@@ -148,7 +148,7 @@ def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, capsys)
     )
     assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x"]) == 2
     assert capsys.readouterr().err == (
-        "hil-bench: error: nobody to ask before motion, for this is no terminal; --yes moves "
+        "hil-bench: error: motion needs a confirmation, and this is no terminal; --yes moves "
         "unasked\n"
     )
     assert not list((folder / "hil-bench-commissioning").iterdir())
@@ -216,7 +216,7 @@ def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
         ),
         (
             ["plan.toml", "--machine", "sheet.toml"],
-            "--machine: is a virtual one; give --virtual too",
+            "--machine: is for a virtual machine; give --virtual too",
         ),
         (
             ["no.toml", "--virtual"],
@@ -228,7 +228,7 @@ def test_what_cannot_be_restored_is_told_with_the_command_that_mends_it(
         ),
         (
             ["plan.toml", "--virtual", "--lockstep"],
-            "--lockstep: --virtual needs none, its time is virtual; give either",
+            "--lockstep: --virtual has virtual time already; give one of both",
         ),
         (
             ["plan.toml", "--virtual", "--sync-period-us", "2000"],

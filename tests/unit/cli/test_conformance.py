@@ -109,10 +109,10 @@ def test_nobody_there_is_a_failed_check_with_a_hint(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--node-id", "0"], "--node-id 0: 1 to 127 is right"),
+        (["--node-id", "0"], "--node-id 0: give 1 to 127"),
         (["--node-id", "9"], "no --eds, and the built-in bench has no such node"),
         (["--node-id", "1", "--store"], "--store: overwrites what the device has stored"),
-        (["--node-id", "1", "--patience", "0"], "--patience 0: more than 0"),
+        (["--node-id", "1", "--patience", "0"], "--patience 0: give more than 0"),
         (["--node-id", "1", "--report", "nowhere/report.md"], "there is no such folder"),
         (["--node-id", "1", "--report", "."], "--report .: is a directory"),
         (["--node-id", "1", "--eds", "nowhere.eds"], "nowhere.eds"),

@@ -121,7 +121,7 @@ def test_an_axis_without_the_sensors_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize("duration", ["0", "-1", "nan", "3601"])
 def test_a_senseless_duration_is_refused(tmp_path, duration, capsys):
     assert demo(tmp_path / "none", "--duration", duration) == 2
-    assert "above 0, up to 3600 s, is right" in capsys.readouterr().err
+    assert "give more than 0, up to 3600 s" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
 
@@ -169,4 +169,4 @@ def test_a_speed_scales_the_clock_that_paces_it(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize("speed", ["0", "-1", "fast", "nan"])
 def test_a_speed_that_cannot_be_meant(speed, capsys):
     assert main(["demo", "--speed", speed]) == 2
-    assert f"{speed!r}: a positive number or max is right" in capsys.readouterr().err
+    assert f"{speed!r}: give a positive number, or max" in capsys.readouterr().err

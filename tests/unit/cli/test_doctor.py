@@ -74,4 +74,4 @@ def test_other_systems_get_a_report_too(monkeypatch, capsys):
 @pytest.mark.parametrize("seconds", ["-1", "nan", "4000"])
 def test_a_length_that_cannot_be_meant(seconds, capsys):
     assert main(["doctor", "--seconds", seconds]) == 2
-    assert "0 to 3600 s is right" in capsys.readouterr().err
+    assert "give 0 to 3600 s" in capsys.readouterr().err

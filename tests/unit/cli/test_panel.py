@@ -61,9 +61,7 @@ def test_a_run_has_its_panel_end_with_it(ends_after, calls, monkeypatch):
 def test_a_panel_needs_a_feed(capsys):
     words = ["-i", "virtual", "-c", "x", "--panel", "--no-feed"]
     assert main(["run", *words]) == 2
-    assert "--panel: shows the bench by its feed, and there is none (--no-feed)" in (
-        capsys.readouterr().err
-    )
+    assert "--panel: needs the feed, which is off (--no-feed)" in (capsys.readouterr().err)
 
 
 def test_a_panel_needs_its_extra(monkeypatch, capsys):

@@ -130,7 +130,7 @@ class FilteredBus(SyncOnly):
     [
         (["--trigger", "time > 1"], "--trigger: begins a recording; give --record FILE too"),
         (["--whole-bus"], "--whole-bus: belongs to a recording; give --record FILE too"),
-        (["--pre-trigger", "-1"], "--pre-trigger -1: 0 to 3600 s is right"),
+        (["--pre-trigger", "-1"], "--pre-trigger -1: give 0 to 3600 s"),
         (
             ["--record", "x.csv", "--record", "x.csv"],
             "--record x.csv: is there twice; give each file once",

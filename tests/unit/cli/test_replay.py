@@ -106,7 +106,7 @@ def test_arguments_that_cannot_be_meant(run_mf4, arguments, message, capsys):
 
 def test_a_speed_that_is_none(run_mf4, capsys):
     assert main(["replay", str(run_mf4), "--speed", "0"]) == 2
-    assert "'0': a positive number or max is right" in capsys.readouterr().err
+    assert "'0': give a positive number, or max" in capsys.readouterr().err
 
 
 def test_signals_alone_are_nothing_for_a_bus(tmp_path, capsys):

@@ -161,11 +161,11 @@ def test_a_wish_to_stop_ends_it_with_130(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--duration", "0"], "--duration 0: a positive number of seconds is right"),
-        (["--duration", "nan"], "--duration nan: a positive number of seconds is right"),
+        (["--duration", "0"], "--duration 0: give a positive number of seconds"),
+        (["--duration", "nan"], "--duration nan: give a positive number of seconds"),
         (
             ["--hub", "70000"],
-            "--hub 70000: a port from 1 to 65535 is right, or 0 for a free one",
+            "--hub 70000: give a port from 1 to 65535, or 0 for a free one",
         ),
         (
             ["--speed", "max", "--realtime", "fifo"],

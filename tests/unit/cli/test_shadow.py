@@ -59,10 +59,10 @@ def test_json_and_a_recording_of_both_sides(log, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--horizon", "0"], "--horizon 0: more than 0 is right"),
+        (["--horizon", "0"], "--horizon 0: give more than 0"),
         (["--record", "r.mf4"], "--record r.mf4: give a file name that ends in .csv"),
-        (["--horizon", "100"], "--horizon 100: 0.02 to 60 s is right"),
-        (["--position-mm", "nan"], "--position-mm nan: more than 0 is right"),
+        (["--horizon", "100"], "--horizon 100: give 0.02 to 60 s"),
+        (["--position-mm", "nan"], "--position-mm nan: give more than 0"),
         (["--log", "x.log", "-i", "virtual"], "--log needs no bus; give either --log or -i and -c"),
         (["--log", "absent.log"], "absent.log: cannot be read: No such file or directory"),
     ],

@@ -295,7 +295,7 @@ def test_a_limit_itself_is_allowed_and_what_is_next_to_it_is_not(field, low, hig
     for value in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf)):
         with pytest.raises(LimitError, match="is beyond its limit of"):
             check_sample(sample(**{field: value}), LIMITS)
-    with pytest.raises(LimitError, match="is not valid, says its sensor"):
+    with pytest.raises(LimitError, match="is not valid by the status of its sensor"):
         check_sample(sample(**{field: math.nan}), LIMITS)
 
 

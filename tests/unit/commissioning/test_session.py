@@ -301,8 +301,16 @@ def test_a_node_that_reboots_in_motion_closes_the_valve_at_once(machine, node_id
 @pytest.mark.parametrize(
     ("kind", "target", "problem"),
     [
-        ("break_wire", "position", "position is not valid, says its sensor; the valve was closed"),
-        ("break_wire", "pressure_a", "pressure at A is not valid, says its sensor; the valve was "),
+        (
+            "break_wire",
+            "position",
+            "position is not valid by the status of its sensor; the valve was closed",
+        ),
+        (
+            "break_wire",
+            "pressure_a",
+            "pressure at A is not valid by the status of its sensor; the valve was ",
+        ),
         ("silence", "pressure_b", "node 3: TPDO1 (COB-ID 0x183) came "),
         ("disable", "valve", "node 1: valve in DISABLED, no emergency message; the valve was cl"),
     ],

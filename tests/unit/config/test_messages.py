@@ -22,7 +22,7 @@ ONE_VALUE = [
     ("bench = 3", "bench: 3 is not a table; write it as [bench]"),
     ("[plant]\nstroke_mm = 400", "plant.stroke_mm: 400 is not a table; write it as [plant.NAME]"),
     ("[[plant.axis1]]", "plant.axis1: an array is not a table; write it as [plant.NAME]"),
-    ('[plant."a\\nb"]', 'plant: "a\\nb" is no good as a name; give at most 32 letters, digits, _ or -'),
+    ('[plant."a\\nb"]', 'plant: "a\\nb" cannot be a name; give at most 32 letters, digits, _ or -'),
     # Numbers
     ('[plant.axis1]\nstroke_mm = "400"', 'plant.axis1.stroke_mm: "400" is not a number; give a number in mm'),
     ("[plant.axis1]\nstroke_mm = true", "plant.axis1.stroke_mm: true is not a number; give a number in mm"),

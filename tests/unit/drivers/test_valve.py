@@ -111,7 +111,7 @@ def test_state_and_spool_position(ready, network, bus, word, state):
 def test_a_status_that_is_no_state_is_a_protocol_error(ready, network, bus):
     bus.play("181#0D.00.00.00")
     network.pump()
-    with pytest.raises(RemoteProtocolError, match="0x000D tells no state"):
+    with pytest.raises(RemoteProtocolError, match="0x000D is no state"):
         _ = ready.state
 
 

@@ -27,7 +27,7 @@ STEP = '<DefaultExperiment stepSize="0.002"/>'
         ({"outputs": '{ position = "u" }'}, 'plant.axis1.outputs: "u" is of causality input; output or local is right'),
         ({"outputs": '{ position = "count" }'}, 'plant.axis1.outputs: "count" is no scalar Real or Float64; bind one that is'),
         ({"outputs": '{ position = { variable = "x", unit = "furlong" } }'}, 'plant.axis1.outputs: position: "furlong" is no known unit'),
-        ({"outputs": '{ "a b" = "x" }'}, 'plant.axis1.outputs: "a b" is no good as a name'),
+        ({"outputs": '{ "a b" = "x" }'}, 'plant.axis1.outputs: "a b" cannot be a name'),
         ({"outputs": '"x"'}, 'plant.axis1.outputs: "x" is not a table; give NAME = "VARIABLE"'),
         ({"inputs": '{ load = "x" }'}, 'plant.axis1.inputs: "x" is of causality output; input is right'),
         ({"parameters": "{ u = 1 }"}, 'plant.axis1.parameters: "u" is of causality input; parameter is right'),

@@ -166,7 +166,7 @@ def _slow(recording: Recording) -> Recording:
         (_break, "lift.P_A is no number in 3 rows, first at 1.5 s"),
         (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),
-        (_slow, "a row each 20 ms; 10 ms or less"),
+        (_slow, "a row each 20 ms; give 10 ms or less"),
         (lambda recording: recording[:2000], "spans 1.999 s in 2000 rows; 3 s or more"),
         (lambda recording: recording[:0], "spans 0 s in 0 rows"),
         (lambda recording: recording[::-1], "-3.999 s"),

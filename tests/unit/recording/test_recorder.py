@@ -256,7 +256,7 @@ def test_a_trigger_that_never_comes_leaves_an_empty_file(tmp_path):
 @pytest.mark.parametrize(
     ("trigger", "message"),
     [
-        ("P_A over 3", 'trigger "P_A over 3": "axis1.P_A > 80 bar" is the form'),
+        ("P_A over 3", 'trigger "P_A over 3": write it as in "axis1.P_A > 80 bar"'),
         (
             "axis2.P_A > 3 bar",
             'trigger "axis2.P_A > 3 bar": no signal axis2.P_A; there are time, axis1.P_A',

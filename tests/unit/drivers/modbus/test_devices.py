@@ -223,7 +223,7 @@ def test_a_unit_id_out_of_range_is_refused(client, unit_id):
 def test_a_map_that_is_none_is_refused(client, tmp_path, text):
     path = tmp_path / "map.toml"
     path.write_text(text)
-    with pytest.raises(RegisterMapError, match=r"map\.toml: no register map"):
+    with pytest.raises(RegisterMapError, match=r"map\.toml: is not a register map"):
         PressureSensor(client, 2, path)
 
 
@@ -276,7 +276,7 @@ def test_a_fault_names_its_code(client, answer):
 def test_a_status_word_without_a_state_is_an_error(client, answer):
     valve = ProportionalValve(client, 1)
     answer([0x0002])
-    with pytest.raises(RemoteProtocolError, match="0x0002 tells no state"):
+    with pytest.raises(RemoteProtocolError, match="0x0002 is no state"):
         valve.read_state()
 
 

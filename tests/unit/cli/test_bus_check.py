@@ -97,7 +97,7 @@ def test_nothing_is_written_to_other_nodes(capsys) -> None:
 def test_without_anybody_to_ask_nothing_is_written(capsys, monkeypatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False)
     assert main(["check", "--bus", "--virtual", "--apply"]) == 2
-    assert "--yes writes unasked" in capsys.readouterr().err
+    assert "give --yes to write without asking" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("answer", ["", "n", "no", "yess"])

@@ -148,8 +148,8 @@ def test_without_anybody_to_ask_the_bus_is_not_used(folder, monkeypatch, capsys)
     )
     assert main(["commission", "plan.toml", "-i", "virtual", "-c", "x"]) == 2
     assert capsys.readouterr().err == (
-        "hil-bench: error: motion needs a confirmation, and this is no terminal; --yes moves "
-        "unasked\n"
+        "hil-bench: error: motion needs a confirmation, and this is no terminal; "
+        "give --yes to move without asking\n"
     )
     assert not list((folder / "hil-bench-commissioning").iterdir())
 

@@ -186,7 +186,7 @@ def test_limits_are_held_against_the_file_first(machine, capsys, plan, wrong):
 
 def test_nothing_moves_unasked(machine, capsys, monkeypatch):
     assert machine.test(MOVE + HOLDS, words=()) == ExitCode.USAGE
-    assert "--yes moves unasked" in capsys.readouterr().err
+    assert "give --yes to move without asking" in capsys.readouterr().err
     assert machine.bench is None
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("builtins.input", lambda _question: "no")

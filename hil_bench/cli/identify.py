@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
@@ -12,12 +13,16 @@ from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_dir
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.kinds.motion_sensor import MotionConfig
+from hil_bench.kinds.pressure_404 import PressureConfig
+from hil_bench.machine.identification.choice import choose, find_sensors
 from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord, join_records
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.machine.identification.signs import settle_signs
+from hil_bench.machine.identification.unknowns import Sensors
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.foreign_table import read_columns
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -66,6 +71,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="the same for one column; -QUANTITY changes the sign; repeat it for more",
     )
     parser.add_argument("--axis", metavar="NAME", help="axis to identify (default: the first)")
+    for option, help_text in (
+        ("--fix", "keys of bench.toml to hold as configured, as in: moving_mass_kg"),
+        ("--free", "keys to estimate beside the usual ones, as in: supply_pressure_bar"),
+    ):
+        parser.add_argument(
+            option, nargs="+", action="extend", default=[], metavar="KEY", help=help_text
+        )
     add_output_argument(parser, "hil-bench-identify", "the files")
     parser.add_argument(
         "--starts",
@@ -93,9 +105,14 @@ def run(args: argparse.Namespace) -> int:
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     make_directory(args.output)
+    sensors = _find_sensors(config, axis)
+    settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
+    choice = choose(settings, sensors, args.fix, args.free)
     record = _read_records(args, recordings, axis, config.full_scale(axis))
+    held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
+    record = replace(record, notes=(*record.notes, *held))
     try:
-        found = _identify(args, config, axis, record)
+        found = _identify(args, config, record, (axis, choice.names, sensors))
     except ConfigError as error:
         raise ConfigError(f"{_names(recordings)}: {error}") from None
     files = _write(args.output, found, ", ".join(path.name for path in recordings))
@@ -158,6 +175,14 @@ def _read_record(
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 
 
+def _find_sensors(config: BenchConfig, axis: CylinderConfig) -> Sensors:
+    """Return how far the sensors of an axis are behind, as the bench says."""
+    mine = [node for node in config.nodes if node.axis == axis.name]
+    position = (node.chain for node in mine if isinstance(node, MotionConfig))
+    pressure = (node.chain for node in mine if isinstance(node, PressureConfig))
+    return find_sensors(next(position, None), next(pressure, None))
+
+
 def _about(path: Path, error: ConfigError) -> str:
     text = str(error)
     return text if text.startswith(str(path)) else f"{path}: {text}"
@@ -168,10 +193,14 @@ def _names(paths: Sequence[Path]) -> str:
 
 
 def _identify(
-    args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig, record: AxisRecord
+    args: argparse.Namespace,
+    config: BenchConfig,
+    record: AxisRecord,
+    sought: tuple[CylinderConfig, Sequence[str], Sensors],
 ) -> Identification:
     from tqdm import tqdm  # noqa: PLC0415 - an extra
 
+    axis, names, sensors = sought
     # How long a fit takes shows only when it has converged, so the bar counts without an end.
     with tqdm(unit=" steps", disable=True if args.quiet else None) as bar:
 
@@ -184,6 +213,8 @@ def _identify(
             axis.parameters,
             axis.options,
             step=config.dt,
+            names=names,
+            sensors=sensors,
             starts=args.starts,
             seed=config.seed,
             report=report,

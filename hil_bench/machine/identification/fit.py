@@ -97,12 +97,14 @@ class Fitter:
         options: of the plant.
         step: of the plant's solver [s].
         report: takes what has been done.
+        is_behind: whether the sensors are.
     """
 
     record: AxisRecord
     options: PlantOptions
     step: float
     report: Report = field(default=lambda _: None)
+    is_behind: bool = False
     _settled: dict[int, Values] = field(default_factory=dict)  # starts of the finest pieces
     _stuck: set[int] = field(default_factory=set)  # rows of pieces whose starts do not settle
 
@@ -149,8 +151,9 @@ class Fitter:
             pieces,
             max(1, round(self.record.interval / self.step / stage.coarse)),
             self.record.noise * stage.blur,
-            smooth_states(self.record, known),
+            smooth_states(self.record, known, is_behind=self.is_behind),
             KNEE if stage.name == FINE.name else np.inf,
+            self.is_behind,
         )
         if stage.name == FINE.name:
             shooting.resume(self._settled)
@@ -272,10 +275,10 @@ def _judge(polish: Polish, optimum: Optimum) -> Fit:
     """Return a fit with how far it can be trusted."""
     count = len(optimum.residuals)
     signals = optimum.residuals[:, :-4].reshape(count, -1, 3)
-    values = polish.shooting.has.sum(axis=0) * signals.shape[1]
+    values = polish.shooting.has.sum(axis=0) * polish.shooting.counted
     freedom = int(values.sum()) - 4 * count - len(optimum.variables)
     is_there = np.ones(optimum.residuals.shape, dtype=np.bool_)
-    is_there[:, :-4] = np.tile(polish.shooting.has, signals.shape[1])
+    is_there[:, :-4] = polish.shooting.is_there.reshape(count, -1)
     evidence = Evidence(
         optimum.residuals, optimum.slopes, polish.unknowns.spreads, freedom, is_there
     )

@@ -14,7 +14,14 @@ from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.spool import fit_spool, recorded_spool
 from hil_bench.machine.identification.stages import FINE
 from hil_bench.machine.identification.trial import Trial, trial_pieces, try_out
-from hil_bench.machine.identification.unknowns import KINDS, Unknowns
+from hil_bench.machine.identification.unknowns import (
+    KINDS,
+    PROMPT,
+    SENSING,
+    Sensors,
+    Unknowns,
+    check_names,
+)
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 
@@ -49,6 +56,7 @@ class Identification:
     Attributes:
         record: the measurement.
         known: what was configured.
+        sensors: how far they are behind, as configured.
         parameters: what was found, and as configured what was not.
         offsets: errors of the pressure sensors in each recording, shape (recordings, 2) [Pa].
         offset_deviations: their standard deviations, of the same shape [Pa].
@@ -65,6 +73,7 @@ class Identification:
 
     record: AxisRecord
     known: PlantParameters
+    sensors: Sensors
     parameters: PlantParameters
     offsets: Values
     offset_deviations: Values
@@ -95,6 +104,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
     *,
     step: float = DEFAULT_STEP,
     names: Sequence[str] = tuple(KINDS),
+    sensors: Sensors = PROMPT,
     starts: int = 24,
     seed: int = 1,
     report: Report = lambda _: None,
@@ -110,25 +120,32 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
             starts for all that is sought.
         options: of the plant, as configured.
         step: of the plant's solver [s].
-        names: the sought parameters, of `KINDS`.
+        names: the sought parameters, of `KINDS` and `EXTRAS`; the others stay as configured.
+        sensors: how far they are behind, as configured.
         starts: how many random candidates the search tries.
         seed: of the random generator.
         report: takes a few words after each piece of work.
     """
     _check_options(options)
+    check_names(names)
     pieces = trial_pieces(record, known.h)
     spool = fit_spool(record, known)
     with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
     sought = tuple(name for name in names if name not in spool)
-    unknowns = Unknowns(with_spool, sought, len(record.sessions))
-    fitter = Fitter(record, options, step, report)
+    unknowns = Unknowns(with_spool, sought, len(record.sessions), sensors)
+    is_behind = sensors != PROMPT or not set(SENSING).isdisjoint(names)
+    fitter = Fitter(record, options, step, report, is_behind)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
     estimates = _estimates(found, names, spool)
-    told = {estimate.name: estimate.value for estimate in estimates if estimate.is_told}
+    plant = set(PlantParameters.__slots__)
+    told = {one.name: one.value for one in estimates if one.is_told and one.name in plant}
+    if any(one.name == "gain" and one.is_told for one in estimates):
+        told |= {name: getattr(guess.parameters, name) for name in ("w", "alpha", "beta")}
     return Identification(
         record=found.fitter.record,
         known=known,
+        sensors=sensors,
         parameters=replace(known, **told),
         offsets=guess.offsets,
         offset_deviations=_deviations(found.unknowns, found.fit)[len(sought) :].reshape(-1, 2),
@@ -211,7 +228,7 @@ def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
 
 def _si(unknowns: Unknowns, variables: Values) -> Values:
     guess = unknowns.guess(variables)
-    values = [getattr(guess.parameters, name) for name in unknowns.names]
+    values = [guess.value(name) for name in unknowns.names]
     return np.array([*values, *guess.offsets.reshape(-1)])
 
 
@@ -219,17 +236,18 @@ def _estimates(
     found: _Found, names: Sequence[str], spool: dict[str, tuple[float, float]]
 ) -> list[Estimate]:
     unknowns, fit = found.unknowns, found.fit
-    parameters = unknowns.guess(fit.variables).parameters
+    guess = unknowns.guess(fit.variables)
+    start = unknowns.guess(unknowns.start)
     deviations = dict(zip(unknowns.names, _deviations(unknowns, fit).tolist(), strict=False))
     intervals = find_intervals(unknowns, fit, deviations, lambda: found.fitter.report("interval"))
     deviations |= {name: deviation for name, (_, deviation) in spool.items()}
     vague = find_vague(found.fitter.record, unknowns, fit)
     estimates = []
     for name in names:
-        value, deviation = getattr(parameters, name), deviations[name]
+        value, deviation = guess.value(name), deviations[name]
         about = (value - REACH * deviation, value + REACH * deviation)
         if name in vague:
-            value = getattr(unknowns.known, name)
+            value = start.value(name)
         interval = intervals.get(name, about)
         estimates.append(Estimate(name, value, deviation, interval, name not in vague))
     return estimates

@@ -6,7 +6,7 @@ import numpy as np
 
 from hil_bench.machine.identification.fit import Fit, Values
 from hil_bench.machine.identification.polish import Polish
-from hil_bench.machine.identification.unknowns import KINDS, Unknowns
+from hil_bench.machine.identification.unknowns import Unknowns, kind_of
 
 REACH = 1.96
 """Deviations to each side that hold 95 % of a normal distribution."""
@@ -30,10 +30,10 @@ def find_intervals(
         deviations: standard deviation of each parameter [SI].
         report: is called after each step.
     """
-    parameters = unknowns.guess(fit.variables).parameters
+    guess = unknowns.guess(fit.variables)
     intervals = {}
     for number, name in enumerate(unknowns.names):
-        value = getattr(parameters, name)
+        value = guess.value(name)
         reach = REACH * deviations[name]
         low, high = value - reach, value + reach
         if _is_bent(fit.covariance, number, name):
@@ -41,7 +41,7 @@ def find_intervals(
                 _value(unknowns, fit, number, find_end(fit, number, side, report))
                 for side in (-1.0, 1.0)
             )
-        lowest = 0.0 if KINDS[name].lowest == 0.0 else -np.inf
+        lowest = 0.0 if kind_of(name).lowest == 0.0 else -np.inf
         intervals[name] = (max(low, lowest), high)
     return intervals
 
@@ -52,7 +52,7 @@ def _is_bent(covariance: Values, number: int, name: str) -> bool:
     correlations = np.abs(covariance[number] / deviations / deviations[number])
     correlations[number] = 0.0
     return bool(
-        KINDS[name].is_log
+        kind_of(name).is_log
         and deviations[number] > _BENT
         and correlations.max(initial=0.0) > _ENTANGLED
     )
@@ -92,4 +92,4 @@ def _value(unknowns: Unknowns, fit: Fit, number: int, variable: float) -> float:
     """Return what a variable stands for, as a parameter [SI]."""
     variables = fit.variables.copy()
     variables[number] = variable
-    return float(getattr(unknowns.guess(variables).parameters, unknowns.names[number]))
+    return unknowns.guess(variables).value(unknowns.names[number])

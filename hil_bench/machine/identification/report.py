@@ -8,14 +8,14 @@ import numpy.typing as npt
 
 from hil_bench.config.settings import Key
 from hil_bench.machine.identification.approach import Rival
+from hil_bench.machine.identification.choice import KEYS
 from hil_bench.machine.identification.identify import Estimate, Identification
 from hil_bench.machine.identification.record import PRESSURES, SIGNALS, AxisRecord, Session
-from hil_bench.plants.hydraulic_cylinder.keys import PARAMETER_KEYS
+from hil_bench.machine.identification.unknowns import SENSING
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE
 
 Values = npt.NDArray[np.float64]
 
-_KEYS = {key.field: key for key in PARAMETER_KEYS}
 _DISPLAY = (MICROMETRE, BAR, BAR)
 
 EXPLAINED = 3.0
@@ -44,6 +44,10 @@ _WOULD_TELL = {
     "chi": "velocities below and about the Stribeck velocity",
     "C_L": "standstill under unequal pressures with the valve closed, or very slow motion",
     "m": "quick changes of the set-point, so that the piston accelerates",
+    "P_S": "fast motion both ways, with the pressures recorded",
+    "P_T": "fast motion both ways, with the pressures recorded",
+    "gain": "motion at several openings of the valve",
+    **dict.fromkeys(SENSING, "quick changes of the set-point"),
 }
 
 
@@ -96,7 +100,7 @@ def to_json(found: Identification) -> dict[str, Any]:
             {
                 "residual": rival.residual,
                 "apart_in_deviations": {
-                    _KEYS[name].name: apart for name, apart in rival.apart.items()
+                    KEYS[name].name: apart for name, apart in rival.apart.items()
                 },
             }
             for rival in found.rivals
@@ -123,18 +127,24 @@ def to_toml(found: Identification, source: str) -> str:
         "# What the record does not tell is not here, and stays as it is in your file.",
         f"[plant.{found.record.axis}]",
     ]
-    if {"alpha", "beta"} & {estimate.name for estimate in found.told}:
+    if {"alpha", "beta", "gain"} & {estimate.name for estimate in found.told}:
         full = MILLIMETRE.from_si(found.record.full_opening)
         lines[2:2] = [
             "# All lengths of the valve go by the full opening that the record's set-points meant.",
             f"# Keep that in the table of the valve's node: full_opening_mm = {full:.6g}",
         ]
+    for name in ("w", "alpha", "beta"):
+        if any(estimate.name == "gain" for estimate in found.told):
+            key = KEYS[name]
+            value = key.unit.from_si(getattr(found.parameters, name))
+            lines.append(f"{key.name} = {value:.6g}  # by the command's gain")
     for estimate in found.told:
         key = _key(estimate)
         value, deviation = key.unit.from_si(estimate.value), key.unit.from_si(estimate.deviation)
         ends = (_digits(key.unit.from_si(end), deviation) for end in estimate.interval)
+        mark = "# " if estimate.name == "gain" or estimate.name in SENSING else ""
         lines.append(
-            f"{key.name} = {_digits(value, deviation)}  # +- {deviation:.2g}, "
+            f"{mark}{key.name} = {_digits(value, deviation)}  # +- {deviation:.2g}, "
             f"95 %: {' to '.join(ends)}"
         )
     return "\n".join(lines) + "\n"
@@ -165,7 +175,7 @@ def _line(estimate: Estimate, found: Identification) -> str:
         _digits(key.unit.from_si(number), deviation)
         for number in (estimate.value, *estimate.interval)
     )
-    configured = key.unit.from_si(getattr(found.known, estimate.name))
+    configured = key.unit.from_si(_configured(found, estimate.name))
     return f"{key.name:32} {value:>12} {deviation:>10.2g} {low:>12} {high:>12} {configured:>12.6g}"
 
 
@@ -238,7 +248,7 @@ def _warnings(found: Identification) -> list[str]:
 
 def _rival_line(rival: Rival, found: Identification) -> str:
     apart = sorted(rival.apart.items(), key=lambda item: -item[1])
-    parameters = ", ".join(f"{_KEYS[name].name} by {size:.3g}" for name, size in apart[:_SHOWN])
+    parameters = ", ".join(f"{KEYS[name].name} by {size:.3g}" for name, size in apart[:_SHOWN])
     residual = float(np.sqrt(np.nanmean(np.square(found.residual))))
     verdict = (
         "the recording fits both about equally well: do not rely on the intervals"
@@ -292,13 +302,20 @@ def _entry(estimate: Estimate, found: Identification) -> dict[str, Any]:
         "value": unit.from_si(estimate.value),
         "standard_deviation": unit.from_si(estimate.deviation),
         "interval_95": [unit.from_si(end) for end in estimate.interval],
-        "configured": unit.from_si(getattr(found.known, estimate.name)),
+        "configured": unit.from_si(_configured(found, estimate.name)),
         "unit": unit.symbol,
     }
 
 
+def _configured(found: Identification, name: str) -> float:
+    """Return what is configured of an unknown [SI]."""
+    if name == "gain":
+        return 1.0
+    return float(getattr(found.sensors if name in SENSING else found.known, name))
+
+
 def _key(estimate: Estimate) -> Key:
-    return _KEYS[estimate.name]
+    return KEYS[estimate.name]
 
 
 def _digits(value: float, deviation: float) -> str:

@@ -7,6 +7,7 @@ unknowns too: they start at smoothed measurements, and what a change of them cou
 out of the residuals (variable projection: Kaufman 1975, BIT 15, 49-57).
 """
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,8 +19,9 @@ import numpy.typing as npt
 from hil_bench.machine.identification.loss import cost_of, pull_of
 from hil_bench.machine.identification.pieces import Pieces
 from hil_bench.machine.identification.record import AxisRecord
+from hil_bench.machine.identification.sensing import sense
 from hil_bench.machine.identification.spool import recorded_spool
-from hil_bench.machine.identification.unknowns import Guess
+from hil_bench.machine.identification.unknowns import PROMPT, Guess
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.batch import (
     LANES,
@@ -52,6 +54,11 @@ ROUNDING = 1e-12
 """Damping of the same order as rounding, which keeps any matrix regular."""
 
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-10, 1e-3, 1e6
+_FINEST = 5  # parts of a row
+BLIND = (
+    0.012,
+    0.003,
+)  # [s] at the begin and the end of a piece that sensors which are behind spoil
 _AWFUL = 1e3  # stands for a residual that is no number
 
 
@@ -67,11 +74,14 @@ class Shooting:
         scale: what a residual of each signal counts in, shape (3,).
         smoothed: the states of the whole record and their spreads, as `smooth_states` gives them.
         knee: of the loss under which starts settle, in multiples of the scale.
+        is_behind: whether the sensors are; the ends of the pieces, where they show what was before
+            the start, count for nothing then.
         states: at the start of each piece, shape (pieces, 4) [m, m/s, Pa, Pa].
         spreads: of the states about the smoothed measurements, shape (pieces, 4).
         steps: of the states for slopes, shape (pieces, 4).
         damping: of each piece's next step of its states, shape (pieces,).
         has: which signals the record has in each piece, shape (pieces, 3).
+        is_there: which residuals of the signals count, shape (pieces, rows, 3).
     """
 
     record: AxisRecord
@@ -81,11 +91,13 @@ class Shooting:
     scale: Values
     smoothed: tuple[Values, Values]
     knee: float = np.inf
+    is_behind: bool = False
     states: Values = field(init=False)
     spreads: Values = field(init=False)
     steps: Values = field(init=False)
     damping: Values = field(init=False)
     has: Marks = field(init=False)
+    is_there: Marks = field(init=False)
     _smooth: Values = field(init=False)
     _measured: Values = field(init=False)
     _session: npt.NDArray[np.int64] = field(init=False)
@@ -106,6 +118,11 @@ class Shooting:
             spread_setpoints(np.repeat(block, self.substeps, axis=1))
             for block in np.split(self.record.setpoints[rows], range(LANES, len(rows), LANES))
         ]
+        self.is_there = np.repeat(self.has[:, np.newaxis], self.pieces.length, axis=1)
+        if self.is_behind:
+            begin, end = (math.ceil(span / self.record.interval) for span in BLIND)
+            self.is_there[:, :begin] = False
+            self.is_there[:, self.pieces.length - end :] = False
         size = 3 * self.pieces.length + 4
         self._basis = np.zeros((len(rows), size, 4))
         self._sizes = np.zeros((len(rows), 4))
@@ -115,6 +132,11 @@ class Shooting:
         self.states = self._smooth.copy()
         self.damping = np.full(len(self.states), _FIRST_DAMPING)
         self.steps = np.tile(_STEPS, (len(self.states), 1))
+
+    @property
+    def counted(self) -> int:
+        """How many rows of a piece count."""
+        return int(self.is_there.any(axis=(0, 2)).sum())
 
     @property
     def starts(self) -> dict[int, Values]:
@@ -154,10 +176,15 @@ class Shooting:
             number, block = job
             pieces = slice(block * LANES, (block + 1) * LANES)
             starts = np.hstack([states[number][pieces], spools[number][pieces]])
-            run = self._run(
-                guesses[number].parameters, block, starts, None if cuts is None else cuts[block]
-            )
-            seen[number, pieces] = run[:, :, [0, 2, 3]]
+            guess, known = guesses[number], None if cuts is None else cuts[block]
+            fine = self._fineness if guess.sensors != PROMPT else 1
+            run = self._run(guess.parameters, block, starts, known, self.substeps // fine)
+            shown = run[:, :, [0, 2, 3]]
+            if guess.sensors != PROMPT:
+                begin = starts[:, np.newaxis, [0, 2, 3]]
+                whole = np.concatenate([begin, shown], axis=1)
+                shown = sense(whole, self.record.interval / fine, guess.sensors, fine)
+            seen[number, pieces] = shown
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(show, jobs))
@@ -279,7 +306,7 @@ class Shooting:
     def misfits(self, guess: Guess) -> Values:
         """Return the rms residual of each piece, as a multiple of the scale, shape (pieces,)."""
         (raw,) = self.raw([guess], [self.states])
-        values = self.has.sum(axis=1) * self.pieces.length + 4
+        values = self.is_there.sum(axis=(1, 2)) + 4
         return np.asarray(np.sqrt(np.square(raw).sum(axis=1) / values))
 
     def turns_on_a_hair(self) -> Marks:
@@ -292,6 +319,11 @@ class Shooting:
         It is not a number where the record lacks a signal.
         """
         return np.asarray(self.predict([guess], [states])[0] - self._measured)
+
+    @property
+    def _fineness(self) -> int:
+        """Parts of a row in which sensors see the motion."""
+        return max(part for part in range(1, _FINEST + 1) if self.substeps % part == 0)
 
     def _costs(self, raw: Values) -> Values:
         return np.asarray(cost_of(raw, self.knee).sum(axis=-1))
@@ -312,6 +344,7 @@ class Shooting:
         block: int,
         starts: Values,
         cuts: Cuts | None = None,
+        every: int | None = None,
     ) -> Values:
         """Return what a plant shows in the pieces of a block, as `run_starts` does."""
         starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
@@ -320,7 +353,7 @@ class Shooting:
             starts,
             self._setpoints[block],
             dt=self.record.interval / self.substeps,
-            every=self.substeps,
+            every=every or self.substeps,
             cuts=NO_CUTS if cuts is None else cuts,
         )
 
@@ -345,7 +378,7 @@ class Shooting:
     ) -> Values:
         seen = (self.predict(guesses, states, cuts) - self._measured) / self.scale
         seen = np.nan_to_num(seen, nan=_AWFUL, posinf=_AWFUL, neginf=-_AWFUL)
-        seen *= self.has[:, np.newaxis]
+        seen *= self.is_there
         starts = np.array(states) - self._smooth
         offsets = np.array([guess.offsets[self._session] for guess in guesses])
         starts[..., 2:] += offsets * self.has[:, 1:]

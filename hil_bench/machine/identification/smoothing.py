@@ -14,14 +14,22 @@ Values = npt.NDArray[np.float64]
 LOOSENESS = 100.0
 """Times what noise alone leaves: smoothing errs by far more where the signals bend."""
 
+_LATE = 0.01  # [s], that a sensor may be behind
 _VAGUE = 1e6  # [Pa], of a pressure that follows from the other one and the motion
 
 
-def smooth_states(record: AxisRecord, known: PlantParameters) -> tuple[Values, Values]:
+def smooth_states(
+    record: AxisRecord, known: PlantParameters, *, is_behind: bool = False
+) -> tuple[Values, Values]:
     """Return position, velocity and both pressures of each row by Savitzky-Golay filters.
 
     A pressure that was not recorded follows from the other one by the balance of forces, eq. (12),
     with the configured mass and friction.
+
+    Args:
+        record: the measurement.
+        known: areas, mass and friction.
+        is_behind: whether the sensors are, so that they show states of a while ago.
 
     Returns:
         States, shape (rows, 4) [m, m/s, Pa, Pa], and how uncertain they are, of the same shape.
@@ -43,6 +51,12 @@ def smooth_states(record: AxisRecord, known: PlantParameters) -> tuple[Values, V
             states[part, state] = savgol_filter(values, **how)
     noise = [record.noise[signal] * np.linalg.norm(savgol_coeffs(**how)) for signal, how in filters]
     spreads = np.tile(LOOSENESS * np.array(noise), (len(record), 1))
+    if is_behind:
+        for state, late in (
+            (0, states[:, 1]),
+            *((k, _slope(record, states[:, k])) for k in (2, 3)),
+        ):
+            spreads[:, state] += _LATE * np.abs(late)
     lacking = ~record.has_at(np.arange(len(record)))[:, 1:]
     if lacking.any():
         force = _force(record, states[:, 1], known)
@@ -53,6 +67,14 @@ def smooth_states(record: AxisRecord, known: PlantParameters) -> tuple[Values, V
         states[:, 2:] = np.where(lacking, np.clip(from_other, known.P_T, known.P_S), states[:, 2:])
         spreads[:, 2:] = np.where(lacking, _VAGUE, spreads[:, 2:])
     return states, spreads
+
+
+def _slope(record: AxisRecord, values: Values) -> Values:
+    slopes = np.zeros(len(record))
+    for rows in record.stretches:
+        part = slice(rows.start, rows.stop)
+        slopes[part] = np.gradient(values[part], record.interval)
+    return slopes
 
 
 def _force(record: AxisRecord, velocity: Values, known: PlantParameters) -> Values:

@@ -71,7 +71,7 @@ def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
     return Trial(
         rows=rows,
         model=shooting.predict([guess], [shooting.states])[0],
-        residual=_rms(deviations) / fitter.record.noise,
+        residual=_rms(np.where(shooting.is_there, deviations, np.nan)) / fitter.record.noise,
         runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
     )
 

@@ -5,13 +5,14 @@ relative and no step makes it negative. Dead-zone, leakage and F_s / F_c - 1 may
 sought as multiples of a scale.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters, paper_parameters
 
 Values = npt.NDArray[np.float64]
@@ -61,7 +62,45 @@ KINDS: Mapping[str, Kind] = {
 }
 """All unknowns, in the order of the report."""
 
+EXTRAS: Mapping[str, Kind] = {
+    "P_S": _RATIO._replace(lowest=-1.5, highest=1.5, spread=0.3, told_within=0.05),
+    "P_T": Kind(is_log=False, lowest=-0.9, highest=20.0, spread=2.0, step=5e-3, told_within=0.5),
+    "gain": _RATIO._replace(lowest=-7.0, highest=7.0, spread=2.0, told_within=0.05),
+    "position_delay": Kind(
+        is_log=False, lowest=-2.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5
+    ),
+    "position_lag": Kind(
+        is_log=False, lowest=0.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5
+    ),
+    "pressure_delay": Kind(
+        is_log=False, lowest=-2.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5
+    ),
+    "pressure_lag": Kind(
+        is_log=False, lowest=0.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5
+    ),
+}
+"""Unknowns that are sought on demand only: pressures of supply and tank, what a command stands for,
+delay and first-order lag of the sensors."""
+
+SENSING = ("position_delay", "position_lag", "pressure_delay", "pressure_lag")
+"""Those of `EXTRAS` that make up `Sensors`, in its order."""
+
+_VALVE = ("w", "alpha", "beta")
+_SCALES = {"P_T": 1e5, **dict.fromkeys(SENSING, 1e-3)}  # [Pa], [s]
+
 _OFFSET = Kind(is_log=False, lowest=-20.0, highest=20.0, spread=1.0, step=5e-3, told_within=np.inf)
+
+
+class Sensors(NamedTuple):
+    """How far the sensors are behind: each shows its quantity through a lag, a while later [s]."""
+
+    position_delay: float = 0.0
+    position_lag: float = 0.0
+    pressure_delay: float = 0.0
+    pressure_lag: float = 0.0
+
+
+PROMPT = Sensors()
 
 
 class Guess(NamedTuple):
@@ -70,10 +109,20 @@ class Guess(NamedTuple):
     Attributes:
         parameters: of the plant.
         offsets: errors of both pressure sensors in each recording, shape (recordings, 2) [Pa].
+        sensors: how far they are behind.
+        gain: of the command: times the set-points as they were read.
     """
 
     parameters: PlantParameters
     offsets: Values
+    sensors: Sensors = PROMPT
+    gain: float = 1.0
+
+    def value(self, name: str) -> float:
+        """Return the value of an unknown [SI]."""
+        if name == "gain":
+            return self.gain
+        return float(getattr(self.sensors if name in SENSING else self.parameters, name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,24 +131,26 @@ class Unknowns:
 
     Attributes:
         known: what is configured; what is not sought stays as it is there.
-        names: the sought parameters, of `KINDS`.
+        names: the sought parameters, of `KINDS` and `EXTRAS`.
         sessions: how many recordings there are.
+        sensors: as configured.
     """
 
     known: PlantParameters
     names: tuple[str, ...]
     sessions: int = 1
+    sensors: Sensors = PROMPT
 
     @property
     def kinds(self) -> list[Kind]:
         """How each free variable is sought."""
         offsets = [_OFFSET] * (len(OFFSETS) * self.sessions)
-        return [*(KINDS[name] for name in self.names), *offsets]
+        return [*(kind_of(name) for name in self.names), *offsets]
 
     @property
     def start(self) -> Values:
         """The free variables of what is configured."""
-        return self.variables_of(Guess(self.known, np.zeros((self.sessions, 2))))
+        return self.variables_of(Guess(self.known, np.zeros((self.sessions, 2)), self.sensors))
 
     @property
     def bounds(self) -> tuple[Values, Values]:
@@ -122,29 +173,57 @@ class Unknowns:
         values: dict[str, float] = {}
         for name, variable in zip(self.names, variables.tolist(), strict=False):
             scale = scale_of(name, self.known)
-            values[name] = scale * (np.exp(variable) if KINDS[name].is_log else variable)
+            values[name] = scale * (np.exp(variable) if kind_of(name).is_log else variable)
+        gain = values.pop("gain", 1.0)
+        sensing = {name: values.pop(name) for name in SENSING if name in values}
         F_c = values.get("F_c", self.known.F_c)  # noqa: N806 - the paper's symbol
         sought = F_c * (1.0 + values["F_s"]) if "F_s" in values else self.known.F_s
         values["F_s"] = max(sought, F_c)
         for name in ("beta", "C_L"):
             values[name] = max(values.get(name, getattr(self.known, name)), 0.0)
+        if "P_S" in values or "P_T" in values:
+            lowest = values.get("P_T", self.known.P_T) + _OFFSET_SCALE
+            values["P_S"] = max(values.get("P_S", self.known.P_S), lowest)
+        if gain != 1.0:
+            # The spool is linear: a gain of the command is one of what the valve makes of it.
+            values["w"] = self.known.w * gain
+            values |= {name: getattr(self.known, name) / gain for name in _VALVE[1:]}
         offsets = _OFFSET_SCALE * variables[len(self.names) :].reshape(self.sessions, -1)
-        return Guess(replace(self.known, **values), offsets)
+        parameters = replace(self.known, **values)
+        return Guess(parameters, offsets, self.sensors._replace(**sensing), gain)
 
     def variables_of(self, guess: Guess) -> Values:
         """Return the free variables that stand for a guess, within the bounds."""
-        variables = [self._variable(name, guess.parameters) for name in self.names]
+        variables = [self._variable(name, guess) for name in self.names]
         lowest, highest = self.bounds
         offsets = guess.offsets.reshape(-1) / _OFFSET_SCALE
         return np.asarray(np.clip([*variables, *offsets], lowest, highest))
 
-    def _variable(self, name: str, parameters: PlantParameters) -> float:
+    def _variable(self, name: str, guess: Guess) -> float:
         if name == "F_s":
-            return _excess(parameters)
-        ratio = getattr(parameters, name) / scale_of(name, self.known)
-        if not KINDS[name].is_log:
+            return _excess(guess.parameters)
+        ratio = guess.value(name) / scale_of(name, self.known)
+        if not kind_of(name).is_log:
             return float(ratio)
         return float(np.log(ratio)) if ratio > 0.0 else 0.0
+
+
+def kind_of(name: str) -> Kind:
+    """Return how an unknown is sought."""
+    return KINDS[name] if name in KINDS else EXTRAS[name]
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Refuse unknowns that act alike.
+
+    Raises:
+        ConfigError: some do.
+    """
+    if "gain" in names and not set(_VALVE).isdisjoint(names):
+        raise ConfigError(
+            "command_gain is not decidable beside the valve's width, opening and overlap, which "
+            "act alike; --fix orifice_width_mm orifice_full_opening_mm spool_overlap_mm"
+        )
 
 
 def scale_of(name: str, known: PlantParameters) -> float:
@@ -154,8 +233,10 @@ def scale_of(name: str, known: PlantParameters) -> float:
     thousandth of what the fully open valve lets through at supply pressure; F_s in the excess over
     F_c.
     """
-    if name == "F_s":
+    if name in {"F_s", "gain"}:
         return 1.0
+    if name in _SCALES:
+        return _SCALES[name]
     if name == "C_L":
         return float(1e-3 * known.K * known.alpha / np.sqrt(known.P_S - known.P_T))
     return float(getattr(known, name) or getattr(paper_parameters(), name))

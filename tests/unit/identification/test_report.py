@@ -12,6 +12,7 @@ from hil_bench.machine.identification.identify import Estimate, Identification
 from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.machine.identification.trial import Run, Trial
+from hil_bench.machine.identification.unknowns import PROMPT
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 TABLE_1 = paper_parameters()
@@ -45,6 +46,7 @@ def make(residual: float = 0.9, pressure: float = 1.0) -> Identification:
         ),
         known=TABLE_1,
         parameters=replace(TABLE_1, beta=2.51234e-4, E=1.2345e9),
+        sensors=PROMPT,
         offsets=np.array([[2e4, 100.0]]),
         offset_deviations=np.array([[300.0, 300.0]]),
         estimates=ESTIMATES,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_bench.machine.identification.unknowns import KINDS, Guess, Unknowns
+from hil_bench.machine.identification.unknowns import KINDS, Guess, Sensors, Unknowns
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
 
 ALL = tuple(KINDS)
@@ -68,3 +68,26 @@ def test_what_is_not_sought_stays() -> None:
     unknowns = Unknowns(known, tuple(name for name in ALL if name != "m"))
 
     assert unknowns.guess(unknowns.start + 0.01).parameters.m == 33.0
+
+
+def test_a_gain_of_the_command_scales_the_valve() -> None:
+    table_1 = paper_parameters()
+    unknowns = Unknowns(table_1, ("gain",))
+
+    guess = unknowns.guess(np.array([np.log(2.0), 0.0, 0.0]))
+
+    # twice the opening at each set-point: the same flow as of a valve that opens at half of it
+    assert guess.value("gain") == pytest.approx(2.0)
+    assert guess.parameters.w * guess.parameters.alpha == pytest.approx(table_1.w * table_1.alpha)
+    assert guess.parameters.beta == pytest.approx(0.5 * table_1.beta)
+
+
+def test_delays_and_the_supply_are_unknowns_too() -> None:
+    unknowns = Unknowns(paper_parameters(), ("P_S", "position_delay"), sensors=Sensors(2e-3))
+
+    start = unknowns.guess(unknowns.start)
+    guess = unknowns.guess(np.array([np.log(0.9), 1.5, 0.0, 0.0]))
+
+    assert start.sensors.position_delay == pytest.approx(2e-3)
+    assert guess.parameters.P_S == pytest.approx(90e5)  # of 100 bar
+    assert guess.sensors.position_delay == pytest.approx(1.5e-3)

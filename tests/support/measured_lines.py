@@ -40,13 +40,14 @@ class Lines:
     jump_at: float = 0.0
     saw: float = 0.0
     tooth: float = 1.0
-    spreads: Values = field(default_factory=lambda: np.full(4, 100.0))
+    spreads: Values = field(init=False)
     states: Values = field(init=False)
     steps: Values = field(init=False)
 
     def __post_init__(self) -> None:
         self.states = np.zeros((len(self.measured), 4))
         self.steps = np.full_like(self.states, 1e-3)
+        self.spreads = np.full_like(self.states, 100.0)
 
     @property
     def _is_first(self) -> Values:

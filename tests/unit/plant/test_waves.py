@@ -163,15 +163,19 @@ ORIFICE = (6e-4, 200e5, 0.0, 0.0, 1.0)
 def test_an_edge_and_a_line_pass_the_same_flow():
     """Behind the edge p = c + Z q and q = K a sqrt(P_S - p): a quadratic in q."""
     side = (50e5, 0.0, Z, Z, 0.0)
-    p, flow, fed, slope, slope_fed, _ = valve_end(
-        50e5, side, (1e-3, 0.0), math.inf, -1e5, DT, ORIFICE
-    )
+    p, flow, fed, *_ = valve_end(50e5, side, (1e-3, 0.0), math.inf, -1e5, DT, ORIFICE)
     gain = (6e-4 * 1e-3) ** 2
     expected = 0.5 * (-gain * Z + math.sqrt(gain * gain * Z * Z + 4.0 * gain * 150e5))
     assert flow == pytest.approx(expected, rel=1e-9)
     assert fed == pytest.approx(flow, rel=1e-9)
     assert p == pytest.approx(50e5 + Z * expected)
-    more = valve_end(p, side, (1e-3, 0.0), math.inf, -1e5, DT, (6e-4, 200.1e5, 0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("to_tank", [0.0, 3e-4])
+def test_flows_at_the_valve_rise_with_the_supply_as_their_slopes_say(to_tank):
+    side, openings = (50e5, 0.0, Z, Z, 0.0), (1e-3, to_tank)
+    p, flow, fed, slope, slope_fed, _ = valve_end(50e5, side, openings, math.inf, -1e5, DT, ORIFICE)
+    more = valve_end(p, side, openings, math.inf, -1e5, DT, (6e-4, 200.1e5, 0.0, 0.0, 1.0))
     assert slope == pytest.approx((more[1] - flow) / 1e4, rel=1e-3)
     assert slope_fed == pytest.approx((more[2] - fed) / 1e4, rel=1e-3)
 

@@ -11,6 +11,7 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── RegisterMapError (ValueError)       a register map cannot be read
      ├── SdoAbortError                       the device refused an access, and said why
      ├── ModbusExceptionError                the same on Modbus
+     ├── ProgramError                        a device says that a program is wrong
      ├── RemoteProtocolError                 the device broke the protocol
      ├── DeviceFaultError                    the valve is in a fault state, or left ACTIVE
      └── StaleValueError                     no value was received recently enough
@@ -72,6 +73,10 @@ class SdoAbortError(DriverError):
         self.code = code
         self.reason = f"SDO abort 0x{code:08X}, {meaning}"
         super().__init__(f"{what}: {self.reason}", device=device)
+
+
+class ProgramError(DriverError):
+    """A device refused a program, and said why in its flash status (0x1F57)."""
 
 
 class RegisterMapError(DriverError, ValueError):

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
+from typing import TypeVar
 
 import canopen
 from canopen.emcy import EMCY_STRUCT
@@ -35,8 +36,11 @@ from hil_drivers.sdo_client import (
     WaitFor,
 )
 
+_T = TypeVar("_T")
+
 EMERGENCIES_KEPT = 32
 PROBES, PROBE_TIMEOUT = 20, 0.1
+SEGMENT_BYTES = 7
 
 
 class NmtState(IntEnum):
@@ -141,7 +145,15 @@ class Node(canopen.RemoteNode):
         return True
 
     def read_device_type(self) -> int:
-        """Return 0x1000, waiting until the device answers: it may be booting up just now.
+        """Return 0x1000, waiting until the device answers: it may be booting up just now."""
+        return self._patiently(lambda: self.read_integer(0x1000))
+
+    def await_answer(self) -> None:
+        """Wait until the device answers, whatever its EDS: it may be booting up just now."""
+        self._patiently(lambda: self.upload(0x1000))
+
+    def _patiently(self, read: Callable[[], _T]) -> _T:
+        """Return what a read brings, tried again until the device answers.
 
         Raises:
             DriverTimeoutError: it did not within 2 s.
@@ -150,7 +162,7 @@ class Node(canopen.RemoteNode):
         try:
             for _ in range(PROBES):
                 with suppress(DriverTimeoutError):
-                    return self.read_integer(0x1000)
+                    return read()
         finally:
             self.sdo.RESPONSE_TIMEOUT = patience
         raise DriverTimeoutError(
@@ -253,6 +265,50 @@ class Node(canopen.RemoteNode):
             self.before_download(index, subindex, raw)
         with self._sdo_errors("write", index, subindex):
             self.sdo.download(index, subindex, raw)
+
+    def download_stream(
+        self,
+        index: int,
+        subindex: int,
+        raw: bytes,
+        *,
+        block: bool = False,
+        progress: Callable[[int], None] | None = None,
+    ) -> None:
+        """Write much to an object of the device, by block transfer or in segments.
+
+        Args:
+            index: of the object.
+            subindex: of the object.
+            raw: what to write.
+            block: whether by block transfer.
+            progress: told how many bytes have been sent.
+        """
+        if self.before_download is not None:
+            self.before_download(index, subindex, raw)
+        with self._sdo_errors("write", index, subindex):
+            stream = self.sdo.open(
+                index,
+                subindex,
+                "wb",
+                buffering=0,
+                size=len(raw),
+                block_transfer=block,
+                force_segment=True,
+            )
+            try:
+                for start in range(0, len(raw), SEGMENT_BYTES):
+                    stream.write(raw[start : start + SEGMENT_BYTES])
+                    if progress is not None:
+                        progress(min(start + SEGMENT_BYTES, len(raw)))
+            except BaseException as error:
+                # Closed as it is, the stream would go on with a transfer that is over.
+                stream._done, stream._initialized = True, False  # noqa: SLF001
+                if not isinstance(error, SdoAbortedError):
+                    self.sdo.abort()
+                raise
+            finally:
+                stream.close()
 
     @contextmanager
     def _sdo_errors(self, verb: str, index: int, subindex: int) -> Iterator[None]:

@@ -28,6 +28,7 @@ from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.bindings import build_source
+from hil_bench.kinds.programs import build_programs
 from hil_bench.kinds.registry import KINDS
 from hil_bench.kinds.scripts import build_script
 from hil_bench.kinds.surroundings import Surroundings
@@ -144,15 +145,16 @@ def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitt
         (source.axis, build_source(source, f"{config.name}.{source.name}", node, surroundings))
         for source in config.sources
     )
-    scripts = [build_script(script, node) for script in config.scripts]
     own = [] if fitting.advance is None else [fitting.advance]
-    acts = [*own, *scripts]
+    scripts = [build_script(script, node) for script in config.scripts]
+    added = [*scripts, *build_programs(node, config.program)]
+    acts = [*own, *added]
 
     def advance(now: int) -> None:
         for act in acts:
             act(now)
 
-    return replace(fitting, sources=sources, advance=advance if scripts else fitting.advance)
+    return replace(fitting, sources=sources, advance=advance if added else fitting.advance)
 
 
 def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis:

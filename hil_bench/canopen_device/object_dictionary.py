@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 Check = Callable[[Any], None]
 """Told the decoded value before it is written; raises `SdoAbort` to refuse it."""
+Admission = Callable[[], int]
+"""Asked before a download of several frames begins; returns how many bytes it may bring at most,
+and raises `SdoAbort` to refuse it."""
 Hook = Callable[[Any], None]
 """Told the decoded value after it was written from the bus; raises `SdoAbort` where an action that
 the write asks for has failed."""
@@ -74,6 +77,7 @@ class Variable:
     """
 
     __slots__ = (
+        "_admission",
         "_checks",
         "_hooks",
         "access",
@@ -118,6 +122,7 @@ class Variable:
         self.base = base
         self.value: Any = self.default
         self.is_plain = low is None and high is None
+        self._admission: Admission | None = None
         self._checks: tuple[Check, ...] = ()
         self._hooks: tuple[Hook, ...] = ()
 
@@ -151,6 +156,16 @@ class Variable:
         """Tell `hook` after each write from the bus."""
         self._hooks += (hook,)
         self.is_plain = False
+
+    def admit(self, admission: Admission) -> None:
+        """Ask `admission` before a download of several frames begins."""
+        self._admission = admission
+
+    def most_bytes(self, otherwise: int) -> int:
+        """Return how many bytes a download may bring: those of its type, or what `admit` says."""
+        if self._admission is not None:
+            return self._admission()
+        return self.data_type.size or otherwise
 
     def write(self, value: Any) -> None:  # noqa: ANN401 - a value of any data type
         """Set the value as the bus does: limits and checks, the assignment, then the hooks.

@@ -31,7 +31,7 @@ from hil_bench.canopen_device.sdo_transfer import (
 )
 
 BUFFER_SIZE: Final = 65536
-"""Longest string or domain that a client may download [byte]."""
+"""Longest string or domain that a client may download [byte], unless the object says otherwise."""
 QUEUE_LENGTH: Final = 256
 """Requests that may wait; more than a bus brings in 30 ms."""
 
@@ -251,12 +251,12 @@ class SdoServer:
 
     def _expect(self, request: bytes, *, is_sized: bool) -> tuple[int | None, int]:
         """Return the announced length, None for none, and the longest possible one [byte]."""
-        data_type = self._object_dictionary.writable(*_parse_object(request)).data_type
-        limit = data_type.size or BUFFER_SIZE
+        variable = self._object_dictionary.writable(*_parse_object(request))
+        limit = variable.most_bytes(BUFFER_SIZE)
         if not is_sized:
             return None, limit
         announced: int = _LONG.unpack(request)[3]
-        data_type.check_size(announced)
+        variable.data_type.check_size(announced)
         check_bound(announced, limit)
         return announced, limit
 

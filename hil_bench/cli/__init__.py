@@ -50,6 +50,7 @@ VERBS = {
     "identify": "estimate the plant's parameters with confidence intervals from recordings",
     "scan": "find the nodes of a bus, with identity and state",
     "boot": "boot a network as its NMT master: check, configure and start its devices",
+    "program": "download a program into a device, or show the one that it has",
     "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
     "evidence": "validate this installation, and write the evidence as a folder",
     "doctor": "measure what this machine can do in real time, and name what to change",

@@ -35,6 +35,7 @@ class NodeConfig:
         sources: the objects that show quantities of the plant.
         scripts: the objects that follow a script.
         protected_tpdos: the TPDOs that have a counter and a checksum.
+        program: the memory of its programs, where it takes any; None for the usual one.
         place: how messages name its table.
     """
 
@@ -50,6 +51,7 @@ class NodeConfig:
     sources: tuple[SourceConfig, ...]
     scripts: tuple[ScriptConfig, ...]
     protected_tpdos: tuple[int, ...]
+    program: Mapping[str, object] | None
     place: str = field(compare=False)
 
     @property

@@ -23,6 +23,7 @@ from hil_bench.config.values import (
 )
 from hil_bench.kinds.generic import GENERIC
 from hil_bench.kinds.kind import DeviceKind
+from hil_bench.kinds.programs import program_memory
 from hil_bench.kinds.registry import KINDS, kind_name
 from hil_bench.outside.realtime.policy import OverrunPolicy, RealtimePolicy
 from hil_bench.outside.wire.station import Order
@@ -88,6 +89,7 @@ def node_keys(kind: DeviceKind[Any]) -> tuple[Key, ...]:
         Key("serial_number", integer(0, 0xFFFFFFFF)),
         Key("objects", objects),
         Key("protected_tpdos", tpdo_numbers, ()),
+        Key("program", program_memory),
         *kind.keys,
     )
 

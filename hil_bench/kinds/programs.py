@@ -1,0 +1,48 @@
+"""The memory for programs of a device, as a node's table gives it."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hil_bench.canopen_device.node import Node
+from hil_bench.config.document import give
+from hil_bench.config.settings import Key, Origin, Problems, convert, read_table
+from hil_bench.config.values import choice, describe, integer, number
+from hil_bench.devices.program_memory import Checksum, MemoryConfig, program_memories
+from hil_bench.errors import ConfigError
+from hil_bench.units import MILLISECOND
+
+_DEFAULT = MemoryConfig()
+PROGRAM_KEYS = (
+    Key("largest_bytes", integer(1, 1 << 24), _DEFAULT.largest),
+    Key("checksum", choice([each.value for each in Checksum]), Checksum.NONE.value),
+    Key("write_ms", number(MILLISECOND, low=0.0, high=600_000.0), 0.0, MILLISECOND, "write"),
+)
+
+
+def program_memory(value: object) -> dict[str, object]:
+    """Return a table that describes the memory of a device's programs.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    if not isinstance(value, dict):
+        right = 'give a table, as in { largest_bytes = 262144, checksum = "crc32" }'
+        raise ConfigError(f"{describe(value)} is not a table; {right}")
+    _read(value)
+    return value
+
+
+def build_programs(node: Node, table: Mapping[str, object] | None) -> list[Callable[[int], None]]:
+    """Return what moves the programs of a node in each tick; nothing where it takes none."""
+    values = _read(table or {})
+    memory = MemoryConfig(
+        values["largest_bytes"], Checksum(values["checksum"]), round(values["write"] * 1e9)
+    )
+    return [each.advance for each in program_memories(node.object_dictionary, memory)]
+
+
+def _read(table: Mapping[str, object]) -> dict[str, Any]:
+    problems = Problems("program")
+    settings = read_table("", give("", table, Origin.FILE, problems), PROGRAM_KEYS, problems)
+    problems.raise_any()
+    return convert(settings, PROGRAM_KEYS)

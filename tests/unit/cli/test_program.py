@@ -1,0 +1,58 @@
+"""`hil-bench program` on the virtual bench."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil_bench.cli import main
+
+BENCH = str(Path(__file__).parents[3] / "examples" / "program_download.toml")
+NODE = ["program", BENCH, "--virtual", "--node", "10"]
+
+
+@pytest.fixture
+def program(tmp_path):
+    path = tmp_path / "firmware.bin"
+    path.write_bytes(b"123456789")
+    return str(path)
+
+
+def test_without_a_file_it_shows_what_is_there(capsys):
+    assert main(NODE) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "program         running",
+        "identification  0x00010000",
+        "flash           no error",
+    ]
+
+
+@pytest.mark.parametrize("options", [[], ["--segmented"]])
+def test_a_file_is_downloaded(capsys, program, options):
+    assert main([*NODE, "--file", program, *options, "--json"]) == 0
+    # The check value of CRC-32.
+    assert json.loads(capsys.readouterr().out)["state"]["identification"] == 0xCBF43926
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "what"),
+    [
+        (["--virtual", "--node", "1"], 1, "node 1: has no program 1; a device with 0x1F50"),
+        (["--virtual", "--node", "9"], 1, "node 9: no answer within 2 s"),
+        (["--virtual", "--node", "128"], 2, "--node 128: a number from 1 to 127 is right"),
+        (["--virtual", "--node", "1", "--file", "none"], 2, "--file none: cannot be read: No such"),
+    ],
+)
+def test_what_is_wrong_is_a_line(capsys, arguments, code, what):
+    assert main(["program", *arguments]) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert what in line
+
+
+def test_wrong_keys_of_the_memory_are_named(capsys, tmp_path):
+    path = tmp_path / "bench.toml"
+    text = Path(BENCH).read_text(encoding="utf-8").replace("write_ms", "write_s")
+    eds = Path(BENCH).parent / "../device_profiles"
+    path.write_text(text.replace("../device_profiles", str(eds)), encoding="utf-8")
+    assert main(["check", str(path)]) == 2
+    assert "write_s: unknown key; the nearest known key is write_ms" in capsys.readouterr().err

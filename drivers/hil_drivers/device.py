@@ -1,7 +1,7 @@
 """What the drivers of all devices have in common: identity, PDOs, freshness of values."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
@@ -73,6 +73,12 @@ class Device:
 
     def __str__(self) -> str:
         return str(self.node)
+
+    def expect_protection(self, tpdos: Collection[int]) -> None:
+        """Refuse PDOs without a right counter and checksum from these TPDOs, by their numbers."""
+        for pdo in self._received:
+            if pdo.mapping.number in tpdos:
+                pdo.protection = Protection(pdo.mapping.cob_id & 0x7FF)
 
     def poll(self) -> bool:
         """Return False: CANopen devices send by themselves, as `setup` has configured."""

@@ -18,6 +18,9 @@ from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 MOST_BYTES: Final = 6
 """Mapped bytes of a protected TPDO."""
 
+SEAL_BYTES: Final = 2
+"""Counter and checksum."""
+
 _POLYNOMIAL: Final = 0x1D
 _MAPPING: Final = 0x1A00
 _BITS_OF_A_BYTE: Final = 8
@@ -40,6 +43,11 @@ def crc8(data: bytes) -> int:
     return crc ^ 0xFF
 
 
+def checksum(can_id: int, data: bytes) -> int:
+    """Return the checksum of mapped bytes and counter under an identifier."""
+    return crc8(can_id.to_bytes(2, "little") + data)
+
+
 class Seal:
     """The counter of one TPDO."""
 
@@ -50,7 +58,7 @@ class Seal:
         """Return mapped bytes with counter and checksum behind them."""
         sealed = data + bytes((self._counter,))
         self._counter = (self._counter + 1) & 0xFF
-        return sealed + bytes((crc8(can_id.to_bytes(2, "little") + sealed),))
+        return sealed + bytes((checksum(can_id, sealed),))
 
 
 def mapped_bytes(object_dictionary: ObjectDictionary, number: int) -> int:

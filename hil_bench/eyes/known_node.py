@@ -1,6 +1,6 @@
 """What is known of one node: from its EDS, and from what it says and is told on the bus."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -72,6 +72,8 @@ class KnownNode:
         objects: from its EDS; without them those that it shows on the bus.
         bus: the number of its bus.
         scales: what the numbers of bound objects stand for.
+        protected_tpdos: numbers of the TPDOs that have a counter and a checksum; None for not
+            known.
 
     Attributes:
         has_eds: whether its objects come from an EDS.
@@ -86,6 +88,7 @@ class KnownNode:
         *,
         bus: int = 0,
         scales: Mapping[tuple[int, int], Scale] = MappingProxyType({}),
+        protected_tpdos: Collection[int] | None = None,
     ) -> None:
         self.node_id = node_id
         self.bus = bus
@@ -94,6 +97,7 @@ class KnownNode:
         self.state: NmtState | None = None
         self._name = name
         self._scales = scales
+        self._protected_tpdos = protected_tpdos
 
     @property
     def name(self) -> str:
@@ -116,7 +120,7 @@ class KnownNode:
 
     def pdos(self) -> list[Pdo]:
         """Return the PDOs that exist now."""
-        return list(find_pdos(self.objects, self._scales))
+        return list(find_pdos(self.objects, self._scales, self._protected_tpdos))
 
     def reader(self, index: int, subindex: int) -> Reader:
         """Return what reads one object."""

@@ -42,6 +42,7 @@ def nodes_of(
             objects,
             bus=buses.index(settings.bus),
             scales=dict(_scales(config, settings)),
+            protected_tpdos=settings.protected_tpdos,
         )
         found.append(node)
     return found

@@ -1,7 +1,7 @@
 """The PDOs of a node as its object dictionary has them now, and what a frame of one carries."""
 
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from hil_bench.canopen_device.cob_id import DISABLED, can_id
@@ -9,6 +9,7 @@ from hil_bench.canopen_device.datatypes import BOOLEAN, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.canopen_device.pdo_mapping import BITS_OF_A_BYTE, Direction, MappingEntry
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.canopen_device.pdo_protection import SEAL_BYTES, checksum
 from hil_bench.eyes.scaling import Scale, number_in
 from hil_bench.eyes.values import Reader, Reading
 
@@ -48,6 +49,8 @@ class Pdo:
         inhibit_time_100us: shortest time between two [100 us].
         fields: what it carries, in order.
         bits: of its mapping; None where the mapping is unknown.
+        is_protected: whether counter and checksum stand behind what it maps; None where nobody
+            says so, and a frame with a right checksum shows it.
     """
 
     direction: Direction
@@ -58,6 +61,7 @@ class Pdo:
     inhibit_time_100us: int
     fields: tuple[PdoField, ...]
     bits: int | None
+    is_protected: bool | None = None
     _struct: struct.Struct | None = None
     _last: bytes | None = None
     _readings: tuple[Reading, ...] = field(default=())
@@ -90,20 +94,49 @@ class Pdo:
         return readings
 
     def problem(self, data: bytes) -> str:
-        """Return what is wrong with the length of a frame; empty for nothing."""
+        """Return what is wrong with the length or checksum of a frame; empty for nothing."""
         length = self.length
-        if length is None or len(data) == length:
+        if length is None:
             return ""
-        return f"{len(data)} bytes, and its mapping has {length}"
+        if self.is_sealed(data):
+            right = checksum(self.can_id, data[:-1])
+            if data[-1] == right:
+                return ""
+            return f"checksum 0x{data[-1]:02X}, and 0x{right:02X} is right"
+        if self.is_protected:
+            return f"{len(data)} bytes, and its mapping with counter and checksum has {length + 2}"
+        return "" if len(data) == length else f"{len(data)} bytes, and its mapping has {length}"
+
+    def is_sealed(self, data: bytes) -> bool:
+        """Return whether a frame has counter and checksum behind what the PDO maps."""
+        if self.direction is not Direction.TPDO or len(data) != (self.length or 0) + SEAL_BYTES:
+            return False
+        if self.is_protected is None:
+            return data[-1] == checksum(self.can_id, data[:-1])
+        return self.is_protected
 
 
-def find_pdos(objects: ObjectDictionary, scales: Mapping[tuple[int, int], Scale]) -> Iterator[Pdo]:
-    """Yield the PDOs that exist now."""
+def find_pdos(
+    objects: ObjectDictionary,
+    scales: Mapping[tuple[int, int], Scale],
+    protected_tpdos: Collection[int] | None = None,
+) -> Iterator[Pdo]:
+    """Yield the PDOs that exist now.
+
+    Args:
+        objects: of the node.
+        scales: what the numbers of bound objects stand for.
+        protected_tpdos: numbers of the TPDOs that have a counter and a checksum; None for not
+            known.
+    """
     for direction, indices in COMMUNICATION_INDICES.items():
         for index in objects.indices(indices):
             identifier = can_id(number_in(objects, index, 1, DISABLED))
             if identifier is not None:
-                yield _read_pdo(objects, scales, index, direction, identifier)
+                pdo = _read_pdo(objects, scales, index, direction, identifier)
+                if protected_tpdos is not None and direction is Direction.TPDO:
+                    pdo.is_protected = pdo.number in protected_tpdos
+                yield pdo
 
 
 def _read_pdo(
@@ -123,7 +156,7 @@ def _read_pdo(
         number_in(objects, index, 3, 0),
         fields,
         bits,
-        _compile(fields, bits),
+        _struct=_compile(fields, bits),
     )
 
 

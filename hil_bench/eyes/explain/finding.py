@@ -31,6 +31,7 @@ class Cause(Enum):
     SDO_ABORT = "SDO transfer aborted", "CiA 301, 7.2.4.3.17"
     SDO_NO_ANSWER = "SDO request not answered", "CiA 301, 7.2.4"
     PDO_LENGTH = "length of a PDO differs from its mapping", "CiA 301, 7.2.7.1 (8210h, 8220h)"
+    PDO_CHECKSUM = "checksum of a protected PDO is wrong", "SAE J1850, CRC-8"
     PDO_MISSING = "a PDO stays out", "CiA 301, 7.5.2.37"
     ABSENT_PRODUCER = "waits for a producer that is not there", "CiA 301, 7.5.2.19 and 7.5.2.35"
     RPDO_TIMEOUT = "RPDO time-out", "CiA 301, 7.5.2.35"

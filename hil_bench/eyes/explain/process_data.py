@@ -180,7 +180,9 @@ class ProcessData:
             text += f", {len(sights)} times" if len(sights) > 1 else ""
             text += f"; {node} reports it by EMCY" if reported else ""
             shown = (*sights[:2], *reported[:1])
-            yield Finding(Cause.PDO_LENGTH, node, sights[0].now, text, shown)
+            is_sealed = owner.pdo.is_sealed(sights[0].frame.data)
+            cause = Cause.PDO_CHECKSUM if is_sealed else Cause.PDO_LENGTH
+            yield Finding(cause, node, sights[0].now, text, shown)
 
     def _mapping_findings(self) -> Iterator[Finding]:
         for (_, node), sights in self._unknown.items():

@@ -97,6 +97,7 @@ class OverheardDrivers:
             node.kind.driver
         )(self._network, node.node_id, node.eds, max_age=math.inf)
         device.setup(transmission_type=254)
+        device.expect_protection(node.protected_tpdos)
         axis = str(node.axis)
         if isinstance(device, ProportionalValve):
             word = device.status

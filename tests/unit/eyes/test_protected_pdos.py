@@ -1,0 +1,142 @@
+"""PDOs with counter and checksum, as `monitor`, `explain` and `shadow` see them."""
+
+from itertools import count
+
+import pytest
+from support.bus_logs import played
+from support.sdo_frames import MS, heard
+
+from device_profiles import PRESSURE_404
+from hil_bench.bench.configuration import load_config
+from hil_bench.canopen_device.eds import load_eds
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.eyes.explain.explain import explain
+from hil_bench.eyes.explain.finding import Cause
+from hil_bench.eyes.known_node import KnownNode
+from hil_bench.eyes.nodes import nodes_of
+from hil_bench.machine.shadow import Shadow
+from hil_bench.outside.recording.frames import message_of
+from hil_drivers.protection import crc8
+
+BITRATE = 1_000_000
+TPDO1 = 0x182
+NODES = """
+[plant.axis1]
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.pressure_a]
+profile = "pressure_404"
+node_id = 2
+source = "P_A"
+[nodes.pressure_b]
+profile = "pressure_404"
+node_id = 3
+source = "P_B"
+[nodes.position]
+profile = "encoder_406"
+node_id = 4
+"""
+
+
+def sealed(mapped, counter):
+    """What a device sends: mapped bytes, counter, checksum of identifier and all before it."""
+    data = mapped + bytes([counter])
+    return Frame(TPDO1, data + bytes([crc8(TPDO1.to_bytes(2, "little") + data)]))
+
+
+def log(*frames):
+    return heard(Frame(0x702, b"\0"), Frame(0, b"\x01\x02"), *frames, step=10 * MS)
+
+
+def sensor(protected):
+    return [
+        KnownNode(2, "pressure", load_eds(PRESSURE_404, 2), protected_tpdos=protected),
+    ]
+
+
+# The transducer's TPDO1 maps a REAL32 and a status byte.
+GOOD = [sealed(bytes(5), number) for number in range(5)]
+
+
+@pytest.mark.parametrize("protected", [(1,), None])
+def test_a_protected_pdo_is_sound(protected):
+    assert explain(log(*GOOD), sensor(protected), BITRATE).findings == ()
+
+
+def test_where_none_is_protected_two_bytes_are_too_many():
+    (finding,) = explain(log(*GOOD), sensor(()), BITRATE).findings
+    assert finding.cause is Cause.PDO_LENGTH
+    assert "7 bytes, and its mapping has 5" in finding.text
+
+
+def test_a_wrong_checksum_is_one():
+    wrong = GOOD[2]._replace(data=GOOD[2].data[:-1] + bytes([GOOD[2].data[-1] ^ 1]))
+    (finding,) = explain(log(*GOOD[:2], wrong, *GOOD[3:]), sensor((1,)), BITRATE).findings
+    assert finding.cause is Cause.PDO_CHECKSUM
+    assert finding.text == (
+        f"pressure TPDO1: checksum 0x{wrong.data[-1]:02X}, and 0x{GOOD[2].data[-1]:02X} is right"
+    )
+
+
+def test_a_protected_pdo_without_its_protection_is_too_short():
+    plain = [Frame(TPDO1, bytes(5))] * 5
+    (finding,) = explain(log(*plain), sensor((1,)), BITRATE).findings
+    assert finding.cause is Cause.PDO_LENGTH
+    assert "5 bytes, and its mapping with counter and checksum has 7" in finding.text
+
+
+def test_two_bytes_too_many_without_a_checksum_are_a_wrong_length():
+    wrong = [Frame(TPDO1, bytes(5) + bytes([0, crc8(b"")]))] * 5
+    (finding,) = explain(log(*wrong), sensor(None), BITRATE).findings
+    assert finding.cause is Cause.PDO_LENGTH
+
+
+@pytest.fixture
+def protected_config(tmp_path):
+    numbers = count()
+
+    def load(*protected):
+        text = NODES
+        for name in protected:
+            text = text.replace(f"[nodes.{name}]\n", f"[nodes.{name}]\nprotected_tpdos = [1]\n")
+        path = tmp_path / f"bench{next(numbers)}.toml"
+        path.write_text(text, encoding="utf-8")
+        return load_config(path)
+
+    return load
+
+
+def motion(rig):
+    rig.set_up(rig.valve)
+    rig.network.start_node()
+    rig.valve.enable()
+    rig.move(1.0)
+
+
+def test_a_motion_with_protected_pdos_is_sound(protected_config):
+    config = protected_config("pressure_a", "position")
+    frames = played(motion, config)
+    assert explain(frames, nodes_of(config), BITRATE).findings == ()
+    assert explain(frames, nodes_of(protected_config()), BITRATE).findings[0].cause is (
+        Cause.PDO_LENGTH
+    )
+
+
+def test_the_twin_follows_protected_pdos_and_refuses_what_is_wrong(protected_config):
+    config = protected_config("pressure_a", "position")
+    messages = [message_of(logged) for logged in played(motion, config)]
+
+    def residuals(spoil):
+        shadow = Shadow(config, horizon=0.25)
+        for message in messages:
+            if spoil and message.arbitration_id == 0x184:
+                message.data[0] ^= 0xFF
+            shadow.take(message)
+        shadow.finish()
+        return [window.residuals["position"] for window in shadow.windows]
+
+    followed = residuals(spoil=False)
+    assert all(each.count > 10 for each in followed)
+    assert max(each.rms for each in followed) < 0.05e-3
+    assert sum(each.count for each in residuals(spoil=True)) == 0

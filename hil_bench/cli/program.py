@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.controller_side import add_network_arguments, open_network
+from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.network_arguments import add_network_arguments
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
 from hil_drivers import BusLostError, DeviceMismatchError, DriverError
@@ -17,8 +18,8 @@ MOST_BYTES = 1 << 26
 
 _EXAMPLES = """\
 examples:
-  hil-bench program -i socketcan -c can0 --node 5                     what the device says
-  hil-bench program -i socketcan -c can0 --node 5 --file firmware.bin stop, clear, download, start
+  hil-bench program -i socketcan -c can0 --node 5                       what the device says
+  hil-bench program -i socketcan -c can0 --node 5 --file firmware.bin   a new program, started
 """
 
 

@@ -124,7 +124,7 @@ class Hub:
         except OSError as error:
             what = f"hub {host}:{port}: "
             if error.errno == errno.EADDRINUSE:
-                what += "the port is in use, by another hub?; port 0 takes a free one"
+                what += "the port is in use, perhaps by another hub; port 0 takes a free one"
             else:
                 what += error.strerror or str(error)
             raise BusError(what) from error

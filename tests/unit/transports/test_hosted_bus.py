@@ -250,7 +250,9 @@ def test_python_can_joins_it(bus):
 
 
 def test_a_port_in_use_is_said_in_one_line(bus):
-    expected = f"hub 127.0.0.1:{bus.port}: the port is in use, by another hub?; port 0 takes a free"
+    expected = (
+        f"hub 127.0.0.1:{bus.port}: the port is in use, perhaps by another hub; port 0 takes a free"
+    )
     with pytest.raises(BusError, match=re.escape(expected)):
         HostedBus(port=bus.port)
 

@@ -313,7 +313,7 @@ def test_a_port_in_use_is_said_in_one_line():
         with pytest.raises(BusError) as caught:
             await Hub().start("127.0.0.1", place.port)
         assert str(caught.value) == (
-            f"hub 127.0.0.1:{place.port}: the port is in use, by another hub?; "
+            f"hub 127.0.0.1:{place.port}: the port is in use, perhaps by another hub; "
             "port 0 takes a free one"
         )
 

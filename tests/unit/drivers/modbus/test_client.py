@@ -129,7 +129,7 @@ def test_a_malformed_identification_is_an_error(link, client, pdu):
 
 def test_what_is_no_modbus_ends_the_connection(link, client):
     link.play(b"HTTP/1.1 400 Bad Request")
-    with pytest.raises(RemoteProtocolError, match="none of Modbus TCP"):
+    with pytest.raises(RemoteProtocolError, match="not a Modbus TCP header"):
         client.read_registers(17, "input_registers", 0, 2)
     link.play(tcp(2, "04 04 0001 0002"))
     assert client.read_registers(17, "input_registers", 0, 2) == [1, 2]

@@ -91,16 +91,16 @@ class Switchboard:
         """
         if self._heard:
             return False
-        address = frame.can_id | frame.bus << BUS_SHIFT
-        return frame.is_extended or address in self._timeless or address not in self.routes
+        can_id, _, _, is_extended, bus = frame
+        address = can_id | bus << BUS_SHIFT
+        return is_extended or address in self._timeless or address not in self.routes
 
     def concerned(self, frames: Sequence[Frame]) -> Sequence[Port]:
         """Return the ports of the nodes that may have something to do after these frames."""
         if len(frames) != 1 or self._heard or self._lines:
             return self.ports
-        (frame,) = frames
-        address = frame.can_id | frame.bus << BUS_SHIFT
-        return () if frame.is_extended else self._listeners.get(address, ())
+        can_id, _, _, is_extended, bus = frames[0]
+        return () if is_extended else self._listeners.get(can_id | bus << BUS_SHIFT, ())
 
     def receive(self, frames: Sequence[Frame], now: int, ports: Sequence[Port]) -> None:
         """Hand the nodes what came from the buses and from each other; act on deadlines.
@@ -114,8 +114,8 @@ class Switchboard:
             deliver(now)
         routes = self.routes
         for frame in (*self._heard, *frames) if self._heard else frames:
-            address = frame.can_id | frame.bus << BUS_SHIFT
-            handlers = None if frame.is_extended else routes.get(address)
+            can_id, _, _, is_extended, bus = frame
+            handlers = None if is_extended else routes.get(can_id | bus << BUS_SHIFT)
             if handlers is None:
                 self.unrouted += 1
                 continue
@@ -148,7 +148,12 @@ class Switchboard:
     def _overheard_of(self, sent: Sequence[Frame]) -> list[Frame]:
         """Return those frames of our nodes that another one listens to."""
         overheard = self._overheard
-        return [frame for frame in sent if frame.can_id | frame.bus << BUS_SHIFT in overheard]
+        found = []
+        for frame in sent:
+            can_id, _, _, _, bus = frame
+            if can_id | bus << BUS_SHIFT in overheard:
+                found.append(frame)
+        return found
 
     def _settle(self, frame: Frame, now: int) -> None:
         """Before a SYNC acts that is not the round's first: send the PDOs of the one before."""

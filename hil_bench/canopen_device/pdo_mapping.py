@@ -112,12 +112,9 @@ class PdoMapping:
     Attributes:
         length: of the PDO [byte].
         variables: mapped variables in order, dummies left out.
-        read: returns the PDO's bytes from the variables' present values.
-        write: sets the variables from at least `length` bytes and returns how many values the
-            variables refused (limits, checks); a refused value leaves the old one in place.
     """
 
-    __slots__ = ("_fields", "_pack", "_unpack", "length", "read", "variables", "write")
+    __slots__ = ("_fields", "_pack", "_unpack", "length", "variables")
 
     def __init__(
         self,
@@ -141,23 +138,34 @@ class PdoMapping:
         self.length = (bits + 7) // 8
         self._fields = tuple(_place(object_dictionary, entries))
         self.variables = tuple(field.variable for field in self._fields)
-        self.read: Callable[[], bytes] = self._read_bits
-        self.write: Callable[[bytes], int] = self._write_bits
         packed = _compile(object_dictionary, entries)
-        if packed is not None:
-            self._pack: Callable[..., bytes] = packed.pack
-            self._unpack: Callable[[bytes], tuple[Any, ...]] = packed.unpack_from
-            self.read, self.write = self._read_struct, self._write_struct
+        self._pack: Callable[..., bytes] | None = None if packed is None else packed.pack
+        self._unpack: Callable[[bytes], tuple[Any, ...]] | None = (
+            None if packed is None else packed.unpack_from
+        )
 
-    def _read_struct(self) -> bytes:
+    def read(self) -> bytes:
+        """Return the PDO's bytes from the variables' present values."""
+        pack = self._pack
+        if pack is None:
+            return self._read_bits()
         variables = self.variables
         if len(variables) == 2:  # as most have; the general call costs three times as much
-            return self._pack(variables[0].value, variables[1].value)
-        return self._pack(*[variable.value for variable in variables])
+            return pack(variables[0].value, variables[1].value)
+        return pack(*[variable.value for variable in variables])
 
-    def _write_struct(self, data: bytes) -> int:
+    def write(self, data: bytes) -> int:
+        """Set the variables from at least `length` bytes.
+
+        Returns:
+            How many values the variables refused (limits, checks); a refused value leaves the old
+            one in place.
+        """
+        unpack = self._unpack
+        if unpack is None:
+            return self._write_bits(data)
         refused = 0
-        for number, value in enumerate(self._unpack(data)):
+        for number, value in enumerate(unpack(data)):
             variable = self.variables[number]
             if variable.is_plain:
                 variable.value = value

@@ -75,9 +75,10 @@ class SyncConsumer:
     def receive(self, data: bytes, now: int) -> int:
         """Take a SYNC and return its counter, 0 where it has none or none is asked for."""
         self.received += 1
-        length = 0 if self._window_length is None else self._window_length.value
+        length: int = 0 if self._window_length is None else self._window_length.value
         self._window.end = now + length * _MICROSECOND if length else NEVER
-        has_counter = self._overflow is not None and self._overflow.value > 0
+        overflow: int = 0 if self._overflow is None else self._overflow.value
+        has_counter = overflow > 0
         if len(data) != has_counter or self._has_failed:
             self._judge(len(data), has_counter=has_counter)
         return data[0] if has_counter and data else 0

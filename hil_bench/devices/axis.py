@@ -75,7 +75,7 @@ class Measurement:
             self._rate_place = rate.quantity.output or 0
             self.channels.append((f"{name}.measured_{rate.name}", rate.quantity.unit))
 
-    def __call__(self, output: Sequence[float], now: int) -> None:
+    def take(self, output: Sequence[float], now: int) -> None:
         """Publish what the plant shows in this tick [ns]."""
         value = output[self._place]
         for stage in self.path.stages:
@@ -155,7 +155,7 @@ class Axis:
         name: as in the configuration.
         plant: what moves.
         valve: the device that commands it.
-        sensors: what to call with the plant's outputs, one a sensor.
+        sensors: what is given the plant's outputs.
         quantities: of the plant.
         influences: what may act on the plant from outside.
         follower: place of the output that follows the command.
@@ -205,8 +205,8 @@ class Axis:
             u = stage(u)
         output = self.plant.drive(u, steps)
         self.valve.publish(output[self.follower], now)
-        for publish in self.sensors:
-            publish(output, now)
+        for sensor in self.sensors:
+            sensor.take(output, now)
         return commanded
 
 

@@ -34,7 +34,7 @@ from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.devices.measuring_range import MeasuringRange
 from hil_bench.devices.position_switches import CamSwitches, WorkArea
 from hil_bench.devices.profile_objects import locate, optional, required
-from hil_bench.devices.saturation import saturate
+from hil_bench.devices.saturation import nearest, saturate
 from hil_bench.errors import EdsError, SdoAbort
 
 POSITION_UNITS: Final = 1e9
@@ -180,7 +180,7 @@ class EncoderDevice:
         steps = measured + self._offset
         if self._lowest <= steps <= self._highest:
             self._last_position = position
-            self._show_position(round(measured) + self._offset)
+            self._show_position(nearest(measured) + self._offset)
             is_error = False
         else:
             last = self._positions[0].value
@@ -188,7 +188,7 @@ class EncoderDevice:
             is_error = True
         if is_error or self._position_errors:
             self._tell_position_error(CHANNEL, is_present=is_error)
-        shown = self._positions[0].value
+        shown: int = self._positions[0].value
         self._cams.switch(shown)
         self._work_area.show(shown, is_out_of_range=is_error)
 
@@ -196,7 +196,7 @@ class EncoderDevice:
         if math.isnan(steps):
             return
         if -32768 <= steps <= 32767:
-            self._speed.value = round(steps)
+            self._speed.value = nearest(steps)
             self._warnings.value = 0
         else:
             self._speed.value = saturate(steps, -32768, 32767, unknown=self._speed.value)
@@ -207,7 +207,7 @@ class EncoderDevice:
         elapsed = now - self._then
         if elapsed > 0:
             steps = (speed - self._last_speed) * 1e9 / elapsed * self._acceleration_counts
-            shown = self._acceleration.value
+            shown: int = self._acceleration.value
             self._acceleration.value = saturate(steps, -32768, 32767, unknown=shown)
         self._last_speed, self._then = speed, now
 

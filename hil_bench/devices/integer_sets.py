@@ -18,6 +18,7 @@ from typing import Final
 from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER24, INTEGER32, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.profile_objects import required
+from hil_bench.devices.saturation import nearest
 
 FORMATS: Final[tuple[tuple[int, DataType], ...]] = (
     (0x1000, INTEGER16),
@@ -27,6 +28,17 @@ FORMATS: Final[tuple[tuple[int, DataType], ...]] = (
 """How far each set is above the REAL32 objects, and its data type."""
 
 _PARAMETERS: Final = (*range(0x6120, 0x6125), *range(0x6133, 0x6136), 0x6148, 0x6149)
+
+
+class _Face:
+    """A value in one format."""
+
+    __slots__ = ("highest", "lowest", "variable")
+
+    def __init__(self, variable: Variable) -> None:
+        self.variable = variable
+        self.lowest = int(variable.data_type.low or 0)
+        self.highest = int(variable.data_type.high or 0)
 
 
 class IntegerFaces:
@@ -45,21 +57,19 @@ class IntegerFaces:
             for above, data_type in FORMATS
             if od.find(index + above, channel) is not None
         )
-        self._ranges = tuple(
-            (variable, int(variable.data_type.low or 0), int(variable.data_type.high or 0))
-            for variable in self.variables
-        )
+        self._faces = tuple(_Face(variable) for variable in self.variables)
 
     def show(self, value: float, decimals: int) -> None:
         """Show a finite value; `decimals` is a power of ten."""
-        scaled = round(value * decimals)
-        for variable, lowest, highest in self._ranges:
-            variable.value = scaled if lowest <= scaled <= highest else lowest
+        scaled = nearest(value * decimals)
+        for face in self._faces:
+            is_held = face.lowest <= scaled <= face.highest
+            face.variable.value = scaled if is_held else face.lowest
 
     def show_none(self) -> None:
         """Show that there is no value."""
-        for variable, lowest, _ in self._ranges:
-            variable.value = lowest
+        for face in self._faces:
+            face.variable.value = face.lowest
 
 
 class IntegerParameters:

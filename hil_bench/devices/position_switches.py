@@ -65,12 +65,10 @@ class CamSwitches:
 
     def switch(self, position: int) -> None:
         """Show the cams at `position` [steps]."""
-        enabled = self._enable.value
-        if enabled:
-            self._active = self._present(position, enabled)
-        else:
-            self._active = 0
-        self._state.value = self._active ^ self._polarity.value
+        enabled: int = self._enable.value
+        polarity: int = self._polarity.value
+        self._active = self._present(position, enabled) if enabled else 0
+        self._state.value = self._active ^ polarity
 
     def _present(self, position: int, enabled: int) -> int:
         active = 0
@@ -92,9 +90,11 @@ class WorkArea:
 
     def show(self, position: int, *, is_out_of_range: bool) -> None:
         """Show where `position` [steps] is, and whether the encoder could measure it."""
+        low: int = self._low.value
+        high: int = self._high.value
         state = OUT_OF_RANGE if is_out_of_range else 0
-        if position > self._high.value:
+        if position > high:
             state |= OVERFLOW
-        if position < self._low.value:
+        if position < low:
             state |= UNDERFLOW
         self._state.value = state

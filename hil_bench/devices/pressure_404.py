@@ -176,7 +176,8 @@ class Channel:
             self._end_overload()
         self._measured = measured
         self._show(self._measure())
-        if not math.isnan(self._process_value.value):
+        shown: float = self._process_value.value
+        if not math.isnan(shown):
             self._interrupts.watch(self._value)
 
     def restart(self) -> None:
@@ -187,7 +188,7 @@ class Channel:
     def _measure(self) -> float:
         """Return the process value of what is measured; shows the field value."""
         value = self._input.measure((self._measured - self._zero_point) / self._unit_size)
-        field = self._input.field_value.value
+        field: float = self._input.field_value.value
         if abs(field) <= LARGEST_REAL32:
             self._field_faces.show(field, self._decimals)
         return value
@@ -199,7 +200,8 @@ class Channel:
             self._show_no_value()
             return
         self._process_value.value = value
-        net = value - self._tare.value
+        tare: float = self._tare.value
+        net = value - tare
         self._net_value.value = net if -LARGEST_REAL32 <= net <= LARGEST_REAL32 else math.nan
         self._faces.show(value, self._decimals)
 

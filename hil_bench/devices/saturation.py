@@ -1,4 +1,16 @@
-"""What an integer object shows for a quantity that it cannot hold."""
+"""What an integer object shows for a quantity: the nearest integer that it can hold."""
+
+from typing import Final
+
+_EXACT: Final = 2.0**51
+_UNITS_ONLY: Final = 1.5 * 2.0**52  # from here to 2^53 doubles are the whole numbers
+
+
+def nearest(value: float) -> int:
+    """Return what `round` does, the even integer of two that are as near; compiled, in no call."""
+    if -_EXACT < value < _EXACT:
+        return int(value + _UNITS_ONLY - _UNITS_ONLY)
+    return round(value)
 
 
 def saturate(value: float, lowest: int, highest: int, *, unknown: int) -> int:
@@ -7,4 +19,4 @@ def saturate(value: float, lowest: int, highest: int, *, unknown: int) -> int:
         return lowest
     if value >= highest:
         return highest
-    return round(value) if value == value else unknown  # noqa: PLR0124 - false for NaN only
+    return nearest(value) if value == value else unknown  # noqa: PLR0124 - false for NaN only

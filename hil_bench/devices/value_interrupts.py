@@ -9,6 +9,8 @@ Source: esd CAN-CBX-Pt100 manual C.3032.21, objects 9133h and 9134h. That a limi
 it is passed, and how the limits are switched off, is this device's own.
 """
 
+import math
+
 from hil_bench.canopen_device.datatypes import REAL32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary
 from hil_bench.devices.analogue_input import check_real32
@@ -34,18 +36,20 @@ class ValueInterrupts:
         self._upper = optional(object_dictionary, 0x6135, channel, REAL32)
         for variable in (self._delta, self._lower, self._upper):
             variable.add_check(check_real32)
-        self._last: float | None = None
+        self._last = math.nan
         self._is_outside = False
 
     def watch(self, value: float) -> None:
         """Take a new process value."""
-        delta, lower, upper = self._delta.value, self._lower.value, self._upper.value
+        delta: float = self._delta.value
+        lower: float = self._lower.value
+        upper: float = self._upper.value
         was_outside = self._is_outside
         self._is_outside = lower < upper and not lower <= value <= upper
         has_passed = self._is_outside and not was_outside
-        if self._last is None or not delta:
+        if delta == 0.0 or math.isnan(self._last):
             self._last = value
-        if has_passed or (delta and _has_changed(value, self._last, delta)):
+        if has_passed or (delta != 0.0 and _has_changed(value, self._last, delta)):
             self._last = value
             self._trigger.pull()
 

@@ -10,26 +10,44 @@ import logging
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Final, Protocol
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
 from hil_bench.outside.transports.transport import Transport, TransportCounters, outage_at_end
-from hil_bench.session.session import Session
 
 logger = logging.getLogger(__name__)
 
-SYNC_COB_ID = 0x080
+SYNC_COB_ID: Final = 0x080
 """Identifier of SYNC in the predefined connection set (CiA 301)."""
 
-PATIENCE = 0.1
+PATIENCE: Final = 0.1
 """Longest wait for a frame before `stopped` is asked again [s]."""
 
-LONG_SILENCE = 5_000_000_000
+LONG_SILENCE: Final = 5_000_000_000
 """Time without SYNC after which it is said that bench time stands still [ns]."""
 
-FRAMES_AT_ONCE = 64
+FRAMES_AT_ONCE: Final = 64
 """Most frames taken from the bus before the bus is asked again."""
+
+
+class Stepped(Protocol):
+    """What lock-step asks of a session."""
+
+    @property
+    def bench(self) -> Any:  # noqa: ANN401 - whose `wiring` alone is asked for
+        """The bench."""
+
+    @property
+    def now(self) -> int:
+        """The bench time [ns]."""
+
+    def tick(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
+        """Move the bench on by one tick; return the frames that it sends."""
+
+    def serve(self, frames: Sequence[Frame]) -> Sequence[Frame]:
+        """Let the bench answer frames while its time stands still."""
 
 
 class LockStep:
@@ -48,7 +66,7 @@ class LockStep:
         ConfigError: a bus of the bench is of copper.
     """
 
-    def __init__(self, session: Session, *, tick_ns: int, ticks_per_sync: int = 1) -> None:
+    def __init__(self, session: Stepped, *, tick_ns: int, ticks_per_sync: int = 1) -> None:
         if session.bench.wiring is not None:
             raise ConfigError(
                 "[bus.wire]: in lock-step no time passes for frames; leave the table out, or run "
@@ -66,12 +84,12 @@ class LockStep:
 
     def receive(self, frame: Frame) -> Sequence[Frame]:
         """Take the next frame of the bus; return all that the bench has to say to it, in order."""
-        is_sync = frame.can_id == SYNC_COB_ID and not (
-            frame.is_remote or frame.is_extended or frame.bus
-        )
-        if not is_sync:
+        can_id, _, is_remote, is_extended, bus = frame
+        if can_id != SYNC_COB_ID or is_remote or is_extended or bus:
             return self.session.serve((frame,))
         self.syncs += 1
+        if self._ticks_per_sync == 1:
+            return self.session.tick((frame,), self.session.now + self._tick_ns)
         sent: list[Frame] = []
         received: tuple[Frame, ...] = (frame,)
         for _ in range(self._ticks_per_sync):

@@ -8,7 +8,6 @@ from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
-    PlantOutput,
     PlantState,
 )
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
@@ -44,7 +43,7 @@ class _Cylinder(PlantModel):
 
     _load = 0.0
 
-    def drive(self, command: float, steps: int) -> PlantOutput:
+    def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on under a spool set-point [m]."""
         return self.step(PlantInput(command, self._load), steps)
 
@@ -85,7 +84,7 @@ class _Cylinder(PlantModel):
 class FullOrderCylinder(FullOrderPlant, _Cylinder):
     """The full-order model on a bench."""
 
-    def drive(self, command: float, steps: int) -> PlantOutput:
+    def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on as `step` does, but ask less of an input that is within the limits."""
         load = self._load
         is_within = (
@@ -93,7 +92,7 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
             and -LOAD_LIMIT <= load <= LOAD_LIMIT
         )
         if is_within and type(command) is float and type(load) is float:
-            return self._advance_by(command, load, steps)
+            return self._move(command, load, steps)
         return self.step(PlantInput(command, load), steps)
 
     def _wear(self, name: str, amount: float) -> None:
@@ -129,7 +128,7 @@ class LinedCylinder:
         """Set what acts on the model."""
         self._model.influence(name, value)
 
-    def _see(self, seen: PlantOutput) -> Sequence[float]:
+    def _see(self, seen: Sequence[float]) -> Sequence[float]:
         at_a, at_b = self._model.valve_pressures
         if self._has_a and self._has_b:
             return (*seen, at_a, at_b)

@@ -1,9 +1,8 @@
 """The hydraulic motor as a plant of a bench."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
-from hil_bench.plants.hydraulic_cylinder.model import PlantOutput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, SPOOL_POSITION
 from hil_bench.plants.rotary.configuration import RotaryConfig
@@ -59,7 +58,7 @@ class HydraulicMotor:
         r, model = self._lever, self._model
         x = values[ANGLE.name] * r if ANGLE.name in values else model.state.x
         model.go_to({name: values[name] for name in (P_A, P_B) if name in values})
-        state: PlantState = model.state._replace(x=x)
+        state = model.state._replace(x=x)
         if SPEED.name in values:
             state = state._replace(v=min(max(values[SPEED.name], -_FASTEST), _FASTEST) * r)
         if SPOOL_POSITION.name in values:
@@ -73,7 +72,7 @@ class HydraulicMotor:
             value /= self._lever
         self._model.influence(name, value)
 
-    def _see(self, seen: PlantOutput) -> MotorOutput:
+    def _see(self, seen: Sequence[float]) -> MotorOutput:
         x, v, pressure_a, pressure_b, nu, _, flow_a, flow_b = seen
         r = self._lever
         torque = (pressure_a - pressure_b) * self._displacement

@@ -72,8 +72,8 @@ def test_layout(dictionary, types, values, data):
 def test_packed_and_bitwise_paths_agree(dictionary, data):
     types = (datatypes.UNSIGNED16, datatypes.INTEGER8, datatypes.REAL32)
     mapping = PdoMapping(dictionary, [entry_of(t) for t in types], Direction.RPDO)
-    mapping._write_struct(data)
-    packed = mapping._read_struct()
+    mapping.write(data)
+    packed = mapping.read()
     mapping._write_bits(data)
     assert mapping._read_bits() == packed
 

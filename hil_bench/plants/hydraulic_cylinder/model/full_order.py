@@ -39,6 +39,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     PLAIN_EXTRA,
     STEPS,
     SUPPLY,
+    Seen,
 )
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     DEFAULT_STEP,
@@ -132,7 +133,7 @@ class FullOrderPlant:
         self._state = make_row(
             (*start, t / dt, z_f, P_S, 0.0, 0.0, *inner, *lines) if is_extended else (*start, 0.0)
         )
-        self._output = self._advance_by(0.0, 0.0, 0)
+        self._move(0.0, 0.0, 0)
 
     @property
     def state(self) -> PlantState:
@@ -153,7 +154,7 @@ class FullOrderPlant:
     @property
     def valve_pressures(self) -> tuple[float, float]:
         """Pressures at the valve's ports A and B [Pa]; without a line that of the chamber."""
-        options, seen = self.options, self._output
+        options, seen = self.options, self.output
         at = LINES + SHOWN
         return (
             seen.P_A if options.line_a is None else float(self._state[at]),
@@ -163,7 +164,7 @@ class FullOrderPlant:
     @property
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
-        return self._output
+        return _make_output(self._seen)
 
     @property
     def extra_evaluations(self) -> int:
@@ -218,7 +219,7 @@ class FullOrderPlant:
         check_state(state, self.parameters, self.options)
         for number, value in enumerate(state):
             self._state[number] = value
-        self._output = self._advance_by(state.nu, 0.0, 0)
+        self._move(state.nu, 0.0, 0)
 
     def step(self, plant_input: PlantInput, steps: int = 1) -> PlantOutput:
         """Move the plant on by `steps` steps under a constant input; return what is seen then.
@@ -230,7 +231,7 @@ class FullOrderPlant:
         diverged are refused.
         """
         u, F_L = bound_input(plant_input, steps)
-        return self._advance_by(u, F_L, steps)
+        return _make_output(self._move(u, F_L, steps))
 
     def _lines_at_start(self, start: PlantState, waves: tuple[float, ...]) -> Sequence[float]:
         """Return the lines' part of the row of states, at rest where nothing else is given."""
@@ -249,12 +250,12 @@ class FullOrderPlant:
         rest = (0.0,) * (WAS_VALVE - CAVITY)
         return 0.0, 0.0, A, B, *rest, A, B, A, B, A, B, *queues
 
-    def _advance_by(self, u: float, F_L: float, steps: int) -> PlantOutput:
+    def _move(self, u: float, F_L: float, steps: int) -> Seen:
         seen = self._advance(self._state, self._constants, u, F_L, steps)
         if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
             raise divergence(self.dt, self.solver)
-        self._output = _make_output(seen)
-        return self._output
+        self._seen = seen
+        return seen
 
 
 def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Solver) -> float:

@@ -51,7 +51,8 @@ class OurNodes:
             path.write_text(f"[bench]\ntick_us = {tick_us}\n{_VALVE}{''.join(sensors)}")
             config = load_config(path)
         self.bench = build_bench(config)
-        self._lockstep = LockStep(Session(self.bench), tick_ns=config.tick_ns)
+        self._session = Session(self.bench)
+        self._lockstep = LockStep(self._session, tick_ns=config.tick_ns)
         self._ticks = 10_000 // tick_us
 
     def boot(self) -> int:
@@ -67,8 +68,8 @@ class OurNodes:
         """Move on by 10 ms, the first tick with a SYNC; return how many PDOs were sent."""
         sent = len(self._lockstep.receive(SYNC))
         for _ in range(self._ticks - 1):
-            self._lockstep.now += 10_000_000 // self._ticks
-            sent += len(self.bench.tick((), self._lockstep.now))
+            self._session.now += 10_000_000 // self._ticks
+            sent += len(self.bench.tick((), self._session.now))
         return sent
 
 

@@ -9,6 +9,7 @@ from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.transports.transport import TransportCounters
+from hil_bench.outside.wire.bits import exact_bits
 from hil_bench.session.paced import (
     FRAMES_PER_MILLISECOND,
     ROUNDS_BETWEEN_TICKS,
@@ -54,8 +55,8 @@ class ScriptedTransport:
         return TransportCounters(received=sum(self.batches), sent=len(self.sent))
 
 
-def run(transport, ticks, observe=None):
-    session = open_session(load_config())
+def run(transport, ticks, observe=None, tables=None):
+    session = open_session(load_config(tables=tables))
     session.watch(ticks=observe)
     clock = VirtualClock()
     clock.advance(4711 * TICK)  # a machine's clock does not begin with 0
@@ -88,6 +89,22 @@ def test_the_bus_does_not_wait_for_observers():
     sent = []
     run(transport, ticks=1, observe=lambda _now: sent.append(len(transport.sent)))
     assert sent == [4]  # the boot-up messages
+
+
+def test_on_a_bus_like_copper_a_frame_is_handed_on_by_the_first_tick_after_it_has_passed():
+    transport, handed_on = ScriptedTransport(), []
+
+    def observe(now):
+        handed_on.extend([now] * (len(transport.sent) - len(handed_on)))
+
+    # At 10 kbit/s a bit takes 100 us, and a boot-up message some 6 ticks.
+    run(transport, 40, observe, {"bus": {"bitrate": 10_000, "wire": {}}})
+    assert [frame.can_id for frame in transport.sent] == [0x701, 0x702, 0x703, 0x704]
+    passed, expected = 0, []
+    for frame in transport.sent:  # one after the other, from the first tick on
+        passed += 100_000 * exact_bits(frame)
+        expected.append(-(-passed // TICK) * TICK)
+    assert handed_on == expected
 
 
 def test_a_flood_is_taken_a_bounded_share_at_a_time_and_none_is_lost():

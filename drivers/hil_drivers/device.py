@@ -78,7 +78,7 @@ class Device:
         """Refuse PDOs without a right counter and checksum from these TPDOs, by their numbers."""
         for pdo in self._received:
             if pdo.mapping.number in tpdos:
-                pdo.protection = Protection(pdo.mapping.cob_id & 0x7FF)
+                pdo.protection = Protection(pdo.cob_id)
 
     def poll(self) -> bool:
         """Return False: CANopen devices send by themselves, as `setup` has configured."""
@@ -141,6 +141,9 @@ class Device:
                 transmission_type=transmission_type,
                 event_timer=event_timer,
             )
+            pdo.cob_id = cob_id
+            if pdo.protection is not None:
+                pdo.protection.cob_id = cob_id
             self.network.subscribe(cob_id, pdo.receive)
         if self.node.has(0x1017):
             self.node.write(0x1017, 0, period_ms)

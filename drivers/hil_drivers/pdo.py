@@ -135,15 +135,17 @@ class ReceivedPdo:
 
     Attributes:
         mapping: which one, and what it carries.
+        cob_id: CAN identifier; that of the EDS until the device has been asked.
         data: its bytes.
         received_at: when it came, on the network's clock [s].
         protection: the check of its counter and checksum; None where it has none.
     """
 
-    __slots__ = ("_length", "data", "mapping", "protection", "received_at")
+    __slots__ = ("_length", "cob_id", "data", "mapping", "protection", "received_at")
 
     def __init__(self, mapping: PdoMapping) -> None:
         self.mapping = mapping
+        self.cob_id = mapping.cob_id & 0x7FF
         self.data = b""
         self.received_at = -float("inf")
         self.protection: Protection | None = None

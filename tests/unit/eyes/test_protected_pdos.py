@@ -96,8 +96,8 @@ def test_two_bytes_too_many_without_a_checksum_are_a_wrong_length():
 def protected_config(tmp_path):
     numbers = count()
 
-    def load(*protected):
-        text = NODES
+    def load(*protected, can_id=0x184):
+        text = f'{NODES}objects = {{ "0x1800.01" = {can_id} }}\n'
         for name in protected:
             text = text.replace(f"[nodes.{name}]\n", f"[nodes.{name}]\nprotected_tpdos = [1]\n")
         path = tmp_path / f"bench{next(numbers)}.toml"
@@ -123,14 +123,15 @@ def test_a_motion_with_protected_pdos_is_sound(protected_config):
     )
 
 
-def test_the_twin_follows_protected_pdos_and_refuses_what_is_wrong(protected_config):
-    config = protected_config("pressure_a", "position")
+@pytest.mark.parametrize("can_id", [0x184, 0x1F4])
+def test_the_twin_follows_protected_pdos_and_refuses_what_is_wrong(protected_config, can_id):
+    config = protected_config("pressure_a", "position", can_id=can_id)
     messages = [message_of(logged) for logged in played(motion, config)]
 
     def residuals(spoil):
         shadow = Shadow(config, horizon=0.25)
         for message in messages:
-            if spoil and message.arbitration_id == 0x184:
+            if spoil and message.arbitration_id == can_id:
                 message.data[0] ^= 0xFF
             shadow.take(message)
         shadow.finish()

@@ -233,6 +233,24 @@ def test_scan_of_a_bus_builds_no_bench(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "1 True"
 
 
+@pytest.mark.parametrize(
+    ("is_terminal", "words", "says"),
+    [(True, [], True), (True, ["-q"], False), (False, [], False), (False, ["-v"], True)],
+)
+def test_who_waits_at_a_terminal_is_told_of_compiling(
+    monkeypatch: pytest.MonkeyPatch, is_terminal: bool, words: list[str], says: bool
+) -> None:
+    kernels = logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel")
+    level, root = kernels.level, logging.getLogger().level
+    monkeypatch.setattr("sys.stderr.isatty", lambda: is_terminal)
+    try:
+        assert main(["completion", "bash", *words]) == 0
+        assert kernels.isEnabledFor(logging.INFO) == says
+    finally:
+        kernels.setLevel(level)
+        logging.getLogger().setLevel(root)
+
+
 def test_python_m_is_the_same_command() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "hil_bench", "--version"], capture_output=True, text=True, check=True

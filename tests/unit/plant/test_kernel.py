@@ -97,6 +97,34 @@ def test_machine_code_is_cached_by_the_sources_of_all_plants() -> None:
     assert f"kernels-{digest_of_sources(plants)}" in statistics.cache_path
 
 
+COMPILE_AND_LOG = """
+import logging
+logging.basicConfig(level=logging.INFO, format="%(message)s")
+from hil_bench.plants.hydraulic_cylinder.model.elementary import log, split
+split(8.0)
+log(8.0)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing is compiled")
+def test_what_is_compiled_is_said_once_and_not_again_where_it_is_cached(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    said = [
+        subprocess.run(  # noqa: S603 - the script above
+            [sys.executable, "-c", COMPILE_AND_LOG],
+            env=environment,
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stderr
+        for _ in range(2)
+    ]
+    (kernels,) = tmp_path.iterdir()
+    later = f"later starts load them from {kernels}"
+    assert said == [f"compiling the plant's kernels for this processor; {later}\n", ""]
+
+
 @pytest.mark.parametrize("change", ["text", "time", "name", "new"])
 def test_any_change_of_the_sources_has_a_cache_of_its_own(tmp_path: Path, change: str) -> None:
     inner = tmp_path / "model"

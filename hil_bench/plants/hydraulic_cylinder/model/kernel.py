@@ -14,6 +14,7 @@ plants' sources has a cache of its own.
 import functools
 import hashlib
 import importlib.util
+import logging
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -22,6 +23,8 @@ from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar, cast
 
 from hil_bench.errors import HilBenchError
+
+logger = logging.getLogger(__name__)
 
 _Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
 
@@ -33,6 +36,8 @@ IS_COMPILED = IS_INSTALLED and os.environ.get("NUMBA_DISABLE_JIT", "0") in {"", 
 
 
 _SOURCES: Final = Path(__file__).parents[2]
+_PLANTS: Final = "hil_bench.plants."
+_UNCACHED: Final = "each start does, for there is no directory to keep them in"
 _KEPT: Final = 3  # caches of other states of the sources
 
 
@@ -70,6 +75,7 @@ class _Late:
         except ImportError as error:
             remedy = "update it, uninstall it, or set NUMBA_DISABLE_JIT=1"
             raise HilBenchError(f"Numba is there but does not run: {error}; {remedy}") from error
+        _watch_compiling()
         self._function.__globals__["np"] = np  # its module need not import it
         compile_with = functools.partial(numba.njit, error_model="numpy", **self._options)
         try:
@@ -84,6 +90,29 @@ class _Late:
 
     def __call__(self, *values: Any) -> Any:  # noqa: ANN401 - whatever the kernel takes
         return self.compiled(*values)
+
+
+@functools.cache
+def _watch_compiling() -> None:
+    """Have it said, once a process, that a kernel is compiled because no cache has it."""
+    from numba.core import event  # noqa: PLC0415 - as Numba
+
+    class Announcer(event.Listener):  # type: ignore[misc]  # Numba has no types
+        has_spoken = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ANN401 - likewise
+            function = event.data["dispatcher"].py_func
+            if self.has_spoken or not function.__module__.startswith(_PLANTS):
+                return
+            self.has_spoken = True
+            cache = event.data["dispatcher"].stats.cache_path
+            later = f"later starts load them from {Path(cache).parent}" if cache else _UNCACHED
+            logger.info("compiling the plant's kernels for this processor; %s", later)
+
+        def on_end(self, event: Any) -> None:  # noqa: ANN401 - likewise
+            pass
+
+    event.register("numba:compile", Announcer())
 
 
 @contextmanager

@@ -97,12 +97,12 @@ def _watch_compiling() -> None:
     """Have it said, once a process, that a kernel is compiled because no cache has it."""
     from numba.core import event  # noqa: PLC0415 - as Numba
 
-    class Announcer(event.Listener):  # type: ignore[misc]  # Numba has no types
+    class Announcer(event.Listener):
         has_spoken = False
 
-        def on_start(self, event: Any) -> None:  # noqa: ANN401 - likewise
+        def on_start(self, event: Any) -> None:  # noqa: ANN401 - Numba has no types
             function = event.data["dispatcher"].py_func
-            if self.has_spoken or not function.__module__.startswith(_PLANTS):
+            if self.has_spoken or not str(function.__module__).startswith(_PLANTS):
                 return
             self.has_spoken = True
             cache = event.data["dispatcher"].stats.cache_path
@@ -112,7 +112,7 @@ def _watch_compiling() -> None:
         def on_end(self, event: Any) -> None:  # noqa: ANN401 - likewise
             pass
 
-    event.register("numba:compile", Announcer())
+    event.register("numba:compile", Announcer())  # type: ignore[no-untyped-call]
 
 
 @contextmanager

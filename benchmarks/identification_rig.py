@@ -10,7 +10,6 @@ come recordings of machines that the model does not have, which are to be refuse
 """
 
 import argparse
-import sys
 import time
 from dataclasses import replace
 
@@ -192,18 +191,6 @@ def main() -> None:
             f"{errors[2] * 1e3:.0f} ms | {'yes' if find_misses(found) else 'no'} | "
             f"{time.process_time() - start:.0f} s |",
             flush=True,
-        )
-        print(
-            [
-                (
-                    e.name,
-                    e.value / getattr(machine, e.name) if getattr(machine, e.name) else e.value,
-                    e.is_told,
-                )
-                for e in found.estimates
-            ],
-            found.residual,
-            file=sys.stderr,
         )
     print("\n| machine that the model lacks | what is said |")
     print("|---|---|")

@@ -24,6 +24,9 @@ EXPLAINED = 3.0
 SUSPECT = 1.5
 """Multiple of the noise above which residuals of the fit itself are not noise alone."""
 
+MOST_OFFSET = 5e5
+"""Error of a pressure sensor [Pa] that no sensor has: it stands for a wrong supply or load."""
+
 _ALIKE = 1.05  # times the residual: no worse
 _HEAD = (
     f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} "
@@ -151,7 +154,10 @@ def to_toml(found: Identification, source: str) -> str:
 
 
 def find_misses(found: Identification) -> list[str]:
-    """Return each signal that the model misses, where and by how much."""
+    """Return each signal that the model misses, where and by how much.
+
+    A signal that it has only with an impossible offset of its sensor is missed, too.
+    """
     misses = []
     for place, residual in (("in the trial", found.trial.residual), ("in the fit", found.residual)):
         for name, unit, times, noise in zip(
@@ -160,6 +166,13 @@ def find_misses(found: Identification) -> list[str]:
             if times > EXPLAINED:
                 size = f"{unit.from_si(times * noise):.3g} {unit.symbol} rms"
                 misses.append(f"{name} by {size}, {times:.3g} times its noise, {place}")
+    for session, offsets in zip(found.record.sessions, found.offsets, strict=True):
+        misses += [
+            f"{name}, but for a sensor that reads {BAR.from_si(offset):+.1f} bar off"
+            + (f" in {session.name}" if session.name else "")
+            for name, offset, is_there in zip(PRESSURES, offsets, session.has[1:], strict=True)
+            if is_there and abs(offset) > MOST_OFFSET
+        ]
     return misses
 
 

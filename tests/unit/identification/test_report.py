@@ -10,7 +10,13 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.machine.identification.approach import Rival
 from hil_bench.machine.identification.identify import Estimate, Identification
 from hil_bench.machine.identification.record import AxisRecord
-from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
+from hil_bench.machine.identification.report import (
+    find_misses,
+    is_explained,
+    summarise,
+    to_json,
+    to_toml,
+)
 from hil_bench.machine.identification.trial import Run, Trial
 from hil_bench.machine.identification.unknowns import PROMPT
 from hil_bench.plants.hydraulic_cylinder.model import paper_parameters
@@ -192,3 +198,12 @@ def test_programs_read_the_keys_and_units_of_bench_toml() -> None:
     assert session["signals"] == ["position", "P_A", "P_B"]
     assert content["fit_residual"]["position"] == 1.01
     assert content["is_converged"]
+
+
+def test_an_offset_that_no_sensor_has_is_no_explanation() -> None:
+    found = replace(make(), offsets=np.array([[-6.2e5, 100.0]]))
+
+    (miss,) = find_misses(found)
+
+    assert miss == "P_A, but for a sensor that reads -6.2 bar off"
+    assert not is_explained(found)

@@ -1,6 +1,7 @@
 """Download of a program through the bench's own device, in virtual time."""
 
 import zlib
+from contextlib import ExitStack
 
 import pytest
 
@@ -14,21 +15,32 @@ EDS = IMITATIONS / "programmable_io_401.eds"
 
 
 @pytest.fixture
-def make(tmp_path):
+def driver_of(tmp_path):
+    """Returns bench and driver of a node of a bench, which is closed in the end."""
+    with ExitStack() as stack:
+
+        def open_it(text, node_id):
+            path = tmp_path / "bench.toml"
+            path.write_text(text, encoding="utf-8")
+            bench = stack.enter_context(VirtualBench(load_config(path)))
+            network = stack.enter_context(Network(bench.bus, clock=bench.now))
+            node = network.add_node(node_id)
+            node.await_answer()
+            return bench, ProgramDownload(network, node)
+
+        yield open_it
+
+
+@pytest.fixture
+def make(driver_of):
     """Returns bench and driver of a device: make('write_ms = 20')."""
 
     def make_it(memory=""):
-        path = tmp_path / "bench.toml"
-        path.write_text(
+        return driver_of(
             '[plant.axis1]\nkind = "none"\n'
             f'[nodes.io]\nnode_id = 10\neds = "{EDS}"\nprogram = {{ {memory} }}\n',
-            encoding="utf-8",
+            10,
         )
-        bench = VirtualBench(load_config(path))
-        network = Network(bench.bus, clock=bench.now)
-        node = network.add_node(10)
-        node.await_answer()
-        return bench, ProgramDownload(network, node)
 
     return make_it
 
@@ -99,14 +111,8 @@ def test_a_download_that_is_broken_off_is_aborted(make):
     driver.download(b"1")
 
 
-def test_a_device_without_programs_says_nothing(tmp_path):
-    path = tmp_path / "valve.toml"
-    path.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n', encoding="utf-8")
-    bench = VirtualBench(load_config(path))
-    network = Network(bench.bus, clock=bench.now)
-    node = network.add_node(1)
-    node.await_answer()
-    driver = ProgramDownload(network, node)
+def test_a_device_without_programs_says_nothing(driver_of):
+    _, driver = driver_of('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n', 1)
     assert driver.read() == ProgramState(None, None, None)
     with pytest.raises(SdoAbortError):
         driver.update(b"1")

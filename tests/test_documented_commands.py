@@ -75,7 +75,7 @@ def test_the_examples_of_a_help_are_taken(verb):
 )
 def test_a_command_in_the_text_names_a_verb_and_its_options(place, code):
     verb, *words = code.removeprefix("hil-bench ").split()
-    if verb == "VERB":
+    if verb == "VERB" or verb.startswith("--"):
         return
     assert verb in cli.VERBS, place
     known = parser_of(verb, *words)._option_string_actions

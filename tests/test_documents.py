@@ -166,6 +166,7 @@ def test_an_expectation_is_right(block):
 def test_a_python_snippet_says_what_its_comments_say(block, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     shutil.copy(ROOT / "examples/one_axis.toml", "bench.toml")
+    shutil.copy(ROOT / "examples/j1939.toml", "j1939.toml")
     with VirtualBench(load_config(modbus=True)) as bench:  # what listens to a Modbus client
         monkeypatch.setattr(
             hil_drivers.modbus, "TcpLink", lambda _host, _port: bench.modbus_link(TcpFraming())

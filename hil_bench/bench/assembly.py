@@ -13,6 +13,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, NodeConfig, load_config
 from hil_bench.bench.copper import build_wiring
+from hil_bench.bench.ecus import build_segments
 from hil_bench.bench.fault_points import find_fault_points, schedule_faults
 from hil_bench.bench.power_on import load_objects
 from hil_bench.bench.switchboard import Switchboard
@@ -66,34 +67,39 @@ def build_bench(config: BenchConfig) -> Bench:
         {axis.name: config.full_scale(axis) for axis in config.axes},
     )
     fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
-    axes = [build_axis(axis, config.dt, list(fittings.values())) for axis in config.axes]
+    segments, ecu_fittings = build_segments(config, surroundings)
+    parts = fittings | ecu_fittings
+    axes = [build_axis(axis, config.dt, list(parts.values())) for axis in config.axes]
     buses = number_buses(config)
     wiring = build_wiring(config, nodes)
     plugs = wiring.plugs if wiring else {}
     wires = {name: plugs[node] for name, node in nodes.items() if node in plugs}
     faults = Faults(
-        find_fault_points(axes, nodes, fittings, buses, wires),
+        find_fault_points(axes, nodes, parts, buses, wires, segments),
         tick_ns=config.tick_ns,
         seed=config.seed,
     )
     schedule_faults(faults, config.faults)
-    numbers = {nodes[name]: number for name, number in buses.items()}
+    numbers = {node: buses[name] for name, node in nodes.items()}
     switchboard = Switchboard(numbers, agenda, wiring)
     make = Bench if wiring is None else partial(WiredBench, wiring=wiring)
-    return make(
+    bench = make(
         axes,
         switchboard,
         steps=config.steps_per_tick,
         faults=faults,
         fittings=list(fittings.values()),
-        sensors=order_sensors(axes, fittings, config),
+        sensors=order_sensors(axes, parts, config),
     )
+    bench.join(segments)
+    return bench
 
 
 def number_buses(config: BenchConfig) -> dict[str, int]:
-    """Return the number of the bus of each node, by the node's name."""
+    """Return the number of the bus of each device, by the device's name."""
     numbers = {name: number for number, name in enumerate(config.buses)}
-    return {node.name: numbers[node.bus] for node in config.nodes}
+    of_ecus = {ecu.name: numbers[ecu.bus] for ecu in config.ecus}
+    return {node.name: numbers[node.bus] for node in config.nodes} | of_ecus
 
 
 def build_node(config: NodeConfig, agenda: Agenda | None = None) -> Node:

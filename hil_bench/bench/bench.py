@@ -17,6 +17,7 @@ as on a wire.
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from hil_bench.bench.segment import Segment
 from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
@@ -42,6 +43,7 @@ class Bench:
         commands: what each axis was commanded in the last tick [SI].
         is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
         wiring: its buses of copper; None where all buses take no time.
+        segments: the J1939 devices of each bus that has some.
     """
 
     def __init__(
@@ -63,13 +65,23 @@ class Bench:
         self.fittings = tuple(fittings)
         self.sensors = tuple(sensors)
         self._acts = [each.advance for each in self.fittings if each.advance is not None]
+        self.segments: tuple[Segment, ...] = ()
         self._switchboard = switchboard
         self._steps = steps
         switchboard.lay(self.faults.lines)
 
+    def join(self, segments: Sequence[Segment]) -> None:
+        """Plug J1939 devices in."""
+        self.segments = tuple(segments)
+        for segment in self.segments:
+            segment.join(self._switchboard)
+            self._acts.append(segment.advance)
+
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
         self._switchboard.start(now)
+        for segment in self.segments:
+            segment.start(now)
 
     @property
     def routes(self) -> Mapping[int, tuple[Handler, ...]]:

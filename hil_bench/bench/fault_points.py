@@ -3,8 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 from hil_bench.bench.configuration import FaultConfig
+from hil_bench.bench.segment import Segment
 from hil_bench.canopen_device.node import Node
 from hil_bench.devices.axis import Axis, Fitting, Measurement
+from hil_bench.devices.faults.ecu_point import EcuPoint
 from hil_bench.devices.faults.effects import (
     DefectPoint,
     Enabled,
@@ -24,11 +26,13 @@ def find_fault_points(
     fittings: Mapping[str, Fitting],
     buses: Mapping[str, int],
     wires: Mapping[str, WirePoint],
+    segments: Sequence[Segment] = (),
 ) -> FaultPoints:
     """Return the points by the names of nodes and axes.
 
     An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
-    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`.
+    number of each node's bus stands in `buses`, and those on a bus of copper in `wires`. The
+    devices of `segments` have lines of their own.
     """
     by_name = {axis.name: axis for axis in axes}
     sensors: dict[str, SensorPoint] = {}
@@ -62,6 +66,11 @@ def find_fault_points(
         nodes=nodes,
         buses=buses,
         wires=wires,
+        ecus={
+            station.name: EcuPoint(station.ecu, station.line, station.signals)
+            for segment in segments
+            for station in segment.stations
+        },
     )
 
 

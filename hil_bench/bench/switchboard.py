@@ -64,6 +64,8 @@ class Switchboard:
         self._sent: list[Frame] = []
         self.emit: Emit = self._sent.append
         self._synchronised_at: int | None = None
+        self._extended: dict[int, Handler] = {}
+        self._preludes: list[Callable[[int], None]] = []
         self._plug_in()
 
     @property
@@ -76,6 +78,18 @@ class Switchboard:
         for node in self.nodes:
             node.start(now)
         self._follow_routes(self.ports)
+
+    def host(self, bus: int, take: Handler, begin: Callable[[int], None]) -> None:
+        """Let others than CANopen nodes have the frames with a 29-bit identifier.
+
+        Args:
+            bus: its number.
+            take: takes such a frame of this bus.
+            begin: called at the beginning of each round [ns].
+        """
+        self._extended[bus] = take
+        self._preludes.append(begin)
+        self._plug_in()
 
     def lay(self, lines: Mapping[Node, Line]) -> None:
         """Let the frames of these nodes go by lines that have a fault, those of others directly."""
@@ -92,8 +106,10 @@ class Switchboard:
         if self._heard:
             return False
         can_id, _, _, is_extended, bus = frame
+        if is_extended:
+            return bus not in self._extended
         address = can_id | bus << BUS_SHIFT
-        return is_extended or address in self._timeless or address not in self.routes
+        return address in self._timeless or address not in self.routes
 
     def concerned(self, frames: Sequence[Frame]) -> Sequence[Port]:
         """Return the ports of the nodes that may have something to do after these frames."""
@@ -117,13 +133,21 @@ class Switchboard:
             can_id, _, _, is_extended, bus = frame
             handlers = None if is_extended else routes.get(can_id | bus << BUS_SHIFT)
             if handlers is None:
-                self.unrouted += 1
+                self._receive_other(frame, now)
                 continue
             for handle in handlers:
                 handle(frame, now)
         if now >= self._agenda.due:
             for port in ports:
                 port.node.expire(now)
+
+    def _receive_other(self, frame: Frame, now: int) -> None:
+        """Take a frame that no CANopen node listens to."""
+        handle = self._extended.get(frame.bus) if frame.is_extended else None
+        if handle is None:
+            self.unrouted += 1
+        else:
+            handle(frame, now)
 
     def send(self, now: int, ports: Sequence[Port]) -> list[Frame]:
         """Return what is sent in this round: PDOs that are due, then what has time.
@@ -180,7 +204,7 @@ class Switchboard:
     def _plug_in(self) -> None:
         """Give each node its way to the bus, and find the nodes' listeners anew."""
         self.ports = tuple(self._port(node, bus) for node, bus in self._buses.items())
-        self._deliveries = [line.deliver for line in self._lines.values()]
+        self._deliveries = [line.deliver for line in self._lines.values()] + self._preludes
         self._releases = [port.release for port in self.ports if port.release is not None]
         self._merge_routes()
 

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 from hil_bench.config.values import Reader, Value, find_nearest, quote
 from hil_bench.errors import ConfigError
-from hil_bench.units import MICROSECOND, ONE, Unit
+from hil_bench.units import MICROSECOND, MILLISECOND, ONE, Unit
 
 CLOCK_MICROSECOND = MICROSECOND._replace(factor=1000)
-"""Of a key whose record counts ns, as the clock of a bench does."""
+CLOCK_MILLISECOND = MILLISECOND._replace(factor=1_000_000)
+"""Of keys whose record counts ns, as the clock of a bench does."""
 
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
 

@@ -1,32 +1,35 @@
 """What a frame with a 29-bit identifier says if it is one of SAE J1939 or ISO 11783.
 
-The identifier holds priority (3 bits), data page (2), PDU format PF (8), PDU specific PS (8) and
-source address (8). A PF below 240 is sent to the address PS, and the parameter group number (PGN)
-is data page and PF; from 240 on PS belongs to the PGN and all are meant.
-
 Nothing in a frame says that it is J1939; this is how such a frame would be read. Names of the
 parameter groups as public tools have them (SAE J1939 DA and ISO 11783-7 were not at hand).
 """
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
-GLOBAL: Final = 0xFF
-"""The address of all."""
+from hil_bench.devices.j1939.identifier import (
+    ACKNOWLEDGEMENT,
+    ADDRESS_CLAIMED,
+    DM1,
+    DM2,
+    GLOBAL,
+    NULL,
+    REQUEST,
+    TRANSPORT_CONNECTION,
+    split,
+)
 
-_TO_ALL: Final = 240
-_REQUEST, _CLAIM, _TRANSPORT, _ACKNOWLEDGE = 0xEA00, 0xEE00, 0xEC00, 0xE800
-_DIAGNOSES: Final = (0xFECA, 0xFECB)
+_DIAGNOSES: Final = (DM1, DM2)
 
 _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
     {
         0x0000: "TSC1, torque/speed control",
-        _ACKNOWLEDGE: "acknowledgement",
-        _REQUEST: "request",
+        ACKNOWLEDGEMENT: "acknowledgement",
+        REQUEST: "request",
         0xEB00: "TP.DT, transport data",
-        _TRANSPORT: "TP.CM, transport connection",
-        _CLAIM: "address claimed",
+        TRANSPORT_CONNECTION: "TP.CM, transport connection",
+        ADDRESS_CLAIMED: "address claimed",
         0xEF00: "proprietary A",
         0xF003: "EEC2, accelerator pedal",
         0xF004: "EEC1, engine speed",
@@ -66,31 +69,6 @@ _TRANSPORTS: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 """What a TP.CM says, by its control byte."""
-_ADDRESS_NULL: Final = 254
-
-
-class Identifier(NamedTuple):
-    """What a 29-bit identifier says.
-
-    Attributes:
-        priority: 0, the highest, to 7.
-        group: the PGN.
-        source: address of the sender.
-        destination: address of the receiver; `GLOBAL` for all.
-    """
-
-    priority: int
-    group: int
-    source: int
-    destination: int
-
-
-def split(can_id: int) -> Identifier:
-    """Return the parts of a 29-bit identifier."""
-    page, specific = can_id >> 24 & 3, can_id >> 8 & 0xFF
-    is_to_all = (can_id >> 16 & 0xFF) >= _TO_ALL
-    group = page << 16 | (can_id >> 16 & 0xFF) << 8 | (specific if is_to_all else 0)
-    return Identifier(can_id >> 26 & 7, group, can_id & 0xFF, GLOBAL if is_to_all else specific)
 
 
 def group_name(group: int) -> str:
@@ -114,7 +92,7 @@ def describe(can_id: int, data: bytes) -> str:
 
 
 def _address(address: int) -> str:
-    return "none" if address == _ADDRESS_NULL else str(address)
+    return "none" if address == NULL else str(address)
 
 
 def _group_of(data: bytes) -> str:
@@ -174,10 +152,10 @@ def _diagnosis(data: bytes) -> str:
 
 _CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
     {
-        _REQUEST: _request,
-        _ACKNOWLEDGE: _acknowledge,
-        _CLAIM: _claim,
-        _TRANSPORT: _transport,
+        REQUEST: _request,
+        ACKNOWLEDGEMENT: _acknowledge,
+        ADDRESS_CLAIMED: _claim,
+        TRANSPORT_CONNECTION: _transport,
         **dict.fromkeys(_DIAGNOSES, _diagnosis),
     }
 )

@@ -135,7 +135,7 @@ class _Bus:
         self._bench = session.bench
         self._transport = transport
         self._pacer = pacer
-        self._hears_all = hears_all
+        self._hears_all = hears_all or bool(session.bench.segments)
         # A driver of real hardware would send them as data frames.
         is_virtual = getattr(transport, "channel", "").startswith(_VIRTUAL_CHANNELS)
         self._reports_errors = is_virtual and isinstance(transport, SocketCanTransport)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from hil_bench.bench.configuration import BenchConfig, load_config
+from hil_bench.bench.ecus import EcuTable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
@@ -61,6 +62,7 @@ class VirtualBench:
         bench: axes and nodes.
         nodes: the objects of each node by the node's name, to read and to set:
             ``bench.nodes["io"]["0x6401.01"] = 1234``.
+        ecus: the J1939 devices by their names: ``bench.ecus["joystick"]["x"] = -50``.
         bus: the controller's end of the bus, a python-can bus; of several, of the first.
         buses: the controller's ends of all buses, by their names in the configuration.
         frames: the latest frames both ways, oldest first.
@@ -83,6 +85,7 @@ class VirtualBench:
         self.session = open_session(self.config, stimuli)
         self.bench = self.session.bench
         self.nodes = self.session.nodes
+        self.ecus = EcuTable(self.bench.segments)
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))

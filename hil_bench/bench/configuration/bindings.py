@@ -119,9 +119,9 @@ def _read_binding(
     settings = read_table(table, values, keys, problems)
     key = word
     try:
-        axis, quantity = _find_quantity(settings[key].value, axes, word)
+        axis, quantity = find_quantity(settings[key].value, axes, word)
         key = "unit"
-        unit = _find_unit(settings[key].value, quantity)
+        unit = find_unit(settings[key].value, quantity)
     except KeyError:
         return None  # its key has a problem, which is noted already
     except ConfigError as error:
@@ -162,7 +162,7 @@ def _build_binding(binding: Binding, axis: AxisSettings, place: str) -> SourceCo
     return SourceConfig(*common, settings["delta"].value, chain)
 
 
-def _find_quantity(name: str, axes: Axes, word: str) -> tuple[str, Quantity]:
+def find_quantity(name: str, axes: Axes, word: str) -> tuple[str, Quantity]:
     """Return axis and quantity of a name such as ``axis1.P_A``.
 
     Raises:
@@ -180,7 +180,7 @@ def _find_quantity(name: str, axes: Axes, word: str) -> tuple[str, Quantity]:
     raise ConfigError(f'{describe(name)} {wrong}; the nearest that can is "{nearest}"')
 
 
-def _find_unit(symbol: str | None, quantity: Quantity) -> Unit:
+def find_unit(symbol: str | None, quantity: Quantity) -> Unit:
     """Return the unit with a symbol; without one that of the SI.
 
     Raises:

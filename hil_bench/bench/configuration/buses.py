@@ -45,9 +45,16 @@ class BusesSection:
         self._further = _read_further_buses(document, self._wires, problems)
         self._problems = problems
 
-    def check_nodes(self, nodes: Mapping[str, Settings]) -> None:
-        """Note nodes on a bus that is not there, buses without nodes, and two that are one."""
-        _check_buses(self._first, self._further, nodes, self._problems)
+    def check_nodes(self, nodes: Mapping[str, Settings], ecus: Mapping[str, str]) -> None:
+        """Note devices on a bus that is not there, buses without any, and two that are one.
+
+        Args:
+            nodes: the CANopen nodes.
+            ecus: the bus of each J1939 device.
+        """
+        on = {f"nodes.{name}": node["bus"].value for name, node in nodes.items()}
+        on |= {f"j1939.{name}": bus for name, bus in ecus.items()}
+        _check_buses(self._first, self._further, on, self._problems)
         for bus, wire in self._wires.items():
             if wire is not None:
                 there = [name for name, node in nodes.items() if node["bus"].value == bus]
@@ -108,18 +115,17 @@ def _read_further_buses(
 def _check_buses(
     bus: Settings,
     further: Mapping[str, Settings],
-    nodes: Mapping[str, Settings],
+    devices: Mapping[str, str],
     problems: Problems,
 ) -> None:
-    """Note nodes on a bus that is not there, buses without nodes, and two that are one."""
+    """Note devices on a bus that is not there, buses without any, and two that are one."""
     known = {FIRST_BUS: bus, **further}
     used = set()
-    for name, node in nodes.items():
-        wanted = node["bus"].value
+    for table, wanted in devices.items():
         used.add(wanted)
         if wanted not in known:
             wrong = f"there is no bus {describe(wanted)}; give one of {', '.join(known)}"
-            problems.add(problems.place(f"nodes.{name}", "bus"), wrong)
+            problems.add(problems.place(table, "bus"), wrong)
     for name in further:
         if name not in used:
             wrong = f'no node is on it; give one bus = "{name}", or leave the table out'

@@ -7,6 +7,9 @@ from typing import Final
 from hil_bench.config.settings import Key
 from hil_bench.config.values import choice, integer, number, text, zero_or
 from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind, LeakPath
+from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
+from hil_bench.devices.j1939.identifier import NULL
+from hil_bench.devices.j1939.signal_table import Indication
 from hil_bench.units import (
     BAR,
     BAR_PER_SECOND,
@@ -41,7 +44,7 @@ def _amount(name: str, unit: Unit, field: str, low: float = -_LARGEST) -> Key:
 
 
 _DIRECTION = Key("direction", choice(FaultDirection))
-_CAN_ID = Key("can_id", integer(0, 0x7FF))
+_CAN_ID = Key("can_id", integer(0, 0x1FFFFFFF))
 
 _GROWTH = Key("growth_s", number(SECOND, low=0.0, high=_LARGEST), 0.0, SECOND, "growth")
 
@@ -173,6 +176,13 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
         FaultKind.BUS_OFF: (),
         FaultKind.STUCK_DOMINANT: (),
         FaultKind.NO_ACKNOWLEDGE: (),
+        FaultKind.INDICATE: (Key("shows", choice(Indication), Indication.ERROR),),
+        FaultKind.REPORT: (
+            Key("spn", integer(0, HIGHEST_SPN), example="1907"),
+            Key("fmi", integer(0, HIGHEST_FMI), example="2"),
+            Key("lamp", choice([lamp.name.lower() for lamp in Lamp]), Lamp.WARNING.name.lower()),
+        ),
+        FaultKind.READDRESS: (Key("address", integer(0, NULL - 1), example="200"),),
         FaultKind.BABBLE: (Key("frames_per_tick", integer(1, 1000), 4), _CAN_ID),
     }
 )

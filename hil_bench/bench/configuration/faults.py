@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes, AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
+from hil_bench.bench.configuration.ecus import EcusSection
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, KIND_KEY, OWN_KEYS
 from hil_bench.bench.configuration.nodes import Bindings
 from hil_bench.bench.configuration.nodes_section import NodesSection
@@ -16,6 +17,7 @@ from hil_bench.devices.faults.checks import missing_defect
 from hil_bench.devices.faults.kinds import (
     DEFECT_KINDS,
     DEFECTS,
+    ECU_KINDS,
     LEAKS,
     SENSOR_KINDS,
     VALVE_KINDS,
@@ -26,9 +28,6 @@ from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
 from hil_bench.plants.kind import AxisConfig
 from hil_bench.units import BAR, DEGREE, MILLIMETRE, Unit
-
-AXIS_KINDS = DEFECT_KINDS | {FaultKind.DROP_SUPPLY}
-
 
 _UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE}
 """In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
@@ -43,6 +42,8 @@ class FaultTargets(NamedTuple):
         axes: those with a supply, with the least pressure that it can have [bar].
         nodes: names.
         plants: names of all axes.
+        ecus: names of the J1939 devices.
+        signals: what these send.
     """
 
     sensors: Mapping[str, Unit | None]
@@ -50,21 +51,28 @@ class FaultTargets(NamedTuple):
     axes: Mapping[str, float]
     nodes: Sequence[str]
     plants: Sequence[str] = ()
+    ecus: Sequence[str] = ()
+    signals: Sequence[str] = ()
 
     def of(self, kind: FaultKind) -> tuple[str, Sequence[str]]:
         """Return what a fault of a kind may befall: what it is called, and the names."""
-        if kind in SENSOR_KINDS:
-            return "sensor", list(self.sensors)
         if kind is FaultKind.DISABLE:
             names = [name for name, has_input in self.valves.items() if has_input]
             return "valve with an enable input", names
-        if kind in VALVE_KINDS:
-            return "valve", list(self.valves)
-        if kind is FaultKind.SLOW:
-            return "sensor or valve", [*self.sensors, *self.valves]
-        if kind in AXIS_KINDS:
-            return "axis", list(self.axes) if kind is FaultKind.DROP_SUPPLY else self.plants
-        return "node", self.nodes
+        special: dict[FaultKind, tuple[str, Sequence[str]]] = {
+            FaultKind.SLOW: ("sensor or valve", [*self.sensors, *self.valves]),
+            FaultKind.DROP_SUPPLY: ("axis", list(self.axes)),
+            FaultKind.INDICATE: ("J1939 signal", self.signals),
+            **dict.fromkeys(SENSOR_KINDS, ("sensor", list(self.sensors))),
+            **dict.fromkeys(VALVE_KINDS, ("valve", list(self.valves))),
+            **dict.fromkeys(DEFECT_KINDS, ("axis", self.plants)),
+        }
+        whole = ("J1939 device", self.ecus) if kind in ECU_KINDS else ("node", self._all_nodes)
+        return special.get(kind, whole)
+
+    @property
+    def _all_nodes(self) -> list[str]:
+        return [*self.nodes, *self.ecus]
 
 
 class FaultsSection:
@@ -76,6 +84,7 @@ class FaultsSection:
         nodes: whose devices may have faults.
         axes: whose plants may.
         buses: those that are of copper may.
+        ecus: J1939 devices, which may.
         problems: where problems are noted.
     """
 
@@ -86,8 +95,10 @@ class FaultsSection:
         nodes: NodesSection,
         axes: AxesSection,
         buses: BusesSection,
+        ecus: EcusSection,
         problems: Problems,
     ) -> None:
+        self._ecus = ecus
         self._faults = _read_faults(document, overrides, problems)
         self._nodes, self._axes, self._problems = nodes, axes, problems
         self._buses = buses
@@ -95,6 +106,7 @@ class FaultsSection:
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
         targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
+        targets = _add_ecus(targets, self._ecus)
         _check_faults(self._faults, targets, self._problems)
         self._check_wires()
         _check_defects(self._faults, self._axes.records, self._problems)
@@ -164,6 +176,26 @@ def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings)
     lowest = {name: axis.kind.lowest_supply_bar(axis.settings) for name, axis in axes.items()}
     supplies = {name: pressure for name, pressure in lowest.items() if pressure is not None}
     return FaultTargets(sensors, valves, supplies, list(nodes), list(axes))
+
+
+def _add_ecus(targets: FaultTargets, ecus: EcusSection) -> FaultTargets:
+    """Return the targets with those of J1939 devices."""
+    sensors, valves, signals = dict(targets.sensors), dict(targets.valves), []
+    for device, given in ecus.signals.items():
+        for signal in given:
+            name = f"{device}.{signal.name}"
+            if signal.is_sink:
+                valves[name] = False
+                continue
+            signals.append(name)
+            if signal.word != "follow":
+                unit = signal.quantity.unit if signal.quantity is not None else ""
+                sensors[name] = _UNITS.get(unit)
+    for drive in ecus.drives():
+        if drive.device is not None:
+            valves[drive.device] = False
+    names = list(ecus.devices)
+    return targets._replace(sensors=sensors, valves=valves, ecus=names, signals=signals)
 
 
 def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: Problems) -> None:

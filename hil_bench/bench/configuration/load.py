@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.buses import BusesSection
+from hil_bench.bench.configuration.ecus import EcusSection
 from hil_bench.bench.configuration.eds_findings import warn_of_nodes
 from hil_bench.bench.configuration.faults import FaultsSection
 from hil_bench.bench.configuration.keys import TABLES
@@ -63,10 +64,11 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
     buses = BusesSection(document, on_bus | dict(bus_options or {}), problems)
     axes = AxesSection(document, bench, base, problems, default=needs_axis(document))
-    nodes = NodesSection(document, buses, axes, base, problems)
+    ecus = EcusSection(document, axes, problems)
+    nodes = NodesSection(document, buses, axes, ecus, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
-    failing = FaultsSection(document, faults, nodes, axes, buses, problems)
-    found = build_sections((bench, buses, axes, nodes, served, failing), problems)
+    failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)
+    found = build_sections((bench, buses, axes, ecus, nodes, served, failing), problems)
     warn_of_nodes(nodes.nodes)
     return BenchConfig(path=file, **found)
 

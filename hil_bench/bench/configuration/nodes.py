@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hil_bench.bench.configuration.axes import Axes
+from hil_bench.bench.configuration.ecus import TABLE, OtherDrive, needs_no_axis
 from hil_bench.bench.configuration.keys import PROFILE_KEY, node_keys
 from hil_bench.bench.configuration.scripts import is_script
 from hil_bench.canopen_device.nmt import UNCONFIGURED
@@ -31,9 +32,9 @@ def read_nodes(
 ) -> tuple[dict[str, Settings], dict[str, Settings]]:
     """Return the settings of each node, and of each sensor's measuring chain, by their names.
 
-    A file without nodes has those of its first plant.
+    A file without nodes has those of its first plant, unless it has J1939 devices.
     """
-    if "nodes" in document:
+    if "nodes" in document or TABLE in document:
         sections = read_named_sections(document, "nodes", problems)
     else:
         sections = {
@@ -73,7 +74,13 @@ def needs_axis(document: Document) -> bool:
     Devices made from their EDS files alone have nothing, unless an object is bound to the plant.
     """
     nodes = document.get("nodes")
-    if not isinstance(nodes, dict) or not nodes:
+    if TABLE in document and not nodes:
+        return not needs_no_axis(document)
+    if (
+        not isinstance(nodes, dict)
+        or not nodes
+        or (TABLE in document and not needs_no_axis(document))
+    ):
         return True
     return not all(isinstance(node, dict) and _is_alone(node) for node in nodes.values())
 
@@ -109,14 +116,19 @@ def resolve_nodes(
 
 
 def check_nodes(
-    nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings, problems: Problems
+    nodes: Mapping[str, Settings],
+    axes: Axes,
+    bindings: Bindings,
+    others: Sequence[OtherDrive],
+    problems: Problems,
 ) -> None:
     """Note node-IDs and serial numbers that clash, and axes that have no valve or several."""
     _check_node_ids(nodes, problems)
     _check_serial_numbers(nodes, problems)
     if all(node["axis"].value in axes for node in nodes.values() if "axis" in node):
         for name, axis in axes.items():
-            _check_drives(name, axis.kind.command.name, nodes, bindings, problems)
+            elsewhere = [drive for drive in others if drive.axis == name]
+            _check_drives(name, axis.kind.command.name, nodes, bindings, elsewhere, problems)
 
 
 def build_node_config(
@@ -223,6 +235,7 @@ def _check_drives(
     command: str,
     nodes: Mapping[str, Settings],
     bindings: Bindings,
+    others: Sequence[OtherDrive],
     problems: Problems,
 ) -> None:
     """Note an axis that nobody commands, or more than one device."""
@@ -236,6 +249,7 @@ def _check_drives(
         for bound in bounds
         if isinstance(bound, SinkConfig) and bound.axis == axis
     ]
+    drives += [(drive.what, drive.place) for drive in others]
     if not drives:
         right = f'give it a node with profile = "{VALVE.name}" and axis = "{axis}"'
         other = f'or bind an object with sink = "{axis}.{command}"'

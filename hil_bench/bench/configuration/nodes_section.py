@@ -7,6 +7,7 @@ from typing import Any
 from hil_bench.bench.configuration.axes import AxesSection
 from hil_bench.bench.configuration.bindings import build_bindings, read_bindings
 from hil_bench.bench.configuration.buses import BusesSection
+from hil_bench.bench.configuration.ecus import TABLE, EcusSection
 from hil_bench.bench.configuration.nodes import (
     Bindings,
     build_node_config,
@@ -27,6 +28,7 @@ class NodesSection:
         document: the file.
         buses: that they are on.
         axes: that they belong to.
+        ecus: the J1939 devices beside them.
         base: the folder that files are named from.
         problems: where problems are noted.
 
@@ -40,6 +42,7 @@ class NodesSection:
         document: Document,
         buses: BusesSection,
         axes: AxesSection,
+        ecus: EcusSection,
         base: Path,
         problems: Problems,
     ) -> None:
@@ -48,7 +51,8 @@ class NodesSection:
         self._buses, self._axes, self._base, self._problems = buses, axes.axes, base, problems
         self._given = read_bindings(self.nodes, self._axes, problems)
         self._scripts = read_scripts(self.nodes, problems)
-        if not self.nodes:
+        self._ecus = ecus
+        if not self.nodes and not ecus.is_given:
             problems.add(problems.place("nodes"), "the bench has none; give one as [nodes.NAME]")
 
     def resolve(self) -> None:
@@ -57,8 +61,11 @@ class NodesSection:
         resolve_nodes(nodes, axes, self._base, problems)
         self.bindings = build_bindings(self._given, nodes, axes, problems)
         check_chains(self._chains, problems)
-        self._buses.check_nodes(nodes)
-        check_nodes(nodes, axes, self.bindings, problems)
+        self._buses.check_nodes(nodes, self._ecus.buses)
+        check_nodes(nodes, axes, self.bindings, list(self._ecus.drives()), problems)
+        for name in nodes.keys() & self._ecus.devices.keys():
+            right = f"[nodes.{name}] has that name; give each device its own"
+            problems.add(problems.place(f"{TABLE}.{name}"), right)
 
     def build(self) -> dict[str, Any]:
         """Return the records of the nodes."""

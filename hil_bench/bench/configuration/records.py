@@ -7,6 +7,7 @@ from pathlib import Path
 from hil_bench.config.settings import Setting
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.kind import NodeConfig
 from hil_bench.outside.modbus.data_types import WordOrder
 from hil_bench.outside.modbus.register_map import Holes, RegisterMap
@@ -119,6 +120,7 @@ class BenchConfig:
         further_buses: the other buses by their names, in the order of the file.
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
+        ecus: the J1939 devices, in the order of the file.
     """
 
     path: Path | None
@@ -134,6 +136,7 @@ class BenchConfig:
     realtime: RealtimeConfig = field(default_factory=RealtimeConfig)
     faults: tuple[FaultConfig, ...] = ()
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
+    ecus: tuple[EcuConfig, ...] = ()
 
     @property
     def buses(self) -> dict[str, BusConfig]:
@@ -155,14 +158,18 @@ class BenchConfig:
     def seen_from(self, bus: str) -> "BenchConfig":
         """Return what is to be found on one of the buses: that bus alone, with its nodes."""
         nodes = tuple(node for node in self.nodes if node.bus == bus)
-        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={})
+        ecus = tuple(ecu for ecu in self.ecus if ecu.bus == bus)
+        return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, ecus=ecus)
 
     def full_scale(self, axis: AxisConfig) -> float:
         """Return the command that stands for 1 in a recording, of a spool the position [m]."""
+        scales: dict[str, float] = {}
+        for ecu in self.ecus:
+            scales |= ecu.kind.full_scales(ecu)
         for node in self.nodes:
-            scales = node.kind.full_scales(node)
-            if axis.name in scales:
-                return scales[axis.name]
+            scales |= node.kind.full_scales(node)
+        if axis.name in scales:
+            return scales[axis.name]
         return axis.full_scale
 
     @property

@@ -127,6 +127,15 @@ def _read_script(
 
 def _build(word: str, settings: Settings) -> Course | Follow:
     """Return the script of checked keys; ConfigError where they do not go together."""
+    if word != "follow":
+        return build_course(word, settings)
+    scale, offset = settings["scale"].value, settings["offset"].value
+    value = settings[word].value
+    return Follow(*parse_object(value), scale, offset, settings["lag_ms"].value * 1e-3)
+
+
+def build_course(word: str, settings: Settings) -> Course:
+    """Return the course over time of checked keys; ConfigError where they do not go together."""
     value = settings[word].value
     if word == "constant":
         return Points((0.0,), (value,))
@@ -135,10 +144,7 @@ def _build(word: str, settings: Settings) -> Course | Follow:
     if word == "sine":
         phase = math.radians(settings["phase_deg"].value)
         return Sine(value, settings["offset"].value, settings["period_s"].value, phase)
-    if word == "table":
-        return _build_table(value, repeats=settings["repeat"].value)
-    scale, offset = settings["scale"].value, settings["offset"].value
-    return Follow(*parse_object(value), scale, offset, settings["lag_ms"].value * 1e-3)
+    return _build_table(value, repeats=settings["repeat"].value)
 
 
 def _build_table(value: tuple[tuple[float, float], ...], *, repeats: bool) -> Points:

@@ -13,7 +13,7 @@ _Choice = TypeVar("_Choice", bound=StrEnum)
 
 _LARGEST = 1e15
 _LONGEST_S = 1e9
-_HIGHEST_CAN_ID = 0x7FF
+_HIGHEST_CAN_ID = 0x1FFFFFFF
 _NS_PER_S = 1_000_000_000
 
 
@@ -90,7 +90,7 @@ def count(name: str, value: int, low: int, high: int) -> int:
 
 
 def identifier(can_id: int | None) -> int | None:
-    """Return an identifier of 11 bits, or None for any; ConfigError where it is neither."""
+    """Return an identifier of 11 or 29 bits, or None for any; ConfigError where it is neither."""
     return None if can_id is None else count("can_id", can_id, 0, _HIGHEST_CAN_ID)
 
 

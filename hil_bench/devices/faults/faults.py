@@ -25,6 +25,12 @@ from hil_bench.devices.faults.checks import (
     identifier,
     to_ns,
 )
+from hil_bench.devices.faults.ecu_point import (
+    AddressEffect,
+    IndicationEffect,
+    RestartEffect,
+    TroubleEffect,
+)
 from hil_bench.devices.faults.effects import (
     BabbleEffect,
     EnableEffect,
@@ -64,6 +70,9 @@ from hil_bench.devices.faults.sensor_stages import (
     Slowed,
 )
 from hil_bench.devices.faults.wire_point import WirePoint
+from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
+from hil_bench.devices.j1939.identifier import NULL
+from hil_bench.devices.j1939.signal_table import Indication
 from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 from hil_bench.errors import ConfigError
 
@@ -121,7 +130,7 @@ class Faults(PhysicalFaults):
             "valves": [*points.valves],
             "supplies": [*points.supplies],
             "plants": [name for name, point in points.plants.items() if point.known],
-            "nodes": [*points.nodes],
+            "nodes": [*points.nodes, *points.ecus],
         }
 
     def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
@@ -199,7 +208,8 @@ class Faults(PhysicalFaults):
 
     def reset(self, node: str, **when: Unpack[When]) -> Fault:
         """Switch a node off, and let it boot at the end; without a duration, at once."""
-        effect = ResetEffect(find("node", node, self._points.nodes), self._line(node))
+        line, ecu = self._line(node), self._points.ecus.get(node)
+        effect = RestartEffect(ecu) if ecu else ResetEffect(self._points.nodes[node], line)
         when.setdefault("duration", 0.0)
         return self.add(FaultKind.RESET, node, effect, when)
 
@@ -249,7 +259,7 @@ class Faults(PhysicalFaults):
         **when: Unpack[When],
     ) -> Fault:
         """Let a node flood the bus with frames of an identifier."""
-        find("node", node, self._points.nodes)
+        self._check_node(node)
         frames = count("frames_per_tick", frames_per_tick, 1, _MOST_FRAMES)
         send = babble(identifier(can_id) or 0, frames, self._points.buses.get(node, 0))
         return self.add(FaultKind.BABBLE, node, BabbleEffect(send, self.babbles), when)
@@ -297,8 +307,43 @@ class Faults(PhysicalFaults):
         effect = WireEffect(point.pull, point.plug)
         return self.add(FaultKind.NO_ACKNOWLEDGE, node, effect, when)
 
+    def indicate(
+        self, signal: str, shows: Indication | str = Indication.ERROR, **when: Unpack[When]
+    ) -> Fault:
+        """Let a J1939 signal, as "joystick.x", show the "error" indicator or "not_available"."""
+        ecus = self._points.ecus
+        signals = {f"{n}.{s}": each for n, ecu in ecus.items() for s, each in ecu.signals.items()}
+        found = find("signal", signal, signals)
+        effect = IndicationEffect(found, choose("shows", Indication, shows))
+        return self.add(FaultKind.INDICATE, signal, effect, when)
+
+    def report(
+        self, device: str, spn: int, fmi: int, lamp: str = "warning", **when: Unpack[When]
+    ) -> Fault:
+        """Let a J1939 device report a trouble code by DM1, and light a lamp.
+
+        Raises:
+            ConfigError: there is no such lamp.
+        """
+        ecu = find("J1939 device", device, self._points.ecus).ecu
+        if lamp.upper() not in Lamp.__members__:
+            known = ", ".join(f'"{each.lower()}"' for each in Lamp.__members__)
+            raise ConfigError(f'faults: lamp = "{lamp}" is unknown; give one of {known}')
+        code = count("spn", spn, 0, HIGHEST_SPN), count("fmi", fmi, 0, HIGHEST_FMI)
+        effect = TroubleEffect(ecu, *code, Lamp[lamp.upper()])
+        return self.add(FaultKind.REPORT, device, effect, when)
+
+    def readdress(self, device: str, address: int, **when: Unpack[When]) -> Fault:
+        """Let a J1939 device send from an address that it has not claimed, 0 to 253."""
+        ecu = find("J1939 device", device, self._points.ecus).ecu
+        effect = AddressEffect(ecu, count("address", address, 0, NULL - 1))
+        return self.add(FaultKind.READDRESS, device, effect, when)
+
+    def _check_node(self, name: str) -> None:
+        find("node", name, {**self._points.nodes, **self._points.ecus})
+
     def _wire(self, name: str) -> WirePoint:
-        find("node", name, self._points.nodes)
+        self._check_node(name)
         if name not in self._points.wires:
             raise ConfigError(f"faults: the bus of {name} takes no time; give it [bus.wire]")
         return self._points.wires[name]
@@ -315,7 +360,10 @@ class Faults(PhysicalFaults):
         return self.add(kind, node, LineEffect(self._line(node), meeting), which)
 
     def _line(self, name: str) -> Line:
-        node = find("node", name, self._points.nodes)
+        self._check_node(name)
+        if name in self._points.ecus:
+            return self._points.ecus[name].line
+        node = self._points.nodes[name]
         if node not in self.lines:
             self.lines = {**self.lines, node: Line(node)}
         return self.lines[node]

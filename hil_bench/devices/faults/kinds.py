@@ -41,6 +41,9 @@ class FaultKind(StrEnum):
     BUS_OFF = "bus_off"
     STUCK_DOMINANT = "stuck_dominant"
     NO_ACKNOWLEDGE = "no_acknowledge"
+    INDICATE = "indicate"
+    REPORT = "report"
+    READDRESS = "readdress"
 
 
 SENSOR_KINDS = frozenset(
@@ -82,6 +85,9 @@ WIRE_KINDS = frozenset(
     }
 )
 """Kinds that only a node may have whose bus is of copper."""
+
+ECU_KINDS = frozenset({FaultKind.INDICATE, FaultKind.REPORT, FaultKind.READDRESS})
+"""Kinds that only a J1939 device may have."""
 
 DEFECT_KINDS = frozenset({FaultKind.LEAK, *DEFECTS})
 """Kinds that only the plant of an axis may have."""

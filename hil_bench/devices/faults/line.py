@@ -2,10 +2,9 @@
 
 import heapq
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
-from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.kinds import FaultDirection
 from hil_bench.devices.faults.wire_point import Disturbance
 
@@ -50,6 +49,13 @@ class Meeting(NamedTuple):
         }
 
 
+class Receiver(Protocol):
+    """What is at the end of a line."""
+
+    def receive(self, frame: Frame, now: int) -> None:
+        """Take a frame from the bus at `now` [ns]."""
+
+
 class Line:
     """The connection of one node.
 
@@ -57,7 +63,7 @@ class Line:
         meetings: the faults of this line, in the order in which a frame meets them.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Receiver) -> None:
         self.meetings: list[Meeting] = []
         self._node = node
         self._now = 0
@@ -188,13 +194,16 @@ def disturbance(share: float, can_id: int | None, stream: "Generator") -> Distur
     return disturb
 
 
+_HIGHEST_STANDARD: Final = 0x7FF
+
 Babble = Callable[[Emit], None]
 """Sends what a babbling node sends in one tick."""
 
 
 def babble(can_id: int, count: int, bus: int = 0) -> Babble:
     """Return what sends `count` frames of eight bytes each tick, on the bus of that number."""
-    frames = (Frame(can_id, bytes.fromhex("5555555555555555"), bus=bus),) * count
+    data = bytes.fromhex("5555555555555555")
+    frames = (Frame(can_id, data, is_extended=can_id > _HIGHEST_STANDARD, bus=bus),) * count
 
     def send(emit: Emit) -> None:
         for frame in frames:

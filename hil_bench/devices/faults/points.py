@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.faults.ecu_point import EcuPoint
 from hil_bench.devices.faults.effects import DefectPoint, SensorPoint, SpoolPoint, SupplyPoint
 from hil_bench.devices.faults.wire_point import WirePoint
 
@@ -20,6 +21,7 @@ class FaultPoints:
         nodes: nodes on the bus.
         buses: the number of the bus of each node; without it all are on bus 0.
         wires: nodes whose bus is of copper.
+        ecus: J1939 devices.
     """
 
     sensors: Mapping[str, SensorPoint] = field(default_factory=dict)
@@ -29,3 +31,4 @@ class FaultPoints:
     nodes: Mapping[str, Node] = field(default_factory=dict)
     buses: Mapping[str, int] = field(default_factory=dict)
     wires: Mapping[str, WirePoint] = field(default_factory=dict)
+    ecus: Mapping[str, EcuPoint] = field(default_factory=dict)

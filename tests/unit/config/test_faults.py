@@ -11,7 +11,14 @@ from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import FaultConfig, Origin, load_config
 from hil_bench.bench.configuration.fault_keys import OWN_KEYS
 from hil_bench.cli.arguments import parse_fault
-from hil_bench.devices.faults.kinds import BrokenReading, FaultDirection, FaultKind, LeakPath
+from hil_bench.devices.faults.kinds import (
+    ECU_KINDS,
+    BrokenReading,
+    FaultDirection,
+    FaultKind,
+    LeakPath,
+)
+from hil_bench.devices.j1939.signal_table import Indication
 from hil_bench.errors import ConfigError
 
 Write = Callable[[str], Path]
@@ -60,11 +67,22 @@ EXAMPLES = {
     FaultKind.BUS_OFF: ("valve", "", {}),
     FaultKind.STUCK_DOMINANT: ("valve", "", {}),
     FaultKind.NO_ACKNOWLEDGE: ("valve", "", {}),
+    FaultKind.INDICATE: ("lever.x", 'shows = "not_available"', {"shows": Indication.NOT_AVAILABLE}),
+    FaultKind.REPORT: ("lever", 'spn = 1208\nfmi = 3', {"spn": 1208, "fmi": 3, "lamp": "warning"}),
+    FaultKind.READDRESS: ("lever", "address = 200", {"address": 200}),
 }  # fmt: skip
 
 
 PLANT = '[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
 """An axis that can have each of them."""
+
+NODES = PLANT + "[bus.wire]\n"
+LEVER = """
+[j1939.lever]
+address = 19
+[j1939.lever.signals]
+x = { pgn = 0xFDD6, start_bit = 6, length = 10 }
+"""
 
 
 def fault(kind: str, target: str, more: str = "") -> str:
@@ -79,7 +97,10 @@ def test_there_is_an_example_of_each_kind() -> None:
 def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
     target, more, values = EXAMPLES[kind]
     (found,) = load_config(
-        write(PLANT + "[bus.wire]\n" + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5"))
+        write(
+            (LEVER if kind in ECU_KINDS else NODES)
+            + fault(kind, target, f"{more}\nat_s = 2\nfor_s = 0.5")
+        )
     ).faults
     assert found == FaultConfig(kind, target, at=2.0, duration=0.5, values=found.values)
     assert found.values.keys() == values.keys()
@@ -88,16 +109,14 @@ def test_each_kind_comes_in_si(write: Write, kind: FaultKind) -> None:
         assert found.values[name] == expected
 
 
-def test_each_kind_can_be_made_and_happens(write: Write) -> None:
-    text = (
-        PLANT
-        + "[bus.wire]\n"
-        + "".join(fault(kind, target, more) for kind, (target, more, _) in EXAMPLES.items())
-    )
+@pytest.mark.parametrize(("base", "is_of_ecu"), [(NODES, False), (LEVER, True)])
+def test_each_kind_can_be_made_and_happens(write: Write, base: str, is_of_ecu: bool) -> None:
+    kinds = [kind for kind in FaultKind if (kind in ECU_KINDS) == is_of_ecu]
+    text = base + "".join(fault(kind, *EXAMPLES[kind][:2]) for kind in kinds)
     bench = build_bench(load_config(write(text)))
     bench.start(0)
     bench.tick([], 1_000_000)
-    assert [each.kind for each in bench.faults.active] == list(FaultKind)
+    assert [each.kind for each in bench.faults.active] == kinds
 
 
 def test_without_times_a_fault_is_there_for_ever(write: Write) -> None:

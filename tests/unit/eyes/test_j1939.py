@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil_bench.eyes.j1939 import GLOBAL, describe, split
+from hil_bench.devices.j1939.identifier import GLOBAL, split
+from hil_bench.eyes.j1939 import describe
 
 NAME = (0x12345 | 0x123 << 21 | 0x81 << 40).to_bytes(8, "little")
 

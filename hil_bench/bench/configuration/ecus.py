@@ -1,0 +1,209 @@
+"""The tables ``[j1939.NAME]``: devices on SAE J1939, with the signals of those by table."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+from hil_bench.bench.configuration.axes import AxesSection
+from hil_bench.bench.configuration.ecu_signals import (
+    SIGNALS_TABLE,
+    GivenSignal,
+    build_signals,
+    check_groups,
+    read_signals,
+)
+from hil_bench.bench.configuration.records import FIRST_BUS
+from hil_bench.config.document import Document, read_named_sections
+from hil_bench.config.objects import named_serial_number
+from hil_bench.config.settings import Given, Key, Problems, Settings, convert, read_table
+from hil_bench.config.values import boolean, choice, describe, integer, text
+from hil_bench.devices.j1939.identifier import NULL
+from hil_bench.devices.j1939.name import Name
+from hil_bench.kinds.auxiliary_valve import AUXILIARY_VALVE
+from hil_bench.kinds.ecu import EcuConfig, EcuKind
+from hil_bench.kinds.signal_table import SIGNAL_TABLE
+
+TABLE: Final = "j1939"
+
+ECU_KINDS: Final[Mapping[str, EcuKind[Any]]] = {
+    kind.name: kind for kind in (SIGNAL_TABLE, AUXILIARY_VALVE)
+}
+
+_KIND_KEY: Final = Key("kind", choice(ECU_KINDS), SIGNAL_TABLE.name)
+_IDENTITY_BITS: Final = 0x1FFFFF
+
+_NAME_KEYS: Final = (
+    Key("identity", integer(0, _IDENTITY_BITS)),
+    Key("manufacturer", integer(0, 2047), 0),
+    Key("ecu_instance", integer(0, 7), 0),
+    Key("function_instance", integer(0, 31), 0),
+    Key("function", integer(0, 255), 0),
+    Key("vehicle_system", integer(0, 127), 0),
+    Key("vehicle_system_instance", integer(0, 15), 0),
+    Key("industry_group", integer(0, 7), 0),
+    Key("arbitrary_address", boolean, default=True),
+)
+_COMMON_KEYS: Final = (
+    _KIND_KEY,
+    Key("address", integer(0, NULL - 1), example="128"),
+    Key("bus", text, FIRST_BUS),
+    Key("component", text),
+    *_NAME_KEYS,
+)
+
+
+def _keys_of(kind: EcuKind[Any]) -> tuple[Key, ...]:
+    axis = (Key("axis", text),) if kind.has_axis else ()
+    return (*_COMMON_KEYS, *axis, *kind.keys)
+
+
+class OtherDrive(NamedTuple):
+    """What commands an axis and is no CANopen node.
+
+    Attributes:
+        what: how messages call it.
+        place: of its axis.
+        axis: that it commands.
+        device: name of the device where all of it is the valve; None for a signal of one.
+    """
+
+    what: str
+    place: str
+    axis: str | None
+    device: str | None = None
+
+
+class EcusSection:
+    """The J1939 devices of a bench.
+
+    Args:
+        document: the file.
+        axes: that they belong to.
+        problems: where problems are noted.
+
+    Attributes:
+        devices: the table of each by its name.
+        signals: the signals of each.
+        is_given: whether the file has such devices, right or wrong.
+    """
+
+    def __init__(self, document: Document, axes: AxesSection, problems: Problems) -> None:
+        self.devices: dict[str, Settings] = {}
+        self.signals: dict[str, list[GivenSignal]] = {}
+        self.is_given = bool(document.get(TABLE))
+        self._axes, self._problems = axes.axes, problems
+        sections = read_named_sections(document, TABLE, problems) if TABLE in document else {}
+        for name, given in sections.items():
+            self._read(name, given)
+
+    @property
+    def buses(self) -> Mapping[str, str]:
+        """The bus of each device by its name."""
+        return {name: device["bus"].value for name, device in self.devices.items()}
+
+    def drives(self) -> Iterator[OtherDrive]:
+        """Yield what commands axes."""
+        for name, device in self.devices.items():
+            table = f"{TABLE}.{name}"
+            if _kind_of(device).has_axis:
+                place = self._problems.place(table, "axis")
+                yield OtherDrive(f"the valve {table}", place, device["axis"].value, name)
+            for signal in self.signals[name]:
+                if signal.is_sink:
+                    place = self._problems.place(signal.table, "sink")
+                    yield OtherDrive(f"the sink {signal.table}", place, signal.axis)
+
+    def resolve(self) -> None:
+        """Find the axes, and note addresses that clash."""
+        owners: dict[tuple[str, int], str] = {}
+        for name, device in self.devices.items():
+            kind, table = _kind_of(device), f"{TABLE}.{name}"
+            if kind.has_axis:
+                self._resolve_axis(table, device)
+                if (axis := self._axes.get(device["axis"].value)) is not None:
+                    kind.check(table, device, axis, self._problems)
+                    kind.resolve(device, axis)
+            key = device["bus"].value, device["address"].value
+            owner = owners.setdefault(key, name)
+            if owner != name:
+                wrong = f"{key[1]} is that of {TABLE}.{owner} too; give each device its own"
+                self._problems.add(self._problems.place(table, "address"), wrong)
+            check_groups(self.signals[name], self._problems)
+
+    def build(self) -> dict[str, Any]:
+        """Return the records of the devices."""
+        return {"ecus": tuple(self._build(name) for name in self.devices)}
+
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of each device, then those of its signals."""
+        return (
+            table
+            for name, device in self.devices.items()
+            for table in (device, *(signal.settings for signal in self.signals[name]))
+        )
+
+    def _read(self, name: str, given: dict[str, Given]) -> None:
+        table = f"{TABLE}.{name}"
+        signals = given.pop(SIGNALS_TABLE, None)
+        told = given.get(_KIND_KEY.name)
+        value = told.value if told else SIGNAL_TABLE.name
+        kind = ECU_KINDS.get(value) if isinstance(value, str) else None
+        if kind is None:
+            read_table(table, {_KIND_KEY.name: told} if told else {}, (_KIND_KEY,), self._problems)
+            return
+        device = read_table(table, given, _keys_of(kind), self._problems)
+        if len(device) < len(_keys_of(kind)):
+            return
+        self.devices[name], self.signals[name] = device, []
+        if kind is SIGNAL_TABLE:
+            self.signals[name] = read_signals(table, signals, self._axes, self._problems)
+        elif signals is not None:
+            wrong = f'kind = "{kind.name}" has its own signals; leave them out'
+            self._problems.add(signals.place, wrong)
+
+    def _resolve_axis(self, table: str, device: Settings) -> None:
+        axis, axes = device["axis"], self._axes
+        if axis.value is None and len(axes) == 1:
+            device["axis"] = axis._replace(value=next(iter(axes)))
+        elif axis.value not in axes:
+            wrong = "missing" if axis.value is None else f"there is no axis {describe(axis.value)}"
+            right = f"give one of {', '.join(axes)}" if axes else "give the bench a plant"
+            self._problems.add(self._problems.place(table, "axis"), f"{wrong}; {right}")
+
+    def _build(self, name: str) -> EcuConfig:
+        device = self.devices[name]
+        kind = _kind_of(device)
+        values = convert(device, [key for key in _keys_of(kind) if key is not _KIND_KEY])
+        parts = {key.name: values.pop(key.name) for key in _NAME_KEYS}
+        if parts["identity"] is None:
+            parts["identity"] = named_serial_number(name) & _IDENTITY_BITS
+        values["component"] = values["component"] or ""
+        if kind is SIGNAL_TABLE:
+            sent, taken = build_signals(self.signals[name], self._axes)
+            values |= {"sent": sent, "taken": taken}
+        place = self._problems.place(f"{TABLE}.{name}")
+        record: EcuConfig = kind.record(
+            name=name, kind=kind, identity=Name(**parts), place=place, **values
+        )
+        return record
+
+
+def _kind_of(device: Settings) -> EcuKind[Any]:
+    return ECU_KINDS[device[_KIND_KEY.name].value]
+
+
+def needs_no_axis(document: Document) -> bool:
+    """Return whether the J1939 devices of a file have nothing to do with a plant."""
+    devices = document.get(TABLE)
+    if not isinstance(devices, dict):
+        return False
+    return not any(_is_at_axis(device) for device in devices.values())
+
+
+def _is_at_axis(device: object) -> bool:
+    if not isinstance(device, dict):
+        return False
+    kind = ECU_KINDS.get(str(device.get(_KIND_KEY.name, SIGNAL_TABLE.name)))
+    signals = device.get(SIGNALS_TABLE)
+    values = signals.values() if isinstance(signals, dict) else ()
+    is_bound = any(isinstance(each, dict) and each.keys() & {"source", "sink"} for each in values)
+    return is_bound or (kind is not None and kind.has_axis)

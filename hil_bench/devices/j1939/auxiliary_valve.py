@@ -1,0 +1,122 @@
+"""The driver of a proportional valve: auxiliary valve command and estimated flow, ISO 11783-7.
+
+The command (PGN 65072 + number) says which port and how much; each 100 ms the device says what
+flows (PGN 65040 + number), in which state it is and why it obeys no command.
+"""
+
+from enum import IntEnum
+from typing import Final
+
+from hil_bench.canopen_device.agenda import MILLISECOND
+from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.devices.j1939.signals import Signal
+
+COMMAND: Final = 0xFE30
+ESTIMATED_FLOW: Final = 0xFE10
+"""PGNs of valve 0; those of the others follow."""
+
+HIGHEST_NUMBER: Final = 15
+PERIOD: Final = 100 * MILLISECOND
+PRIORITY: Final = 3
+
+FLOW_COMMAND: Final = Signal(0, 8, 0.4)
+FLOW: Final = Signal(0, 8, 1.0, -125.0)
+
+_FLOW_SPN: Final = 1907
+"""Port flow command of valve 0."""
+_ABNORMAL_RATE: Final = 9
+_NEUTRAL: Final = 0.01
+_LEAST_BYTES: Final = 3
+_NO_LIMIT: Final = 0x1F
+_RESERVED: Final = 0x30
+
+
+class ValveState(IntEnum):
+    """State of a valve, and of a command."""
+
+    BLOCK = 0
+    EXTEND = 1
+    RETRACT = 2
+    FLOAT = 3
+    ERROR = 14
+    NOT_AVAILABLE = 15
+
+
+class ExitReason(IntEnum):
+    """Why no command is obeyed."""
+
+    NONE = 0
+    TIMEOUT = 5
+    INVALID = 6
+    FAULT = 9
+
+
+class AuxiliaryValve:
+    """A valve driver on an ECU, in place of a valve of CiA 408.
+
+    Args:
+        ecu: that carries it on the bus.
+        number: of the valve, 0 to 15.
+        full_opening: spool position of 100 % [m].
+        timeout: the longest time between two commands [ns]; 0 for any.
+
+    Attributes:
+        full_opening: as passed in.
+        reason: why it obeys no command.
+    """
+
+    def __init__(self, ecu: Ecu, number: int, *, full_opening: float, timeout: int) -> None:
+        self.full_opening = full_opening
+        self.reason = ExitReason.NONE
+        self._ecu, self._timeout = ecu, timeout
+        self._share = 0.0
+        self._shown = 0.0
+        self._deadline: int | None = None
+        self._trouble = _FLOW_SPN if number == 0 else None
+        ecu.take(COMMAND + number, self._take)
+        ecu.provide(ESTIMATED_FLOW + number, self._flow, period=PERIOD, priority=PRIORITY)
+
+    @property
+    def state(self) -> ValveState:
+        """What the spool does."""
+        if self._shown != self._shown:
+            return ValveState.ERROR
+        if abs(self._shown) < _NEUTRAL:
+            return ValveState.BLOCK
+        return ValveState.EXTEND if self._shown > 0.0 else ValveState.RETRACT
+
+    def command(self, now: int) -> float:
+        """Return the spool set-point [m]; 0 without a valid command that is not too old."""
+        if self._deadline is not None and now > self._deadline:
+            self._share = 0.0
+            self._deadline = None
+            self.reason = ExitReason.TIMEOUT
+            if self._trouble is not None:
+                self._ecu.begin_trouble(self._trouble, _ABNORMAL_RATE)
+        return self._share * self.full_opening
+
+    def publish(self, spool_position: float, now: int) -> None:  # noqa: ARG002 - it shows it later
+        """Take the spool position [m]."""
+        self._shown = spool_position / self.full_opening
+
+    def _take(self, _source: int, data: bytes, now: int) -> None:
+        """Take a command; one that says nothing valid blocks the valve."""
+        if len(data) < _LEAST_BYTES:
+            return
+        if self.reason is ExitReason.TIMEOUT and self._trouble is not None:
+            self._ecu.end_trouble(self._trouble, _ABNORMAL_RATE)
+        self._deadline = now + self._timeout if self._timeout else None
+        flow, state = FLOW_COMMAND.value(data), data[2] & 0xF
+        self.reason = ExitReason.NONE
+        self._share = 0.0
+        if state in {ValveState.EXTEND, ValveState.RETRACT} and flow <= 100.0:
+            self._share = (flow if state == ValveState.EXTEND else -flow) / 100.0
+        elif state != ValveState.BLOCK:
+            self.reason = ExitReason.INVALID  # this spool cannot float
+
+    def _flow(self) -> bytes:
+        percent = 100.0 * self._shown
+        extend, retract = FLOW.raw(percent), FLOW.raw(-percent)
+        state = _RESERVED | self.state
+        reason = ExitReason.FAULT if self.state is ValveState.ERROR else self.reason
+        return bytes((extend, retract, state, _NO_LIMIT, 0xC0 | reason, 0xFF, 0xFF, 0xFF))

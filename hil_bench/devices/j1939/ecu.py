@@ -1,0 +1,297 @@
+"""An electronic control unit of SAE J1939, sans I/O: frames and the time in, frames out.
+
+One round::
+
+    ecu.receive(frame, now)       for each frame with a 29-bit identifier
+    ecu.serve(now, emit)          what is due: claims, answers, transport, cyclic groups, DM1
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from hil_bench.canopen_device.agenda import NEVER
+from hil_bench.canopen_device.frame import Emit, Frame
+from hil_bench.devices.j1939.address_claim import AddressClaim, ClaimState
+from hil_bench.devices.j1939.diagnostics import Diagnostics, Lamp, TroubleCode
+from hil_bench.devices.j1939.identifier import (
+    ACKNOWLEDGEMENT,
+    ADDRESS_CLAIMED,
+    COMMANDED_ADDRESS,
+    DM1,
+    DM2,
+    DM3,
+    GLOBAL,
+    HIGHEST_GROUP,
+    NULL,
+    REQUEST,
+    TRANSPORT_CONNECTION,
+    TRANSPORT_DATA,
+    is_to_all,
+    join,
+    split,
+)
+from hil_bench.devices.j1939.name import Name
+from hil_bench.devices.j1939.transport import MOST_BYTES, Transport
+
+USUAL_PRIORITY: Final = 6
+TRANSPORT_PRIORITY: Final = 7
+
+_FRAME_BYTES: Final = 8
+_VIOLATION_SPN: Final = 2000
+_VIOLATION_FMI: Final = 31
+_VIOLATION_PAUSE: Final = 5_000_000_000
+
+Take = Callable[[int, bytes, int], None]
+"""Takes a message of a parameter group: source address, data, time [ns]."""
+
+Make = Callable[[], bytes]
+"""Makes the data of a parameter group."""
+
+
+class Answer(IntEnum):
+    """What an acknowledgement says."""
+
+    DONE = 0
+    REFUSED = 1
+
+
+@dataclass(slots=True)
+class _Provided:
+    """A parameter group that an ECU sends.
+
+    Attributes:
+        group: its PGN.
+        make: makes its data.
+        period: between two [ns]; 0 for on request alone.
+        priority: of its frames.
+        due: when the next one is sent [ns].
+    """
+
+    group: int
+    make: Make
+    period: int
+    priority: int
+    due: int = NEVER
+
+
+class Ecu:
+    """One ECU on a bus.
+
+    Args:
+        name: its NAME.
+        address: that it claims first, 0 to 253.
+
+    Attributes:
+        claim: its address.
+        transport: its long messages.
+        diagnostics: its trouble codes.
+        false_address: a source address that it uses in place of its own, as if set up wrongly;
+            None for its own.
+    """
+
+    def __init__(self, name: Name, address: int) -> None:
+        self.name = name
+        self.claim = AddressClaim(name, address, self._send_claim)
+        self.transport = Transport(self._put_control, self._put_data, self._take_long)
+        self.diagnostics = Diagnostics()
+        self.false_address: int | None = None
+        self._out: deque[Frame] = deque()
+        self._now = 0
+        self._answered_violation = -_VIOLATION_PAUSE
+        self._provided: dict[int, _Provided] = {}
+        self._takers: dict[int, Take] = {}
+        self._cycle = NEVER
+        self._services: Mapping[int, Callable[[int, int, bytes], None]] = {
+            REQUEST: self._take_request,
+            ADDRESS_CLAIMED: self._take_claim,
+            TRANSPORT_CONNECTION: self._take_connection,
+            TRANSPORT_DATA: self._take_packet,
+        }
+        self.provide(DM1, self.diagnostics.dm1)
+        self.provide(DM2, self.diagnostics.dm2)
+        self.take(COMMANDED_ADDRESS, self._obey_command)
+
+    @property
+    def address(self) -> int:
+        """The address that it has or claims; `NULL` for none."""
+        return self.claim.address
+
+    @property
+    def state(self) -> ClaimState:
+        """How far its address claim is."""
+        return self.claim.state
+
+    def start(self, now: int) -> None:
+        """Power on at `now` [ns]: claim the address, then begin with the cyclic groups."""
+        self._now = now
+        self.transport.reset()
+        self.diagnostics.reset()
+        self.claim.start(now)
+        self._schedule(now)
+
+    def stop(self) -> None:
+        """Power off: forget everything, and say nothing."""
+        self.claim.stop()
+        self.transport.reset()
+        self._out.clear()
+
+    def provide(
+        self, group: int, make: Make, *, period: int = 0, priority: int = USUAL_PRIORITY
+    ) -> None:
+        """Send a parameter group, each `period` [ns] and on request."""
+        self._provided[group] = _Provided(group, make, period, priority)
+
+    def take(self, group: int, take: Take) -> None:
+        """Have the messages of a parameter group taken, whoever sends them."""
+        self._takers[group] = take
+
+    def send(
+        self, group: int, data: bytes, destination: int = GLOBAL, priority: int = USUAL_PRIORITY
+    ) -> bool:
+        """Send a message of up to 1785 bytes; False without an address or room to wait in.
+
+        Raises:
+            ValueError: it is longer.
+        """
+        if len(data) > MOST_BYTES:
+            raise ValueError(f"{len(data)} bytes; {MOST_BYTES} can be sent")
+        if self.claim.state is not ClaimState.CLAIMED:
+            return False
+        if len(data) > _FRAME_BYTES:
+            return self.transport.send(group, data, destination, self._now)
+        self._put(priority, group, destination, data)
+        return True
+
+    def request(self, group: int, destination: int = GLOBAL) -> None:
+        """Ask for a parameter group; also without an address."""
+        self._put(USUAL_PRIORITY, REQUEST, destination, group.to_bytes(3, "little"))
+
+    def receive(self, frame: Frame, now: int) -> None:
+        """Take a frame from the bus."""
+        self._now = now
+        if frame.is_remote or self.claim.state is ClaimState.OFF:
+            return
+        _, group, source, destination = split(frame.can_id)
+        if destination not in {GLOBAL, self.claim.address}:
+            return
+        if source == self.claim.address and source < NULL and group != ADDRESS_CLAIMED:
+            self._answer_violation(now)
+        service = self._services.get(group)
+        if service is not None:
+            service(source, destination, frame.data)
+        elif group in self._takers:
+            self._takers[group](source, frame.data, now)
+
+    def serve(self, now: int, emit: Emit) -> None:
+        """Send what is due."""
+        self._now = now
+        if self.claim.state is ClaimState.OFF:
+            return
+        self.claim.serve(now)
+        self.transport.serve(now)
+        if self.claim.state is ClaimState.CLAIMED:
+            if now >= self.diagnostics.due:
+                self.diagnostics.expire(now)
+                self.send(DM1, self.diagnostics.dm1())
+            if now >= self._cycle:
+                self._send_cyclic(now)
+        while self._out:
+            emit(self._out.popleft())
+
+    def begin_trouble(self, spn: int, fmi: int, lamp: Lamp | None = Lamp.WARNING) -> None:
+        """Make a trouble code active."""
+        self.diagnostics.begin(TroubleCode(spn, fmi), lamp, self._now)
+
+    def end_trouble(self, spn: int, fmi: int) -> None:
+        """Let a trouble code be active no more."""
+        self.diagnostics.end(TroubleCode(spn, fmi), self._now)
+
+    def _schedule(self, now: int) -> None:
+        for each in self._provided.values():
+            each.due = now if each.period else NEVER
+        self._cycle = min((each.due for each in self._provided.values()), default=NEVER)
+
+    def _send_cyclic(self, now: int) -> None:
+        for each in self._provided.values():
+            if now >= each.due:
+                self.send(each.group, each.make(), priority=each.priority)
+                late = (now - each.due) // each.period
+                each.due += (late + 1) * each.period
+        self._cycle = min(each.due for each in self._provided.values())
+
+    def _take_request(self, source: int, destination: int, data: bytes) -> None:
+        if len(data) < 3:
+            return
+        group = int.from_bytes(data[:3], "little")
+        if group == ADDRESS_CLAIMED:
+            self.claim.answer(self._now)
+            return
+        if self.claim.state is not ClaimState.CLAIMED:
+            return
+        if group == DM3:
+            self.diagnostics.clear_previous()
+            self._acknowledge(Answer.DONE, group, source, destination)
+        elif group in self._provided:
+            made = self._provided[group]
+            is_alone = destination != GLOBAL and source < NULL
+            is_single = is_to_all(group)
+            data = made.make()
+            to = source if is_alone and (not is_single or len(data) > _FRAME_BYTES) else GLOBAL
+            self.send(group, data, to, made.priority)
+        else:
+            self._acknowledge(Answer.REFUSED, group, source, destination)
+
+    def _acknowledge(self, answer: Answer, group: int, source: int, destination: int) -> None:
+        """Answer a request that was sent to this device alone; to all, as J1939-21 asks."""
+        if destination == GLOBAL or group > HIGHEST_GROUP:
+            return
+        body = bytes((answer, 0xFF, 0xFF, 0xFF, source)) + group.to_bytes(3, "little")
+        self._put(USUAL_PRIORITY, ACKNOWLEDGEMENT, GLOBAL, body)
+
+    def _take_claim(self, source: int, _destination: int, data: bytes) -> None:
+        self.claim.take(source, data, self._now)
+
+    def _take_connection(self, source: int, destination: int, data: bytes) -> None:
+        if self.claim.state is ClaimState.CLAIMED or destination == GLOBAL:
+            self.transport.take_control(source, destination, data, self._now)
+
+    def _take_packet(self, source: int, destination: int, data: bytes) -> None:
+        self.transport.take_data(source, destination, data, self._now)
+
+    def _take_long(self, group: int, source: int, data: bytes) -> None:
+        if group in self._takers:
+            self._takers[group](source, data, self._now)
+
+    def _obey_command(self, _source: int, data: bytes, now: int) -> None:
+        self.claim.command(data, now)
+
+    def _answer_violation(self, now: int) -> None:
+        """Claim again where another one uses this address, and say so by a code (J1939-81)."""
+        if now - self._answered_violation < _VIOLATION_PAUSE:
+            return
+        self._answered_violation = now
+        self._send_claim(self.claim.address)
+        code = _VIOLATION_SPN + self.claim.address, _VIOLATION_FMI
+        self.begin_trouble(*code, None)
+        self.end_trouble(*code)
+
+    def _send_claim(self, address: int) -> None:
+        self._out.append(Frame(_claim_id(address), bytes(self.name), is_extended=True))
+
+    def _put_control(self, destination: int, data: bytes) -> None:
+        self._put(TRANSPORT_PRIORITY, TRANSPORT_CONNECTION, destination, data)
+
+    def _put_data(self, destination: int, data: bytes) -> None:
+        self._put(TRANSPORT_PRIORITY, TRANSPORT_DATA, destination, data)
+
+    def _put(self, priority: int, group: int, destination: int, data: bytes) -> None:
+        source = self.claim.address if self.false_address is None else self.false_address
+        can_id = join(priority, group, source, destination)
+        self._out.append(Frame(can_id, data, is_extended=True))
+
+
+def _claim_id(address: int) -> int:
+    return join(USUAL_PRIORITY, ADDRESS_CLAIMED, address)

@@ -1,0 +1,64 @@
+"""The 29-bit identifier of SAE J1939-21.
+
+It holds priority (3 bits), data page (2), PDU format PF (8), PDU specific PS (8) and source address
+(8). A PF below 240 is sent to the address PS, and the parameter group number (PGN) is data page and
+PF; from 240 on PS belongs to the PGN and all are meant.
+"""
+
+from typing import Final, NamedTuple
+
+GLOBAL: Final = 0xFF
+"""The address of all."""
+
+NULL: Final = 0xFE
+"""The source address of a device that has none."""
+
+ACKNOWLEDGEMENT: Final = 0xE800
+REQUEST: Final = 0xEA00
+TRANSPORT_DATA: Final = 0xEB00
+TRANSPORT_CONNECTION: Final = 0xEC00
+ADDRESS_CLAIMED: Final = 0xEE00
+DM1: Final = 0xFECA
+DM2: Final = 0xFECB
+DM3: Final = 0xFECC
+COMMANDED_ADDRESS: Final = 0xFED8
+COMPONENT: Final = 0xFEEB
+
+HIGHEST_GROUP: Final = 0x3FFFF
+
+_TO_ALL: Final = 240
+
+
+class Identifier(NamedTuple):
+    """What a 29-bit identifier says.
+
+    Attributes:
+        priority: 0, the highest, to 7.
+        group: the PGN.
+        source: address of the sender.
+        destination: address of the receiver; `GLOBAL` for all.
+    """
+
+    priority: int
+    group: int
+    source: int
+    destination: int
+
+
+def split(can_id: int) -> Identifier:
+    """Return the parts of a 29-bit identifier."""
+    group, destination = can_id >> 8 & HIGHEST_GROUP, GLOBAL
+    if not is_to_all(group):
+        group, destination = group & ~0xFF, group & 0xFF
+    return Identifier(can_id >> 26 & 7, group, can_id & 0xFF, destination)
+
+
+def join(priority: int, group: int, source: int, destination: int = GLOBAL) -> int:
+    """Return the identifier of these parts; a group that is sent to all has no destination."""
+    specific = 0 if is_to_all(group) else destination
+    return priority << 26 | (group | specific) << 8 | source
+
+
+def is_to_all(group: int) -> bool:
+    """Return whether a parameter group is sent to all (PDU 2)."""
+    return (group >> 8 & 0xFF) >= _TO_ALL

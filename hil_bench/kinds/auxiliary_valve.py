@@ -1,0 +1,72 @@
+"""The driver of a proportional valve on J1939 (ISO 11783-7) as a kind of device."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
+from hil_bench.config.values import integer, zero_or
+from hil_bench.devices.axis import Drive, Fitting
+from hil_bench.devices.j1939.auxiliary_valve import HIGHEST_NUMBER, AuxiliaryValve
+from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind
+from hil_bench.kinds.kind import require_quantities
+from hil_bench.kinds.spool_command import FULL_OPENING
+from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.plants.kind import AxisSettings
+
+
+@dataclass(frozen=True, slots=True)
+class AuxiliaryValveConfig(EcuConfig):
+    """A valve driver.
+
+    Attributes:
+        axis: the axis whose spool it moves.
+        number: of the valve, 0 to 15.
+        full_opening: spool position of 100 % [m].
+        timeout: longest time between two commands [ns]; 0 for any.
+    """
+
+    axis: str
+    number: int
+    full_opening: float
+    timeout: int
+
+
+class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
+    """A valve driver commands the spool of its axis and says where it is."""
+
+    name = "auxiliary_valve"
+    record = AuxiliaryValveConfig
+    keys = (
+        Key("valve", integer(0, HIGHEST_NUMBER), 0, field="number"),
+        FULL_OPENING,
+        Key("timeout_ms", zero_or(integer(10, 60_000)), 300, CLOCK_MILLISECOND, "timeout"),
+    )
+    has_axis = True
+
+    def check(self, table: str, device: Settings, axis: AxisSettings, problems: Problems) -> None:
+        """Note a plant without a spool."""
+        names = ("spool_setpoint", "spool_position")
+        require_quantities(problems.place(table, "axis"), names, axis, problems)
+
+    def resolve(self, device: Settings, axis: AxisSettings) -> None:
+        """Take the full opening from the orifices where the table does not give it."""
+        opening = device[FULL_OPENING.name]
+        if opening.value is None:
+            full = axis.kind.full_scale(axis.settings)
+            device[FULL_OPENING.name] = opening._replace(value=full)
+
+    def full_scales(self, config: AuxiliaryValveConfig) -> Mapping[str, float]:
+        """Return the full opening [m]."""
+        return {config.axis: config.full_opening}
+
+    def fit(self, config: AuxiliaryValveConfig, ecu: Ecu, surroundings: Surroundings) -> EcuFitting:
+        """Build the valve driver."""
+        device = AuxiliaryValve(
+            ecu, config.number, full_opening=config.full_opening, timeout=config.timeout
+        )
+        return EcuFitting(Fitting(drives=(Drive(config.name, config.axis, device),)))
+
+
+AUXILIARY_VALVE: Final = AuxiliaryValveKind()

@@ -1,0 +1,85 @@
+"""What a kind of J1939 device is: one object says all that the bench needs to know of it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from hil_bench.config.settings import Key, Problems, Settings
+from hil_bench.devices.axis import Fitting
+from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.devices.j1939.name import Name
+from hil_bench.devices.j1939.signal_table import Input, SentSignal
+from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.plants.kind import AxisSettings
+
+
+@dataclass(frozen=True, slots=True)
+class EcuConfig:
+    """What every J1939 device has.
+
+    Attributes:
+        name: the device, as in ``[j1939.NAME]``.
+        kind: of device.
+        bus: the name of the bus that it is on.
+        address: that it claims first.
+        identity: its NAME.
+        component: make, model, serial number and unit number for PGN 65259; empty for none.
+        place: how messages name its table.
+    """
+
+    name: str
+    kind: "EcuKind[Any]"
+    bus: str
+    address: int
+    identity: Name
+    component: str
+    place: str = field(compare=False)
+
+
+EcuT = TypeVar("EcuT", bound=EcuConfig)
+
+
+class EcuFitting(NamedTuple):
+    """What a J1939 device does on the bench, beside the services of its ECU.
+
+    Attributes:
+        fitting: as that of a CANopen device.
+        signals: what it sends, by name.
+        inputs: those of them that a test may set.
+    """
+
+    fitting: Fitting
+    signals: Mapping[str, SentSignal] = MappingProxyType({})
+    inputs: Mapping[str, Input] = MappingProxyType({})
+
+
+class EcuKind(ABC, Generic[EcuT]):
+    """A kind of J1939 device.
+
+    Attributes:
+        name: as in ``kind = "NAME"``.
+        record: what its table becomes; each of `keys` fills an attribute of it.
+        keys: of its table, beside those of every J1939 device.
+        has_axis: whether it belongs to an axis.
+    """
+
+    name: str
+    record: type[EcuT]
+    keys: tuple[Key, ...] = ()
+    has_axis: bool = False
+
+    @abstractmethod
+    def fit(self, config: EcuT, ecu: Ecu, surroundings: Surroundings) -> EcuFitting:
+        """Build the device on its ECU, and return what it does on the bench."""
+
+    def check(self, table: str, device: Settings, axis: AxisSettings, problems: Problems) -> None:
+        """Note what of a device does not go with the plant of its axis."""
+
+    def resolve(self, device: Settings, axis: AxisSettings) -> None:
+        """Fill in what a device takes from its axis."""
+
+    def full_scales(self, config: EcuT) -> Mapping[str, float]:
+        """Return the command of 100 % [SI] of each axis that it commands."""
+        return MappingProxyType({})

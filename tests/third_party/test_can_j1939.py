@@ -1,0 +1,190 @@
+"""`can-j1939` 2.0.12 (MIT) on the other side of the bus, in virtual time.
+
+Its thread is not started: the test calls what the thread would, and its clock is the bench's.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import j1939
+import pytest
+from j1939 import controller_application, electronic_control_unit, j1939_21
+from support.j1939_bus import MILLISECOND, collect, make_ecu
+
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.j1939.diagnostics import Lamp
+from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.devices.j1939.name import Name
+
+OURS, THEIRS = 100, 101
+PROPRIETARY_A, PROPRIETARY_B = 0xEF00, 0xFF20
+MESSAGE = bytes(number % 251 for number in range(1785))
+
+
+class Clock:
+    """The time of the bench, where the library asks for the wall clock."""
+
+    def __init__(self) -> None:
+        self.now = 0
+
+    def time(self) -> float:
+        return self.now * 1e-9
+
+
+class TheirEcu(j1939.ElectronicControlUnit):  # type: ignore[misc]
+    """Their ECU without its thread."""
+
+    def _async_job_thread(self) -> None:
+        """Do nothing: `work` does what is due."""
+
+    def work(self, now: float) -> None:
+        self.j1939_dll.async_job_thread(now)
+        for event in list(self._timer_events):
+            if event["deadline"] <= now:
+                self._timer_events.remove(event)
+                if event["callback"](event["cookie"]):
+                    self._timer_events.append(event | {"deadline": now + event["delta_time"]})
+
+
+class Pair:
+    """One of our ECUs and one of theirs on a bus."""
+
+    def __init__(self, clock: Clock, ours: Ecu, **options: Any) -> None:
+        self.ours, self._clock = ours, clock
+        self._to_us: list[Frame] = []
+        self.received: list[tuple[int, int, bytes]] = []
+        self.theirs = TheirEcu(send_message=self._take, max_cmdt_packets=16, **options)
+        name = j1939.Name(identity_number=2, arbitrary_address_capable=0)
+        self.application = self.theirs.add_ca(name=name, device_address=THEIRS)
+        self.application.subscribe(self._hear)
+        self.application.start()
+        ours.start(0)
+
+    def run(self, milliseconds: int) -> None:
+        for _ in range(milliseconds):
+            self._clock.now += MILLISECOND
+            now = self._clock.now
+            heard, self._to_us = self._to_us, []
+            for frame in heard:
+                self.ours.receive(frame, now)
+            self.ours.serve(now, self._send)
+            self.theirs.work(self._clock.time())
+
+    def _send(self, frame: Frame) -> None:
+        self.theirs.notify(frame.can_id, bytearray(frame.data), self._clock.time())
+
+    def _take(self, can_id: int, _is_extended: bool, data: Any) -> None:
+        self._to_us.append(Frame(can_id, bytes(data), is_extended=True))
+
+    def _hear(self, _priority: int, group: int, source: int, _time: float, data: Any) -> None:
+        self.received.append((group, source, bytes(data)))
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    for module in (electronic_control_unit, j1939_21):
+        monkeypatch.setattr(module, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def pair(clock: Clock) -> Iterator[Pair]:
+    pair = Pair(clock, make_ecu(OURS))
+    pair.run(1300)
+    yield pair
+    pair.theirs.stop()
+
+
+def test_a_name_is_theirs_too() -> None:
+    fields = {
+        "identity_number": 0x12345,
+        "manufacturer_code": 0x123,
+        "ecu_instance": 3,
+        "function_instance": 17,
+        "function": 129,
+        "vehicle_system": 25,
+        "vehicle_system_instance": 5,
+        "industry_group": 2,
+        "arbitrary_address_capable": 1,
+    }
+
+    ours = Name(0x12345, 0x123, 3, 17, 129, 25, 5, 2, arbitrary_address=True)
+
+    assert int(ours) == j1939.Name(**fields).value
+
+
+def test_both_claim_their_addresses(pair: Pair) -> None:
+    assert pair.ours.address == OURS
+    assert pair.application.state == controller_application.ControllerApplication.State.NORMAL
+
+
+@pytest.mark.parametrize("size", [9, 113, 1785])
+def test_a_message_goes_there_by_rts_and_cts(pair: Pair, size: int) -> None:
+    assert pair.ours.send(PROPRIETARY_A, MESSAGE[:size], THEIRS)
+    pair.run(100)
+
+    assert (PROPRIETARY_A, OURS, MESSAGE[:size]) in pair.received
+    assert pair.ours.transport.counters.sent == 1
+
+
+@pytest.mark.parametrize("size", [9, 113, 1785])
+def test_a_message_comes_by_rts_and_cts(pair: Pair, size: int) -> None:
+    taken = collect(pair.ours, [PROPRIETARY_A])
+
+    assert pair.theirs.send_pgn(0, 0xEF, OURS, 6, THEIRS, list(MESSAGE[:size]))
+    pair.run(100)
+
+    assert taken == [(PROPRIETARY_A, THEIRS, MESSAGE[:size])]
+
+
+def test_messages_to_all_go_both_ways(pair: Pair) -> None:
+    taken = collect(pair.ours, [PROPRIETARY_B])
+
+    pair.ours.send(PROPRIETARY_B, MESSAGE[:100])
+    pair.theirs.send_pgn(0, 0xFF, 0x20, 6, THEIRS, list(MESSAGE[:50]))
+    pair.run(1000)
+
+    assert (PROPRIETARY_B, OURS, MESSAGE[:100]) in pair.received
+    assert taken == [(PROPRIETARY_B, THEIRS, MESSAGE[:50])]
+
+
+def test_their_request_is_answered(pair: Pair) -> None:
+    pair.ours.provide(PROPRIETARY_A, lambda: b"answer")
+
+    pair.application.send_request(0, PROPRIETARY_A, OURS)
+    pair.run(5)
+
+    assert (PROPRIETARY_A, OURS, b"answer") in pair.received
+
+
+def test_our_dm1_is_read_by_them(pair: Pair) -> None:
+    heard: list[Any] = []
+    dm1 = j1939.Dm1(pair.application)
+    dm1.subscribe(lambda *_: heard.append((dm1.lamp_status, dm1.dtc_dic_list)))
+
+    pair.ours.begin_trouble(1208, 3, Lamp.STOP)
+    pair.ours.begin_trouble(0x7F0AB, 31, Lamp.MALFUNCTION)
+    pair.run(200)
+
+    lamps, codes = heard[-1]
+    assert [(code["spn"], code["fmi"], code["oc"]) for code in codes] == [
+        (1208, 3, 1),
+        (0x7F0AB, 31, 1),
+    ]
+    assert lamps == {
+        "pl": j1939.DtcLamp.OFF,
+        "awl": j1939.DtcLamp.OFF,
+        "rsl": j1939.DtcLamp.ON,
+        "mil": j1939.DtcLamp.ON,
+    }
+
+
+def test_their_contention_with_a_larger_name_is_lost(clock: Clock) -> None:
+    pair = Pair(clock, make_ecu(THEIRS, identity=1))
+    pair.run(1300)
+
+    assert pair.ours.address == THEIRS
+    state = controller_application.ControllerApplication.State
+    assert pair.application.state == state.CANNOT_CLAIM
+    pair.theirs.stop()

@@ -1,0 +1,126 @@
+"""The tables [j1939.NAME]: what their page says, and what is refused."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hil_bench.bench.configuration import load_config
+from hil_bench.bench.configuration.ecus import _COMMON_KEYS, ECU_KINDS
+from hil_bench.config.settings import Key
+from hil_bench.errors import ConfigError
+from hil_bench.kinds.signal_table import SENT_KEYS, TAKEN_KEYS
+
+PAGE = (Path(__file__).parents[3] / "docs" / "j1939.md").read_text(encoding="utf-8")
+ROWS = {
+    name: (unit, default)
+    for name, unit, default in re.findall(r"^\| `(\w+)` \| (.+?) \| (.+?) \|", PAGE, re.MULTILINE)
+}
+TABLES = (_COMMON_KEYS, *(kind.keys for kind in ECU_KINDS.values()), SENT_KEYS, TAKEN_KEYS)
+KEYS = {key.name: key for keys in TABLES for key in keys if key.name != "sink"}
+
+LEVER = "[j1939.lever]\naddress = 19\n[j1939.lever.signals]\n"
+X = "x = { pgn = 0xFDD6, start_bit = 6, length = 10 }\n"
+VALVE = '[plant.axis1]\n[j1939.valve]\nkind = "auxiliary_valve"\naddress = 128\n'
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        path = tmp_path / "bench.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("key", KEYS.values(), ids=KEYS)
+def test_the_page_has_each_key_with_its_unit_and_default(key: Key) -> None:
+    unit, default = ROWS[key.name]
+
+    assert unit == key.unit.symbol
+    if key.example:
+        assert default == "must be given"
+    elif key.default is not None and key.name != "timeout_ms":
+        assert default == f"`{json.dumps(key.default)}`"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[j1939.a]\n", "j1939.a.address: missing; give for example address = 128"),
+        (
+            "[j1939.a]\naddress = 254\n",
+            "j1939.a.address: 254 is out of range; give an integer from 0 to 253",
+        ),
+        (
+            '[j1939.a]\nkind = "pump"\naddress = 1\n',
+            'j1939.a.kind: "pump" is unknown; give one of "table", "auxiliary_valve"',
+        ),
+        ("[j1939.a]\naddress = 1\n", "j1939.a.signals: missing; give one as name = {"),
+        (LEVER + "x = 3\n", "j1939.lever.signals.x: 3 is not a table"),
+        (
+            LEVER + "x = { pgn = 1, start_bit = 0, length = 1 }\n",
+            "j1939.lever.signals.x.length: 1 is out of range; give an integer from 2 to 32",
+        ),
+        (
+            LEVER + "x = { pgn = 1, start_bit = 14279, length = 8 }\n",
+            "start_bit: ends behind byte 1785",
+        ),
+        (
+            LEVER + X + "y = { pgn = 0xFDD6, start_bit = 15, length = 2 }\n",
+            "start_bit: bit 15 of PGN 64982 is that of x too; give each its own",
+        ),
+        (
+            LEVER + X + 'y = { pgn = 0xFDD6, start_bit = 0, length = 2, follow = "z" }\n',
+            'y.follow: "z" is no signal with a value; give one of x',
+        ),
+        (
+            LEVER + 'x = { pgn = 1, start_bit = 0, length = 8, sine = 1, follow = "y" }\n',
+            "x: is follow and sine at once; give one of them",
+        ),
+        (
+            LEVER + "x = { pgn = 1, start_bit = 0, length = 8, rate_ms = 10 }\n"
+            "y = { pgn = 1, start_bit = 8, length = 8, rate_ms = 20 }\n",
+            "y.rate_ms: 20 is not that of x, 10, in the same PGN; give one",
+        ),
+        (LEVER + X + "[j1939.b]\naddress = 19\n[j1939.b.signals]\n" + X, "is that of j1939.lever"),
+        (
+            VALVE + VALVE.replace("valve]", "other]").replace("128", "1").split("\n", 1)[1],
+            "axis1 has the valve j1939.valve already; give each axis one valve or one sink",
+        ),
+        (
+            VALVE + '[nodes.valve]\nprofile = "encoder_406"\nnode_id = 1\n',
+            "j1939.valve: [nodes.valve] has that name; give each device its own",
+        ),
+        (VALVE + 'axis = "axis2"\n', 'there is no axis "axis2"; give one of axis1'),
+        (VALVE + 'bus = "bus2"\n', 'j1939.valve.bus: there is no bus "bus2"; give one of bus'),
+        (VALVE + "[j1939.valve.signals]\n", 'kind = "auxiliary_valve" has its own signals'),
+    ],
+)
+def test_what_is_wrong_is_one_line(write: Callable[[str], Path], text: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(text))
+
+    assert message in str(caught.value)
+    is_whole = 'axis = "axis2"' in text  # which leaves axis1 without a valve
+    assert len(str(caught.value).splitlines()) == 1 + is_whole
+
+
+def test_such_devices_need_no_plant_and_no_node(write: Callable[[str], Path]) -> None:
+    config = load_config(write(LEVER + X))
+
+    assert (config.axes, config.nodes) == ((), ())
+    assert [ecu.name for ecu in config.ecus] == ["lever"]
+
+
+def test_two_devices_of_one_name_field_differ_by_their_own_names(
+    write: Callable[[str], Path],
+) -> None:
+    text = LEVER + X + "[j1939.b]\naddress = 20\n[j1939.b.signals]\n" + X
+
+    first, second = load_config(write(text)).ecus
+
+    assert first.identity.identity != second.identity.identity

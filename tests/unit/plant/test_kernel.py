@@ -37,7 +37,8 @@ for solver in Solver:
         source = random.Random(1)
         for _ in range(int(steps)):
             plant.step(PlantInput(source.uniform(-2e-3, 2e-3), source.uniform(-6e4, 6e4)), 25)
-        print(*(value.hex() for value in (*plant.state, *plant.output, *plant.extension)))
+        *extension, waves = plant.extension
+        print(*(value.hex() for value in (*plant.state, *plant.output, *extension, *waves)))
         print(plant.extra_evaluations)
     loads = (SpringLoad(1e4), LoadSeries((0.1, 0.4, 0.9), (0.0, 9e3, -5e3)))
     options = dataclasses.replace(PlantOptions.bench(), loads=loads)

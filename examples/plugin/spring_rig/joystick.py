@@ -80,7 +80,7 @@ class JoystickKind(DeviceKind[JoystickConfig]):
             time = now * 1e-9
             hand = interpolate(config.x, time), interpolate(config.y, time)
             for measurement in measurements:
-                measurement(hand, now)
+                measurement.take(hand, now)
 
         return Fitting(
             sensors=tuple((None, measurement) for measurement in measurements),

@@ -34,8 +34,8 @@ def _bound(value: object) -> dict[str, dict[str, str]]:
     bound = {}
     for name, given in value.items():
         if not _NAME.fullmatch(name):
-            what = "is no good as a name"
-            raise ConfigError(f"{describe(name)} {what}; give at most 32 letters, digits or _")
+            letters = "give at most 32 letters, digits or _"
+            raise ConfigError(f"{describe(name)} cannot be a name; {letters}")
         told = {"variable": given} if isinstance(given, str) else given
         is_table = isinstance(told, dict) and told.keys() <= {"variable", "unit"}
         if not is_table or not all(isinstance(each, str) for each in told.values()):

@@ -20,6 +20,7 @@ from hil_bench.devices.valve_state_machine import FAULT_STATES
 from hil_bench.machine.commissioning.measures import Verdict
 from hil_bench.machine.commissioning.plan import StepKind, load_plan
 from hil_bench.machine.commissioning.session import Console, commission
+from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import Network
 
@@ -168,7 +169,8 @@ class CrossedHoses:
 
     def drive(self, command, steps):
         output = self._plant.drive(-command, steps)
-        return output._replace(nu=-output.nu)
+        seen = PlantOutput(*output)
+        return seen._replace(nu=-seen.nu)
 
 
 def test_crossed_hoses_are_named(machine):

@@ -44,7 +44,7 @@ def test_what_makes_no_sense_is_refused(faults, verb, arguments, message):
     ("which", "message"),
     [
         ({"direction": "up"}, 'direction = "up" is unknown; give one of "both", "sent", "received"'),
-        ({"can_id": 0x800}, "can_id = 2048 is out of range; give an integer from 0 to 2047"),
+        ({"can_id": 1 << 29}, "can_id = 536870912 is out of range; give an integer from 0 to 536870911"),
     ],
 )  # fmt: skip
 def test_frames_that_cannot_be_are_refused(faults, which, message):

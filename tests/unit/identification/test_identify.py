@@ -137,6 +137,7 @@ def test_a_recorded_spool_is_fitted_by_itself() -> None:
 
 def test_a_record_at_the_end_stop_is_refused() -> None:
     setpoints = np.full(4000, 1.3e-3)
+    setpoints[:10] = 0.0
 
     with pytest.raises(ConfigError, match="end stops"):
         run(Machine().record(setpoints), paper_parameters(), ("w",))

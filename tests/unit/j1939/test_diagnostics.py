@@ -1,6 +1,7 @@
 """DM1, DM2 and DM3 by SAE J1939-73: two bytes of lamps, then four a code.
 
-SPN 1208 (0x4B8), FMI 3, occurrence 10 is the example of the standard: B8 04 03 0A.
+SPN 1208 (0x4B8), FMI 3, occurrence 10 by its layout: the low bytes B8 04, bits 17 to 19 of the SPN
+above the FMI in 03, and 0A.
 """
 
 import pytest

@@ -53,7 +53,7 @@ def test_a_fault_of_a_sensor_shows_here_too(side):
 def test_an_overload_is_no_value_and_says_why(side):
     device = side.bench.axes[0].sensors[0]
     output = side.plant.output._replace(P_A=400e5, P_B=400e5)
-    device(output, side.now)
+    device.take(output, side.now)
     side.binding.exchange(side.now)
     assert math.isnan(side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure"))
     assert side.read(PRESSURE_A, Table.INPUT_REGISTERS, "pressure_pa") == -(2**31)
@@ -190,5 +190,5 @@ def test_a_map_that_does_not_fit_its_device_is_refused(tmp_path, register, messa
 
 def test_a_bench_without_modbus_has_no_binding():
     config = load_config()
-    with pytest.raises(ConfigError, match=r"give \[modbus\]"):
+    with pytest.raises(ConfigError, match=r"has no table \[modbus\]; add one"):
         ModbusBinding(config, BusSide(config).bench)

@@ -40,10 +40,32 @@ KEYS = {
     "bus_off": 'target = "valve"',
     "stuck_dominant": 'target = "valve"',
     "no_acknowledge": 'target = "valve"',
+    "indicate": 'target = "lever.x"',
+    "report": 'target = "lever"\nspn = 2660\nfmi = 2',
+    "readdress": 'target = "lever"\naddress = 200',
 }
 """The keys of each kind, as docs/faults.md has them."""
 
-BENCH = '[bus.wire]\n[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
+BENCH = """
+[bus.wire]
+[plant.axis1]
+load_n = 1000
+supply = "unit"
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+[nodes.pressure_a]
+profile = "pressure_404"
+node_id = 2
+source = "P_A"
+[nodes.position]
+profile = "encoder_406"
+node_id = 4
+[j1939.lever]
+address = 19
+[j1939.lever.signals]
+x = { pgn = 0xFDD6, start_bit = 6, length = 10, resolution = 0.1, unit = "%" }
+"""
 """An axis that can have each of them."""
 
 SCENARIO = """

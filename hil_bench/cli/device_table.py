@@ -99,6 +99,44 @@ class DeviceRow:
     bus: str = FIRST_BUS
 
 
+@dataclass(frozen=True, slots=True)
+class MessageRow:
+    """One parameter group of a J1939 device.
+
+    Attributes:
+        pgn: its number.
+        role: "sends" or "takes".
+        rate_ms: time between two that are sent [ms]; 0 on request only.
+        signals: what it carries.
+    """
+
+    pgn: int
+    role: str
+    rate_ms: int
+    signals: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class EcuRow:
+    """One J1939 device of the bench.
+
+    Attributes:
+        name: as in ``[j1939.NAME]``.
+        address: that it claims first.
+        kind: of device.
+        axis: the axis that it belongs to; None where all of it is in its signals.
+        messages: what it sends and takes.
+        bus: the bus that it is on.
+    """
+
+    name: str
+    address: int
+    kind: str
+    axis: str | None
+    messages: tuple[MessageRow, ...]
+    bus: str
+
+
 def read_devices(config: BenchConfig) -> list[DeviceRow]:
     """Return the devices of a bench, from their EDS files, bus by bus in the order of node-IDs.
 
@@ -118,9 +156,35 @@ def read_devices(config: BenchConfig) -> list[DeviceRow]:
     return devices
 
 
+def read_ecus(config: BenchConfig) -> list[EcuRow]:
+    """Return the J1939 devices of a bench, bus by bus in the order of addresses."""
+    order = list(config.buses)
+    return [
+        EcuRow(
+            name=ecu.name,
+            address=ecu.address,
+            kind=ecu.kind.name,
+            axis=getattr(ecu, "axis", None),
+            messages=tuple(
+                MessageRow(
+                    pgn=message.group,
+                    role="sends" if message.is_sent else "takes",
+                    rate_ms=message.period // 1_000_000,
+                    signals=message.signals,
+                )
+                for message in ecu.kind.messages(ecu)
+            ),
+            bus=ecu.bus,
+        )
+        for ecu in sorted(config.ecus, key=lambda ecu: (order.index(ecu.bus), ecu.address))
+    ]
+
+
 def device_table(config: BenchConfig) -> str:
     """Return the devices of a bench as text for people; `read_devices` says what can go wrong."""
-    return "\n\n".join("\n".join(_device_lines(device)) for device in read_devices(config))
+    blocks = [_device_lines(device) for device in read_devices(config)]
+    blocks += [_ecu_lines(ecu) for ecu in read_ecus(config)]
+    return "\n\n".join(map("\n".join, blocks))
 
 
 def _read_device(node: NodeConfig) -> DeviceRow:
@@ -176,9 +240,7 @@ def _read_pdo(parameters: PdoParameters, can_id: int, direction: Direction) -> P
 
 def _device_lines(device: DeviceRow) -> Iterator[str]:
     node_id = "unconfigured" if device.node_id == UNCONFIGURED else device.node_id
-    bus = "" if device.bus == FIRST_BUS else f"on {device.bus}"
-    names = (f"node {node_id}", device.name, device.profile, device.axis or "", bus)
-    yield "  ".join(filter(None, names))
+    yield _head(f"node {node_id}", device.name, device.profile, device.axis, device.bus)
     yield f"  EDS    {device.eds}"
     for pdo in device.pdos:
         head = f"  {pdo.name:6} 0x{pdo.can_id:03X}  {_transmission(pdo):30}"
@@ -192,6 +254,20 @@ def _device_lines(device: DeviceRow) -> Iterator[str]:
         arrow = "<-" if bound.role == "source" else "->"
         head = f"  {bound.role:6} {bound.object} {arrow} {bound.quantity}"
         yield f"{head:48}  {bound.name} ({bound.data_type})"
+
+
+def _ecu_lines(ecu: EcuRow) -> Iterator[str]:
+    yield _head(f"J1939 {ecu.address}", ecu.name, ecu.kind, ecu.axis, ecu.bus)
+    for message in ecu.messages:
+        rate = f"every {message.rate_ms} ms" if message.rate_ms else "on request"
+        how = rate if message.role == "sends" else ""
+        head = f"  {message.role}  PGN {message.pgn} (0x{message.pgn:04X})  {how}"
+        yield f"{head:48}  {', '.join(message.signals)}"
+
+
+def _head(number: str, name: str, kind: str, axis: str | None, bus: str) -> str:
+    where = "" if bus == FIRST_BUS else f"on {bus}"
+    return "  ".join(filter(None, (number, name, kind, axis, where)))
 
 
 def _transmission(pdo: PdoRow) -> str:

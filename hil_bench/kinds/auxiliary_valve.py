@@ -7,9 +7,15 @@ from typing import Final
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
 from hil_bench.config.values import integer, zero_or
 from hil_bench.devices.axis import Drive, Fitting
-from hil_bench.devices.j1939.auxiliary_valve import HIGHEST_NUMBER, AuxiliaryValve
+from hil_bench.devices.j1939.auxiliary_valve import (
+    COMMAND,
+    ESTIMATED_FLOW,
+    HIGHEST_NUMBER,
+    PERIOD,
+    AuxiliaryValve,
+)
 from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind
+from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.kinds.kind import require_quantities
 from hil_bench.kinds.spool_command import FULL_OPENING
 from hil_bench.kinds.surroundings import Surroundings
@@ -56,6 +62,13 @@ class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
         if opening.value is None:
             full = axis.kind.full_scale(axis.settings)
             device[FULL_OPENING.name] = opening._replace(value=full)
+
+    def messages(self, config: AuxiliaryValveConfig) -> tuple[EcuMessage, ...]:
+        """Return the command and the flow (ISO 11783-7)."""
+        return (
+            EcuMessage(COMMAND + config.number, False, 0, ("command",)),
+            EcuMessage(ESTIMATED_FLOW + config.number, True, PERIOD, ("estimated flow",)),
+        )
 
     def full_scales(self, config: AuxiliaryValveConfig) -> Mapping[str, float]:
         """Return the full opening [m]."""

@@ -41,6 +41,22 @@ class EcuConfig:
 EcuT = TypeVar("EcuT", bound=EcuConfig)
 
 
+class EcuMessage(NamedTuple):
+    """A parameter group that a J1939 device sends or takes.
+
+    Attributes:
+        group: its PGN.
+        is_sent: whether the device sends it.
+        period: between two [ns]; 0 where it is sent on request only, or taken.
+        signals: what it carries that this bench knows, in words.
+    """
+
+    group: int
+    is_sent: bool
+    period: int
+    signals: tuple[str, ...]
+
+
 class EcuFitting(NamedTuple):
     """What a J1939 device does on the bench, beside the services of its ECU.
 
@@ -73,6 +89,10 @@ class EcuKind(ABC, Generic[EcuT]):
     @abstractmethod
     def fit(self, config: EcuT, ecu: Ecu, surroundings: Surroundings) -> EcuFitting:
         """Build the device on its ECU, and return what it does on the bench."""
+
+    def messages(self, config: EcuT) -> tuple[EcuMessage, ...]:
+        """Return what it sends and takes, beside the services of every ECU."""
+        return ()
 
     def check(self, table: str, device: Settings, axis: AxisSettings, problems: Problems) -> None:
         """Note what of a device does not go with the plant of its axis."""

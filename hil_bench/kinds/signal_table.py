@@ -30,7 +30,7 @@ from hil_bench.devices.j1939.signal_table import (
 from hil_bench.devices.j1939.signals import Signal
 from hil_bench.devices.j1939.transport import MOST_BYTES
 from hil_bench.devices.scripted_objects import Course
-from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind
+from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.quantity import Quantity
 
@@ -151,6 +151,23 @@ class SignalTableKind(EcuKind[SignalTableConfig]):
 
     name = "table"
     record = SignalTableConfig
+
+    def messages(self, config: SignalTableConfig) -> tuple[EcuMessage, ...]:
+        """Return the groups of the table, those that are taken first."""
+        taken: dict[int, list[str]] = {}
+        for command in config.taken:
+            taken.setdefault(command.group, []).append(command.name)
+        sent: dict[int, list[str]] = {}
+        for signal in config.sent:
+            sent.setdefault(signal.group, []).append(signal.name)
+        periods = {signal.group: signal.period for signal in config.sent if signal.period}
+        return (
+            *(EcuMessage(group, False, 0, tuple(names)) for group, names in taken.items()),
+            *(
+                EcuMessage(group, True, periods.get(group, 0), tuple(names))
+                for group, names in sent.items()
+            ),
+        )
 
     def full_scales(self, config: SignalTableConfig) -> Mapping[str, float]:
         """Return the full scale of each axis that a signal commands."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import canopen
 import pytest
+from support.documents import ROOT
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
@@ -124,3 +125,38 @@ def test_json_has_the_same_devices(capsys: pytest.CaptureFixture[str]) -> None:
     expected = [dataclasses.asdict(device) for device in read_devices(load_config(example))]
     assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(expected))
     assert [device["node_id"] for device in expected] == [1, 4, 11, 12, 13, 14]
+
+
+def test_j1939_devices_stand_behind_the_nodes(capsys) -> None:
+    assert main(["devices", str(ROOT / "examples" / "j1939.toml")]) == 0
+    blocks = capsys.readouterr().out.rstrip().split("\n\n")
+
+    assert blocks[0].startswith("node 4  position")
+    assert [block.splitlines()[0] for block in blocks[1:]] == [
+        "J1939 19  joystick  table",
+        "J1939 128  valve  auxiliary_valve  axis1",
+        "J1939 140  sensors  table",
+    ]
+    # ISO 11783-7: auxiliary valve 0 is commanded by PGN 65072, and says its flow by PGN 65040.
+    assert [line.split() for line in blocks[2].splitlines()[1:]] == [
+        ["takes", "PGN", "65072", "(0xFE30)", "command"],
+        ["sends", "PGN", "65040", "(0xFE10)", "every", "100", "ms", "estimated", "flow"],
+    ]
+
+
+def test_a_group_of_signals_that_come_and_go_has_a_line_each_way(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        "[plant.axis1]\n[j1939.box]\naddress = 7\n[j1939.box.signals]\n"
+        'flow = { pgn = 0xFF20, start_bit = 0, length = 8, sink = "axis1.spool_setpoint" }\n'
+        'a = { pgn = 0xFF20, start_bit = 0, length = 8, source = "axis1.P_A", unit = "bar" }\n'
+        'b = { pgn = 0xFF20, start_bit = 8, length = 8, source = "axis1.P_B", unit = "bar" }\n'
+    )
+
+    assert main(["devices", str(path), "--json"]) == 0
+    (box,) = json.loads(capsys.readouterr().out)
+    assert (box["name"], box["address"], box["kind"], box["axis"]) == ("box", 7, "table", None)
+    assert box["messages"] == [
+        {"pgn": 0xFF20, "role": "takes", "rate_ms": 0, "signals": ["flow"]},
+        {"pgn": 0xFF20, "role": "sends", "rate_ms": 0, "signals": ["a", "b"]},
+    ]

@@ -12,10 +12,11 @@ from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
+from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.kinds.motion_sensor import MotionConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
-from hil_bench.machine.identification.choice import choose, find_sensors
+from hil_bench.machine.identification.choice import choose, find_sensors, with_hysteresis
 from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.plot import draw_trial
@@ -105,10 +106,12 @@ def run(args: argparse.Namespace) -> int:
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     make_directory(args.output)
-    sensors = _find_sensors(config, axis)
+    chains = _find_chains(config, axis)
+    sensors = find_sensors(*chains)
     settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
     choice = choose(settings, sensors, args.fix, args.free)
     record = _read_records(args, recordings, axis, config.full_scale(axis))
+    record = with_hysteresis(record, *chains)
     held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
     record = replace(record, notes=(*record.notes, *held))
     try:
@@ -175,12 +178,14 @@ def _read_record(
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 
 
-def _find_sensors(config: BenchConfig, axis: CylinderConfig) -> Sensors:
-    """Return how far the sensors of an axis are behind, as the bench says."""
+def _find_chains(
+    config: BenchConfig, axis: CylinderConfig
+) -> tuple[ChainParameters | None, ChainParameters | None]:
+    """Return the chains of an axis's sensors of position and pressure, as far as it has them."""
     mine = [node for node in config.nodes if node.axis == axis.name]
     position = (node.chain for node in mine if isinstance(node, MotionConfig))
     pressure = (node.chain for node in mine if isinstance(node, PressureConfig))
-    return find_sensors(next(position, None), next(pressure, None))
+    return next(position, None), next(pressure, None)
 
 
 def _about(path: Path, error: ConfigError) -> str:

@@ -31,7 +31,7 @@ MODULES = {
         "frames": 22_000,
         "stored_parameters": 50_000,
     },
-    "device_targets": {"node": 1_000, "unconfigured_node": 1_100, "bench": 250},
+    "device_targets": {"node": 1_000, "unconfigured_node": 1_100, "bench": 250, "ecus": 1_000},
     "bus_targets": {
         "sdo_client": 19_000,
         "valve_driver": 500,

@@ -6,10 +6,12 @@ from pathlib import Path
 from fuzz.script import Script
 from support.bus_side import BusSide
 
+from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.j1939.identifier import GLOBAL, join
 
 NODE_ID = 5
 EDS = Path(__file__).parents[1] / "unit/canopen_device/device.eds"
@@ -71,4 +73,35 @@ def bench(data: bytes) -> None:
     assert len(side.log) <= 20 * side.now // 1_000_000
 
 
+# Requests, acknowledgements, transport, claims, commanded address, diagnostics, valve commands.
+_GROUPS = (0xEA00, 0xE800, 0xEC00, 0xEC00, 0xEB00, 0xEB00, 0xEE00, 0xFED8, 0xFECA, 0xFECC, 0xFE30)
+_ADDRESSES = (128, 19, 140, GLOBAL)
+
+
+def ecus(data: bytes) -> None:
+    """J1939 devices: a valve driver, a joystick and sensors by table, without the plant."""
+    script, sent = Script(data), list[Frame]()
+    stations = build_bench(_J1939).segments[0].stations
+    now = 0
+    for station in stations:
+        station.ecu.start(now)
+    for kind in script.steps(MOST_STEPS):
+        place, source = kind & 0xF, script.number()
+        group = _GROUPS[place] if place < len(_GROUPS) else script.number(3) & 0x3FFFF
+        can_id = join(6, group, source, _ADDRESSES[kind >> 4 & 3])
+        frame = Frame(can_id, script.take(8), is_extended=True)
+        if kind & 0x80:
+            now += script.number() * 10_000_000
+        for station in stations:
+            station.ecu.receive(frame, now)
+            station.ecu.serve(now, sent.append)
+        assert len(sent) < 300, "more than three devices may send in a round"
+        for answer in sent:
+            assert answer.is_extended
+            assert 0 <= answer.can_id < 1 << 29
+            assert len(answer.data) <= 8
+        sent.clear()
+
+
 _CONFIG = load_config()
+_J1939 = load_config(Path(__file__).parents[2] / "examples" / "j1939.toml")

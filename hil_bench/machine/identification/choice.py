@@ -2,12 +2,16 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
+
+import numpy as np
 
 from hil_bench.config.settings import Key, Origin, Setting
 from hil_bench.config.values import find_nearest, number
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError
+from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.unknowns import (
     EXTRAS,
     KINDS,
@@ -16,7 +20,7 @@ from hil_bench.machine.identification.unknowns import (
     Sensors,
 )
 from hil_bench.plants.hydraulic_cylinder.keys import PARAMETER_KEYS
-from hil_bench.units import MILLISECOND, ONE
+from hil_bench.units import BAR, MILLIMETRE, MILLISECOND, ONE
 
 _SECOND_NS = 1e9
 
@@ -87,6 +91,27 @@ def find_sensors(position: ChainParameters | None, pressure: ChainParameters | N
     if position is None and pressure is None:
         return PROMPT
     return Sensors(*_late(position), *_late(pressure))
+
+
+def with_hysteresis(
+    record: AxisRecord, position: ChainParameters | None, pressure: ChainParameters | None
+) -> AxisRecord:
+    """Return a record that counts the hysteresis of its sensors as noise.
+
+    Hysteresis is not in the model that is fitted. A sensor shows half the width of its loop too
+    little on the way up and as much too much on the way down, which is its rms error as well.
+    """
+    half = [0.5 * chain.hysteresis if chain else 0.0 for chain in (position, pressure, pressure)]
+    notes = [
+        f"hysteresis counted as noise: {display.from_si(width):.3g} {display.symbol} of {what}"
+        for what, width, display in (
+            ("the position", half[0], MILLIMETRE),
+            ("the pressures", half[1], BAR),
+        )
+        if width
+    ]
+    noise = np.hypot(record.noise, half)
+    return replace(record.with_noise(noise), notes=(*record.notes, *notes))
 
 
 def _late(chain: ChainParameters | None) -> tuple[float, float]:

@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from support.machine_record import FULL_OPENING, Machine, random_steps
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.choice import choose, find_sensors
+from hil_bench.machine.identification.choice import choose, find_sensors, with_hysteresis
+from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.unknowns import KINDS, PROMPT, Sensors, check_names
 
 SHEET = """
@@ -84,3 +87,32 @@ def test_a_gain_of_the_command_needs_a_known_valve() -> None:
     with pytest.raises(ConfigError, match="command_gain is not decidable beside the valve"):
         check_names(["gain", "w"])
     check_names(["gain", "m"])
+
+
+def test_the_hysteresis_of_the_sensors_counts_as_noise() -> None:
+    record = AxisRecord.of(
+        Machine().record(random_steps(0.5e-3, 1e-3, 34, 100)), "axis1", FULL_OPENING
+    )
+    record = record.with_noise(np.array([3e-6, 4e3, np.inf]))
+
+    heard = with_hysteresis(
+        record, ChainParameters(hysteresis=8e-6), ChainParameters(hysteresis=6e3)
+    )
+
+    # Half the width, and what was there: 3 and 4, 4 and 3 make 5. P_B was not recorded.
+    assert heard.noise == pytest.approx([5e-6, 5e3, np.inf])
+    assert heard.notes[len(record.notes) :] == (
+        "hysteresis counted as noise: 0.004 mm of the position",
+        "hysteresis counted as noise: 0.03 bar of the pressures",
+    )
+
+
+def test_sensors_without_hysteresis_leave_the_noise_as_it_is() -> None:
+    record = AxisRecord.of(
+        Machine().record(random_steps(0.5e-3, 1e-3, 34, 100)), "axis1", FULL_OPENING
+    )
+
+    heard = with_hysteresis(record, None, ChainParameters(delay_ns=1000))
+
+    assert list(heard.noise) == list(record.noise)
+    assert heard.notes == record.notes

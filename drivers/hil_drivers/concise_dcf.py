@@ -22,8 +22,12 @@ MOST_BYTES: Final = 1 << 20
 _COUNT: Final = struct.Struct("<I")
 _HEAD: Final = struct.Struct("<HBI")
 _COMMUNICATION: Final = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
-_TO_MAPPING: Final = 0x200
-_INVALID: Final = 1 << 31
+TO_MAPPING: Final = 0x200
+"""From the communication parameters of a PDO to its mapping."""
+
+INVALID: Final = 1 << 31
+"""In the COB-ID of a PDO: it does not exist."""
+
 # Commands and histories: error field, time stamp, store, restore, and what managers do.
 _NO_CONFIGURATION: Final = frozenset(
     {0x1003, 0x1010, 0x1011, 0x1012, 0x1013, 0x1020, 0x1023, 0x1024, *range(0x1F50, 0x1F58)}
@@ -160,8 +164,8 @@ def order_writes(
         values: what is to be written.
         defaults: integers of the EDS, for the COB-ID and the count of a PDO that `values` lack.
     """
-    entries = [ConciseEntry(*key, values[key]) for key in sorted(values) if _pdo_of(key[0]) is None]
-    pdos = sorted({pdo for index, _ in values if (pdo := _pdo_of(index)) is not None})
+    entries = [ConciseEntry(*key, values[key]) for key in sorted(values) if pdo_of(key[0]) is None]
+    pdos = sorted({pdo for index, _ in values if (pdo := pdo_of(index)) is not None})
     for pdo in pdos:
         entries += _pdo_writes(pdo, values, defaults)
     return tuple(entries)
@@ -170,12 +174,12 @@ def order_writes(
 def _pdo_writes(
     communication: int, values: Mapping[ObjectKey, bytes], defaults: Mapping[ObjectKey, int]
 ) -> Iterable[ConciseEntry]:
-    mapping = communication + _TO_MAPPING
+    mapping = communication + TO_MAPPING
     identifier = values.get((communication, 1))
     if identifier is None and (communication, 1) in defaults:
         identifier = defaults[communication, 1].to_bytes(4, "little")
     if identifier is not None:
-        disabled = int.from_bytes(identifier, "little") | _INVALID
+        disabled = int.from_bytes(identifier, "little") | INVALID
         yield ConciseEntry(communication, 1, disabled.to_bytes(4, "little"))
     for key in sorted(values):
         if key[0] == communication and key[1] > 1:
@@ -194,10 +198,10 @@ def _pdo_writes(
         yield ConciseEntry(communication, 1, identifier)
 
 
-def _pdo_of(index: int) -> int | None:
+def pdo_of(index: int) -> int | None:
     """Return the index of the communication parameters of the PDO that an object belongs to."""
     for block in _COMMUNICATION:
-        for candidate in (index, index - _TO_MAPPING):
+        for candidate in (index, index - TO_MAPPING):
             if candidate in block:
                 return candidate
     return None

@@ -13,7 +13,8 @@ from hil_bench.cli.results import add_json_argument, is_silent, print_lines, pri
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.boot_file import BootPlan, load_boot_plan, plan_of_bench
 from hil_drivers import Network
-from hil_drivers.boot import BootResult, NetworkManager
+from hil_drivers.boot import NetworkManager
+from hil_drivers.boot_records import BootResult
 from hil_drivers.concise_dcf import pack_concise_dcf
 
 _EXAMPLES = """\

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import canopen
 import pytest
+from support.built_in_nodes import NODES
 from support.dissection import dissect, require_tshark
 from support.patience import GUARD
 
@@ -13,24 +14,7 @@ EDS = Path(__file__).parents[1] / "unit" / "canopen_device" / "device.eds"
 BENCH = f"""
 [plant.axis1]
 
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-
+{NODES}
 [nodes.device]
 node_id = 5
 eds = "{EDS.as_posix()}"

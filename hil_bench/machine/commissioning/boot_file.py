@@ -23,7 +23,7 @@ from hil_bench.machine.commissioning.boot_keys import (
     SLAVE_KEYS,
     days_and_milliseconds,
 )
-from hil_drivers.boot import Loss, Slave, Start, Startup
+from hil_drivers.boot_records import Loss, Slave, Start, Startup
 from hil_drivers.concise_dcf import (
     ConciseEntry,
     convert_dcf,

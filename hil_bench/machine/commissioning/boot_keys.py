@@ -8,13 +8,12 @@ from hil_bench.config.settings import Key
 from hil_bench.config.values import boolean, choice, describe, integer, number, text, zero_or
 from hil_bench.errors import ConfigError
 from hil_bench.units import MILLISECOND, SECOND
-from hil_drivers.boot import Loss, Start
+from hil_drivers.boot_records import Loss, Start
+from hil_drivers.network import CONTROLLER_ID
 
 _U32: Final = 0xFFFF_FFFF
 _EPOCH: Final = datetime(1984, 1, 1)  # noqa: DTZ001 - CiA 301 has no time zone
 _LAST: Final = datetime(2100, 1, 1)  # noqa: DTZ001
-
-CONTROLLER_ID: Final = 127
 
 
 def moment(value: object) -> datetime:

@@ -6,11 +6,8 @@ from typing import NamedTuple
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
 from hil_bench.machine.commissioning.comparison import Difference, Mend, ObjectKey, expected_values
 from hil_drivers import Network, Node
-from hil_drivers.concise_dcf import ConciseEntry, pack_concise_dcf
+from hil_drivers.concise_dcf import INVALID, TO_MAPPING, ConciseEntry, pack_concise_dcf, pdo_of
 
-_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
-_TO_MAPPING = 0x200
-_INVALID = 1 << 31
 _STORE = 0x1010
 _SAVE = b"save"
 
@@ -81,9 +78,9 @@ def concise_dcf(plan: Plan) -> bytes:
 
 def _writes(node: Node, config: NodeConfig, wrong: Mapping[ObjectKey, float]) -> list[Write]:
     writes: list[Write] = []
-    pdos = sorted({pdo for key in wrong if (pdo := _pdo_of(key)) is not None})
+    pdos = sorted({pdo for key in wrong if (pdo := pdo_of(key[0])) is not None})
     for key, value in wrong.items():
-        if _pdo_of(key) is None:
+        if pdo_of(key[0]) is None:
             writes.append(_write(node, key, value))
     for communication in pdos:
         writes += _pdo_writes(node, expected_values(node, config), wrong, communication)
@@ -97,9 +94,9 @@ def _pdo_writes(
     communication: int,
 ) -> list[Write]:
     """Return the dynamic mapping procedure of one PDO (CiA 301)."""
-    mapping = communication + _TO_MAPPING
+    mapping = communication + TO_MAPPING
     identifier = int(right.get((communication, 1), 0)) or node.read_integer(communication, 1)
-    writes = [_write(node, (communication, 1), identifier | _INVALID)]
+    writes = [_write(node, (communication, 1), identifier | INVALID)]
     writes += [
         _write(node, key, value)
         for key, value in wrong.items()
@@ -111,15 +108,6 @@ def _pdo_writes(
         writes += [_write(node, (mapping, sub), right[mapping, sub]) for sub in range(1, count + 1)]
         writes.append(_write(node, (mapping, 0), count))
     return [*writes, _write(node, (communication, 1), identifier)]
-
-
-def _pdo_of(key: ObjectKey) -> int | None:
-    """Return the index of the communication parameters of the PDO that an object belongs to."""
-    for block in _COMMUNICATION:
-        for index in (key[0], key[0] - _TO_MAPPING):
-            if index in block:
-                return index
-    return None
 
 
 def _write(node: Node, key: ObjectKey, value: float) -> Write:

@@ -3,41 +3,12 @@
 from pathlib import Path
 
 import pytest
+from support.eds_sections import VERIFY_CONFIGURATION
 
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.node import Node
 
 PLAIN = Path(__file__).parent / "device.eds"
-SECTION = """
-[1020]
-ParameterName=Verify configuration
-ObjectType=0x8
-SubNumber=3
-
-[1020sub0]
-ParameterName=Highest sub-index supported
-ObjectType=0x7
-DataType=0x0005
-AccessType=const
-DefaultValue=2
-PDOMapping=0
-
-[1020sub1]
-ParameterName=Configuration date
-ObjectType=0x7
-DataType=0x0007
-AccessType=rw
-DefaultValue=0
-PDOMapping=0
-
-[1020sub2]
-ParameterName=Configuration time
-ObjectType=0x7
-DataType=0x0007
-AccessType=rw
-DefaultValue=0
-PDOMapping=0
-"""
 
 
 @pytest.fixture
@@ -45,7 +16,7 @@ def objects(tmp_path):
     text = PLAIN.read_text(encoding="utf-8")
     text = text.replace("SupportedObjects=29\n", "SupportedObjects=30\n30=0x1020\n", 1)
     path = tmp_path / "device.eds"
-    path.write_text(text + SECTION, encoding="utf-8")
+    path.write_text(text + VERIFY_CONFIGURATION, encoding="utf-8")
     dictionary = load_eds(path, 5)
     Node(dictionary, 5)
     for subindex, value in ((1, 15000), (2, 3_600_000)):

@@ -1,14 +1,15 @@
 """The NMT master on virtual benches; letters, order and objects by CiA 302-2 and 302-3."""
 
 import pytest
+from support.eds_sections import VERIFY_CONFIGURATION
 
 from device_profiles import PRESSURE_404
 from hil_drivers import NmtState
-from hil_drivers.boot import (
+from hil_drivers.boot import NetworkManager
+from hil_drivers.boot_records import (
     BootError,
     Configured,
     Loss,
-    NetworkManager,
     Slave,
     Start,
     Startup,
@@ -28,33 +29,6 @@ source = "P_A"
 """
 VALVE, PRESSURE = 0x198, 0x0002_0194
 HEARTBEAT = ConciseEntry(0x1017, 0, (50).to_bytes(2, "little"))
-STAMPS = """
-[1020]
-ParameterName=Verify configuration
-ObjectType=0x8
-SubNumber=3
-
-[1020sub0]
-ParameterName=Highest sub-index supported
-ObjectType=0x7
-DataType=0x0005
-AccessType=const
-DefaultValue=2
-
-[1020sub1]
-ParameterName=Configuration date
-ObjectType=0x7
-DataType=0x0007
-AccessType=rw
-DefaultValue=0
-
-[1020sub2]
-ParameterName=Configuration time
-ObjectType=0x7
-DataType=0x0007
-AccessType=rw
-DefaultValue=0
-"""
 
 
 @pytest.fixture
@@ -195,7 +169,7 @@ def stamped_bench(tmp_path):
         f"[OptionalObjects]\nSupportedObjects={count}\n",
         f"[OptionalObjects]\nSupportedObjects={count + 1}\n{count + 1}=0x1020\n",
     )
-    (tmp_path / "stamped.eds").write_text(text + STAMPS, encoding="utf-8")
+    (tmp_path / "stamped.eds").write_text(text + VERIFY_CONFIGURATION, encoding="utf-8")
     return BENCH + 'eds = "stamped.eds"\n'
 
 

@@ -3,6 +3,7 @@
 from itertools import count
 
 import pytest
+from support.built_in_nodes import NODES
 from support.bus_logs import played
 from support.sdo_frames import MS, heard
 
@@ -20,23 +21,6 @@ from hil_drivers.protection import crc8
 
 BITRATE = 1_000_000
 TPDO1 = 0x182
-NODES = """
-[plant.axis1]
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-"""
 
 
 def sealed(mapped, counter):
@@ -97,7 +81,7 @@ def protected_config(tmp_path):
     numbers = count()
 
     def load(*protected, can_id=0x184):
-        text = f'{NODES}objects = {{ "0x1800.01" = {can_id} }}\n'
+        text = f'[plant.axis1]\n{NODES}objects = {{ "0x1800.01" = {can_id} }}\n'
         for name in protected:
             text = text.replace(f"[nodes.{name}]\n", f"[nodes.{name}]\nprotected_tpdos = [1]\n")
         path = tmp_path / f"bench{next(numbers)}.toml"

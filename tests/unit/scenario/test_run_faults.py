@@ -1,6 +1,7 @@
 """Every kind of fault as a step: it begins at the step's tick, and ends after its time."""
 
 import pytest
+from support.built_in_nodes import NODES
 
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.scenario import run
@@ -46,25 +47,15 @@ KEYS = {
 }
 """The keys of each kind, as docs/faults.md has them."""
 
-BENCH = """
+BENCH = f"""
 [bus.wire]
 [plant.axis1]
 load_n = 1000
 supply = "unit"
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-[j1939.lever]
+{NODES}[j1939.lever]
 address = 19
 [j1939.lever.signals]
-x = { pgn = 0xFDD6, start_bit = 6, length = 10, resolution = 0.1, unit = "%" }
+x = {{ pgn = 0xFDD6, start_bit = 6, length = 10, resolution = 0.1, unit = "%" }}
 """
 """An axis that can have each of them."""
 

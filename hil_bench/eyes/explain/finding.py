@@ -32,6 +32,8 @@ class Cause(Enum):
     SDO_NO_ANSWER = "SDO request not answered", "CiA 301, 7.2.4"
     PDO_LENGTH = "length of a PDO differs from its mapping", "CiA 301, 7.2.7.1 (8210h, 8220h)"
     PDO_CHECKSUM = "checksum of a protected PDO is wrong", "SAE J1850, CRC-8"
+    PDO_REPEATED = "counter of a protected PDO stands", "docs/devices.md"
+    PDO_LOST = "counter of a protected PDO jumps", "docs/devices.md"
     PDO_MISSING = "a PDO stays out", "CiA 301, 7.5.2.37"
     ABSENT_PRODUCER = "waits for a producer that is not there", "CiA 301, 7.5.2.19 and 7.5.2.35"
     RPDO_TIMEOUT = "RPDO time-out", "CiA 301, 7.5.2.35"

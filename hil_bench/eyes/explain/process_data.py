@@ -7,6 +7,7 @@ from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.canopen_device.pdo_parameters import EVENT_DRIVEN
 from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.explain.counters import Counters
 from hil_bench.eyes.explain.finding import Cause, Finding, milliseconds, seconds
 from hil_bench.eyes.identifiers import function_of
 from hil_bench.eyes.known_node import KnownNode, PdoOwner
@@ -50,6 +51,7 @@ class ProcessData:
 
     def __init__(self, decoder: Decoder) -> None:
         self._decoder = decoder
+        self._counters = Counters()
         self._lengths: dict[_Key, list[Sight]] = {}
         self._unknown: dict[_Key, list[Sight]] = {}
         self._courses: dict[_Key, _Course] = {}
@@ -86,6 +88,7 @@ class ProcessData:
         yield from self._length_findings()
         yield from self._mapping_findings()
         yield from self._clash_findings()
+        yield from self._counters.findings()
         for course in self._courses.values():
             if course.gaps:
                 yield self._gap_finding(course)
@@ -103,6 +106,7 @@ class ProcessData:
                     if owner.pdo.direction is Direction.TPDO:
                         self._courses[owner.address, node.name] = _Course(owner, sight.now)
             elif not is_running and self._running.pop(key, None) is not None:
+                self._counters.forget(node)
                 for place, course in list(self._courses.items()):
                     if course.owner.node is node:
                         self._end(place)
@@ -138,8 +142,9 @@ class ProcessData:
 
     def _take(self, owner: PdoOwner, address: int, sight: Sight) -> None:
         course = self._courses.get((address, owner.node.name))
+        is_lost = self._counters.take(owner, sight)
         if course is not None and course.last >= 0:
-            if course.owner.pdo is owner.pdo:  # or it was configured anew meanwhile
+            if course.owner.pdo is owner.pdo and not is_lost:  # or configured anew meanwhile
                 self._note_gap(course, sight.now, sight)
         elif course is None or owner.node.state is NmtState.OPERATIONAL:
             course = course or _Course(owner, sight.now)

@@ -70,6 +70,44 @@ def test_a_protected_pdo_without_its_protection_is_too_short():
     assert "5 bytes, and its mapping with counter and checksum has 7" in finding.text
 
 
+@pytest.mark.parametrize("protected", [(1,), None])
+@pytest.mark.parametrize(
+    ("counters", "cause", "text"),
+    [
+        ([5, 6, 7, 7, 8], Cause.PDO_REPEATED, "frame with counter 7 repeated at 0.050 s"),
+        (
+            [5, 6, 6, 6, 9],
+            Cause.PDO_REPEATED,
+            "counter stands at 6 from 0.040 s on, 2 frames repeated",
+        ),
+        ([254, 255, 0, 2, 3], Cause.PDO_LOST, "counter goes from 0 to 2 at 0.050 s, 1 sent and"),
+        (
+            [1, 2, 5, 6, 8],
+            Cause.PDO_LOST,
+            "from 2 to 5 at 0.040 s, 2 sent and not seen; 1 times more, 3 not seen in all",
+        ),
+        ([9, 10, 3, 4, 5], Cause.PDO_LOST, "goes back from 10 to 3 at 0.040 s, overtaken or"),
+    ],
+)
+def test_a_counter_that_does_not_go_on_by_one_is_one_finding(protected, counters, cause, text):
+    frames = [sealed(bytes(5), number) for number in counters]
+    (finding,) = explain(log(*frames), sensor(protected), BITRATE).findings
+    assert finding.cause is cause
+    assert text in finding.text
+
+
+def test_the_counter_of_a_pdo_that_is_seldom_sealed_is_no_counter():
+    by_chance = [sealed(bytes(5), 3), sealed(bytes(5), 90)]
+    longer = [Frame(TPDO1, bytes(7))] * 3
+    (finding,) = explain(log(*by_chance, *longer), sensor(None), BITRATE).findings
+    assert finding.cause is Cause.PDO_LENGTH
+
+
+def test_a_counter_may_begin_anew_after_a_reset():
+    frames = [*GOOD, Frame(0x000, b"\x81\x02"), Frame(0x702, b"\0"), Frame(0, b"\x01\x02")]
+    assert explain(log(*frames, *GOOD), sensor((1,)), BITRATE).findings == ()
+
+
 def test_two_bytes_too_many_without_a_checksum_are_a_wrong_length():
     wrong = [Frame(TPDO1, bytes(5) + bytes([0, crc8(b"")]))] * 5
     (finding,) = explain(log(*wrong), sensor(None), BITRATE).findings

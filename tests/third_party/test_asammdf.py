@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_writer import MdfFile
@@ -15,6 +16,18 @@ from hil_bench.outside.recording.mdf_writer import MdfFile
 asammdf = pytest.importorskip("asammdf")  # after can, or python-can would not find it
 
 CHANNELS = (TIME, Channel("axis1.position", "m"), Channel("axis1.P_A", "Pa"))
+
+# linux/can/error.h: CAN_ERR_PROT | CAN_ERR_BUSERROR | CAN_ERR_CNT with CAN_ERR_PROT_STUFF or
+# CAN_ERR_PROT_BIT | CAN_ERR_PROT_TX, the same with CAN_ERR_ACK, and CAN_ERR_BUSOFF.
+ERRORS = [
+    LoggedFrame(Frame(ERROR_FLAG | can_id, bytes.fromhex(data)), 1_900_000_000, True)
+    for can_id, data in (
+        (0x288, "0000040000000003"),
+        (0x288, "0000810000000800"),
+        (0x2A8, "0000810000001000"),
+        (0x040, "0000000000000000"),
+    )
+]
 
 
 @pytest.fixture(params=["closed", "killed"])
@@ -34,6 +47,7 @@ def path(request, tmp_path):
                 LoggedFrame(Frame(0x181, bytes([block, 7])), start, False),
                 LoggedFrame(Frame(0x701, is_remote=True), start + 1_000_000, True),
                 LoggedFrame(Frame(0x1234567, b"12345678", is_extended=True), start, True),
+                *(ERRORS if block else ()),
             ]
         )
         file.flush(durable=False)
@@ -58,6 +72,7 @@ def test_python_can_reads_the_frames(path):
         found = [
             (round(m.timestamp * 1e3), m.arbitration_id, bytes(m.data), m.is_remote_frame, m.is_rx)
             for m in reader
+            if not m.is_error_frame
         ]
     expected = []
     for block in range(3):
@@ -67,3 +82,32 @@ def test_python_can_reads_the_frames(path):
             (500 * block + 1, 0x701, b"", True, True),
         ]
     assert found == expected
+
+
+def test_asammdf_reads_the_kinds_of_errors(path):
+    with asammdf.MDF(path) as mdf:
+        kinds = mdf.get("CAN_ErrorFrame.ErrorType")
+        extended = mdf.get("CAN_ErrorFrame.IDE")
+    names = [asammdf.blocks.v4_constants.CAN_ERROR_TYPES[kind] for kind in kinds.samples.tolist()]
+    assert [name.strip() for name in names] == [
+        "Bit Stuffing Error",
+        "Bit Error",
+        "Acknowledgment Error",
+        "Other/unknown error",
+    ] * 2
+    assert kinds.timestamps == pytest.approx([1.9] * 8)
+    assert extended.samples.tolist() == [1] * 8
+
+
+def test_python_can_reads_error_frames_as_it_writes_them_itself(path):
+    with can.LogReader(path) as reader:
+        found = [
+            (m.arbitration_id, bytes(m.data), m.channel, m.is_rx)
+            for m in reader
+            if m.is_error_frame
+        ]
+    classes = [0x288, 0x288, 0x2A8, 0x040]
+    assert found == [
+        (can_id, error.frame.data, 1, True)
+        for can_id, error in zip(classes * 2, ERRORS * 2, strict=True)
+    ]

@@ -22,13 +22,10 @@ class BlockFile:
 
     Attributes:
         path: as passed in.
-        has_error_frames: whether its format has a place for them.
 
     Raises:
         ConfigError: it cannot be written.
     """
-
-    has_error_frames = False
 
     def __init__(self, path: Path, head: bytes = b"") -> None:
         self.path = path

@@ -15,7 +15,7 @@ from can.io.canutils import CanutilsLogReader
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.frame import ERROR_FLAG
+from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_reader import read_mdf
@@ -77,8 +77,6 @@ def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
 class _CandumpFile(BlockFile):
     """Appends lines as candump -L writes them."""
 
-    has_error_frames = True
-
     def write_frames(self, frames: Iterable[LoggedFrame]) -> None:
         self._file.append("".join(map(_candump_line, frames)).encode())
 
@@ -103,8 +101,6 @@ class _AscWriter(ASCWriter):
 
 class _AscFile(BlockFile):
     """Has python-can write lines into memory, and appends them to the file as one block."""
-
-    has_error_frames = True
 
     def __init__(self, path: Path, started: datetime | None) -> None:
         super().__init__(path)
@@ -138,8 +134,6 @@ class _Text(io.StringIO):
 
 class _BlfFile(BlockFile):
     """Has python-can write containers into memory, and appends them to the file as one block."""
-
-    has_error_frames = True
 
     def __init__(self, path: Path) -> None:
         self._writer = _BlockBlfWriter()
@@ -217,15 +211,19 @@ def read_frames(
         ConfigError: the file cannot be read, or holds no frames.
     """
     suffix = path.suffix.lower()
+    left_out = left_out or LeftOut()
     if suffix == ".mf4":
-        yield from read_mdf(path).frames
+        for logged in read_mdf(path).frames:
+            if errors or not is_error_frame(logged.frame):
+                yield logged
+            else:
+                left_out.error_frames += 1
         return
     if suffix not in SUFFIXES:
         right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")
-    left_out = left_out or LeftOut()
     with file:
         if suffix == ".blf":
             messages = _messages(path, _BlfReader, file, left_out, errors=errors)

@@ -3,7 +3,8 @@
 Every block is: identifier, length, count of links, links (addresses in the file, 0 for none), data;
 all little-endian, at addresses that are multiples of 8. A recording has a data group for the
 signals, one for the data frames and one for the remote frames of the bus (ASAM MDF 4.1 bus logging,
-"CAN_DataFrame", "CAN_RemoteFrame"). Each group's records stand in compressed, transposed blocks
+"CAN_DataFrame", "CAN_RemoteFrame"), and with the first error frame one for those
+("CAN_ErrorFrame"). Each group's records stand in compressed, transposed blocks
 (DZ), chained by data lists (DL).
 """
 
@@ -72,7 +73,7 @@ CHANNEL_BUS_EVENT = 1 << 10
 
 SOURCE_BUS, BUS_CAN = 2, 2
 
-DATA_FRAME, REMOTE_FRAME = "CAN_DataFrame", "CAN_RemoteFrame"
+DATA_FRAME, REMOTE_FRAME, ERROR_FRAME = "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame"
 """Names of the bus groups' channels, as the standard gives them."""
 
 SENT, RECEIVED = 1, 0
@@ -90,6 +91,12 @@ _HEAD_FIELDS = [
 
 REMOTE_RECORD = np.dtype(_HEAD_FIELDS)
 DATA_RECORD = np.dtype([*_HEAD_FIELDS, ("DataBytes", "V8")])
+ERROR_RECORD = np.dtype([*_HEAD_FIELDS, ("DataBytes", "V8"), ("ErrorType", "u1")])
+"""ID and DataBytes are those of SocketCAN's error frames, as python-can writes and reads them here;
+IDE is set, so that no tool takes the ID for one of the bus."""
+
+OTHER_ERROR, BIT_ERROR, FORM_ERROR, STUFF_ERROR, ACK_ERROR = 0, 1, 2, 3, 5
+"""Values of the field ErrorType; 4 is a wrong CRC."""
 
 
 class Block(NamedTuple):

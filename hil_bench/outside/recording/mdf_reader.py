@@ -14,11 +14,17 @@ import numpy.typing as npt
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
+from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 _MOST_CHANNELS = 10_000
+_RECORDS = {
+    mdf.DATA_FRAME: mdf.DATA_RECORD,
+    mdf.REMOTE_FRAME: mdf.REMOTE_RECORD,
+    mdf.ERROR_FRAME: mdf.ERROR_RECORD,
+}
 _LINKS = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 7, b"##HL": 1, b"##DL": 1}
 """Links that are followed, and so must be there, of each kind of block."""
 
@@ -103,11 +109,18 @@ class _Reader:
     def _frames(self, cg: mdf.Block, data: int) -> Iterator[LoggedFrame]:
         time = self._block(cg.links[1], b"##CN")
         name = self._text(self._block(time.links[0], b"##CN").links[2])
-        is_remote = name == mdf.REMOTE_FRAME
-        records = self._records(data, mdf.REMOTE_RECORD if is_remote else mdf.DATA_RECORD)
-        for seconds, channel, can_id, is_extended, _, length, direction, *raw in records.tolist():
-            payload = b"" if is_remote else bytes(raw[0])[: min(length, 8)]
-            frame = Frame(can_id, payload, is_remote, bool(is_extended), max(channel, 1) - 1)
+        if name not in _RECORDS:
+            raise ValueError("a group of frames is none of ours")
+        for record in self._records(data, _RECORDS[name]).tolist():
+            seconds, channel, can_id, is_extended, _, length, direction, *raw = record
+            payload = bytes(raw[0])[: min(length, 8)] if raw else b""
+            bus = max(channel, 1) - 1
+            if name == mdf.ERROR_FRAME:
+                classes = can_id & (ERROR_FLAG - 1)
+                frame = Frame(ERROR_FLAG | classes, payload.ljust(8, b"\0"), bus=bus)
+            else:
+                is_remote = name == mdf.REMOTE_FRAME
+                frame = Frame(can_id, payload, is_remote, bool(is_extended), bus)
             yield LoggedFrame(frame, round(seconds * 1e9), direction == mdf.RECEIVED)
 
     def _records(self, data: int, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:

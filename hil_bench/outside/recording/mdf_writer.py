@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 import hil_bench
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.recording import mdf_blocks as mdf
 from hil_bench.outside.recording.block_file import BlockFile
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
@@ -25,9 +27,15 @@ from hil_bench.outside.recording.logged_frame import LoggedFrame
 _LINK = struct.Struct("<Q")
 _COMPRESSION_LEVEL = 4
 
+_NO_ACKNOWLEDGE = 0x020
+_ERROR_TYPES = {0x01: mdf.BIT_ERROR, 0x02: mdf.FORM_ERROR, 0x04: mdf.STUFF_ERROR}
+"""By the bits of the third byte of an error frame (`linux/can/error.h`)."""
+
 
 class MdfFile(BlockFile):
     """An MF4 file of signals and frames.
+
+    The group of the error frames comes with the first of them, so a file without any has none.
 
     Args:
         path: the file.
@@ -54,6 +62,7 @@ class MdfFile(BlockFile):
         groups.append(header.add_frame_group(mdf.DATA_FRAME, mdf.DATA_RECORD, groups[-1].dg))
         groups.append(header.add_signal_group(channels, groups[-1].dg))
         self._remote, self._data, self._signals = groups
+        self._errors: _Group | None = None
         start_ns = 0 if started is None else round(started.timestamp() * 1e9)
         super().__init__(path, header.finish(groups[-1].dg, start_ns, comment))
         self._links: list[tuple[int, bytes]] = []
@@ -65,14 +74,33 @@ class MdfFile(BlockFile):
 
     def write_frames(self, frames: Sequence[LoggedFrame]) -> None:
         """Append frames."""
-        data = [_data_record(logged) for logged in frames if not logged.frame.is_remote]
-        remote = [_head_record(logged) for logged in frames if logged.frame.is_remote]
-        for group, records, dtype in (
-            (self._data, data, mdf.DATA_RECORD),
-            (self._remote, remote, mdf.REMOTE_RECORD),
-        ):
-            packed = np.array(records, dtype=dtype).view(np.uint8)
-            self._append(group, packed.reshape(-1, dtype.itemsize))
+        data, remote, errors = [], [], []
+        for logged in frames:
+            if is_error_frame(logged.frame):
+                errors.append(_error_record(logged))
+            elif logged.frame.is_remote:
+                remote.append(_head_record(logged))
+            else:
+                data.append(_data_record(logged))
+        self._append_frames(self._data, data, mdf.DATA_RECORD)
+        self._append_frames(self._remote, remote, mdf.REMOTE_RECORD)
+        if errors:
+            self._errors = self._errors or self._add_errors()
+            self._append_frames(self._errors, errors, mdf.ERROR_RECORD)
+
+    def _append_frames(
+        self, group: "_Group", records: Sequence[tuple[Any, ...]], dtype: np.dtype[np.void]
+    ) -> None:
+        packed = np.array(records, dtype=dtype).view(np.uint8)
+        self._append(group, packed.reshape(-1, dtype.itemsize))
+
+    def _add_errors(self) -> "_Group":
+        """Append the group of the error frames; it is linked in behind the last one."""
+        header = _Header(self._file.size)
+        group = header.add_frame_group(mdf.ERROR_FRAME, mdf.ERROR_RECORD, next_group=0)
+        self._file.append(header.blocks)
+        self._links.append((self._remote.dg + mdf.HEADER.size, _LINK.pack(group.dg)))
+        return group
 
     def flush(self, *, durable: bool) -> None:
         """Put on the disk what was written, then link it in; see `OutputFile.flush`."""
@@ -150,16 +178,21 @@ class _ChannelBlock(NamedTuple):
 
 
 class _Header:
-    """The head of the file: everything that stands before the first data.
+    """The head of the file: everything that stands before the first data; or a group after it.
 
     Args:
-        start: address after the HD block, which is made last.
+        start: address of its first block: behind the HD block, which is made last.
     """
 
     def __init__(self, start: int) -> None:
         self._start = start
         self._blocks: list[bytes] = []
         self._end = start
+
+    @property
+    def blocks(self) -> bytes:
+        """The blocks that were added."""
+        return b"".join(self._blocks)
 
     def finish(self, first_group: int, start_ns: int, comment: str) -> bytes:
         """Return the head with identification and HD block."""
@@ -178,7 +211,7 @@ class _Header:
             b"MDF     ", b"4.10    ", b"hilbench", b"", mdf.VERSION, b"", 0, 0
         )
         head = _hd_block(first_group, history, text, start_ns)
-        return b"".join((identification, head, *self._blocks))
+        return b"".join((identification, head, self.blocks))
 
     def add_signal_group(self, channels: Sequence[Channel], next_group: int) -> _Group:
         """Add the group of the signals, all of them float64."""
@@ -289,3 +322,19 @@ def _data_record(
     logged: LoggedFrame,
 ) -> tuple[float, int, int, int, int, int, int, bytes]:
     return (*_head_record(logged), logged.frame.data.ljust(8, b"\0"))
+
+
+def _error_record(
+    logged: LoggedFrame,
+) -> tuple[float, int, int, int, int, int, int, bytes, int]:
+    frame = logged.frame
+    shown = frame._replace(can_id=frame.can_id & ~ERROR_FLAG, is_extended=True)
+    return (*_data_record(logged._replace(frame=shown)), _error_type(frame))
+
+
+def _error_type(frame: Frame) -> int:
+    if frame.can_id & _NO_ACKNOWLEDGE:
+        return mdf.ACK_ERROR
+    violations = frame.data[2] if len(frame.data) > 2 else 0
+    kinds = (kind for bit, kind in _ERROR_TYPES.items() if violations & bit)
+    return next(kinds, mdf.OTHER_ERROR)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil_bench.frame import is_error_frame
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -135,18 +134,16 @@ class Recorder:
 
     def _write(self, rows: Recording, frames: Sequence[LoggedFrame]) -> None:
         end = round(float(rows[TIME.name][-1]) * 1e9) if len(rows) else 0
-        sound = [logged for logged in frames if not is_error_frame(logged.frame)]
         for number, file in list(self._files.items()):
-            kept = frames if file.has_error_frames else sound
             try:
                 file.write_rows(rows)
-                file.write_frames(kept)
+                file.write_frames(frames)
                 file.flush(durable=self._durable)
             except OSError as error:
                 self._give_up(number, error)
             else:
-                last = kept[-1].now if kept else 0
-                self._progress.count(number, Counted(len(rows), end), Counted(len(kept), last))
+                last = frames[-1].now if frames else 0
+                self._progress.count(number, Counted(len(rows), end), Counted(len(frames), last))
 
     def _give_up(self, number: int, error: OSError) -> None:
         file = self._files.pop(number)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
+from hil_bench.frame import ERROR_FLAG
 from hil_bench.outside.recording.channels import TIME, Channel, recording_channels, recording_dtype
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import read_frames
@@ -21,6 +22,8 @@ FRAMES = [
     LoggedFrame(Frame(0x1234567, b"12345678", is_extended=True), 3_000_000, True),
     LoggedFrame(Frame(0x80, bus=2), 3_000_000, True),
 ]
+# CAN_ERR_PROT | CAN_ERR_BUSERROR | CAN_ERR_CNT of linux/can/error.h, on the second bus.
+ERROR = LoggedFrame(Frame(ERROR_FLAG | 0x288, b"\0\0\4\0\0\0\0\3", bus=1), 4_000_000, True)
 
 
 def rows(first, after):
@@ -42,10 +45,36 @@ def path(tmp_path):
     return path
 
 
+@pytest.fixture
+def path_with_errors(tmp_path):
+    path = tmp_path / "errors.mf4"
+    file = MdfFile(path, CHANNELS)
+    for block in (FRAMES, [ERROR, *FRAMES], [ERROR, ERROR]):
+        file.write_frames(block)
+        file.flush(durable=False)
+    file.close()
+    return path
+
+
 def test_signals_and_frames_read_back(path):
     assert read_recording(path).tolist() == rows(0, 17).tolist()
     assert recording_channels(read_recording(path)) == CHANNELS
     assert sorted(read_frames(path)) == sorted(FRAMES)
+
+
+def test_error_frames_read_back_and_only_a_file_that_has_some_has_their_group(
+    path, path_with_errors
+):
+    assert b"CAN_ErrorFrame" not in path.read_bytes()
+    assert path_with_errors.read_bytes().count(b"CAN_ErrorFrame.ErrorType\0") == 1
+    frames = list(read_frames(path_with_errors, errors=True))
+    assert sorted(frames) == sorted([*FRAMES, *FRAMES, ERROR, ERROR, ERROR])
+
+
+def test_a_group_of_frames_that_we_do_not_write_is_refused(path):
+    path.write_bytes(path.read_bytes().replace(b"CAN_RemoteFrame\0", b"CAN_OtherXFrame\0"))
+    with pytest.raises(ConfigError, match="a group of frames is none of ours"):
+        read_mdf(path)
 
 
 def test_a_file_without_data_reads_back(tmp_path):
@@ -58,8 +87,10 @@ def test_a_file_without_data_reads_back(tmp_path):
 @example(place=0.8109828979357279, byte=0, end=1.0)  # a block whose links are counted as none
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0, 1), byte=st.integers(0, 255), end=st.floats(0, 1))
-def test_a_damaged_file_is_read_or_refused_in_one_line(path, tmp_path, place, byte, end):
-    content = bytearray(path.read_bytes())
+def test_a_damaged_file_is_read_or_refused_in_one_line(
+    path_with_errors, tmp_path, place, byte, end
+):
+    content = bytearray(path_with_errors.read_bytes())
     content[int(place * (len(content) - 1))] = byte
     damaged = tmp_path / "damaged.mf4"
     damaged.write_bytes(content[: len(content) - int((1 - end**0.1) * len(content))])

@@ -33,6 +33,7 @@ class Unit(NamedTuple):
 
 ONE = Unit("-", "")
 PERCENT = Unit("%", "_percent", 1e-2)
+PERCENT_PER_SECOND = Unit("%/s", "_percent_s", 1e-2)
 PPM_PER_KELVIN = Unit("ppm/K", "_ppm_k", 1e-6)
 HERTZ = Unit("Hz", "_hz")
 SECOND = Unit("s", "_s")
@@ -105,6 +106,15 @@ DISPLAY_UNITS: Mapping[str, Unit] = {
     "rad/s": REVOLUTION_PER_MINUTE,
 }
 """In which unit people are shown a quantity, by its SI unit."""
+
+
+def si_unit(symbol: str) -> tuple[str, float]:
+    """Return the SI unit of a unit, and its factor; of an unknown one itself, and 1."""
+    for si, units in UNITS_OF.items():
+        for unit in units:
+            if unit.symbol == symbol:
+                return si, unit.factor
+    return symbol, 1.0
 
 
 def display_unit(symbol: str) -> Unit:

@@ -1,6 +1,8 @@
 """The J1939 devices of a bench: built from their configuration, and set and read by tests."""
 
+import math
 from collections.abc import Iterator, Mapping
+from numbers import Real
 from typing import NoReturn
 
 from hil_bench.bench.configuration import BenchConfig
@@ -10,8 +12,10 @@ from hil_bench.devices.faults.line import Line
 from hil_bench.devices.j1939.diagnostics import TroubleCode
 from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.j1939.identifier import COMPONENT
+from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.units import ONE
 
 
 def build_segments(
@@ -26,9 +30,9 @@ def build_segments(
         if each.component:
             component = each.component.encode("latin-1", "replace")
             ecu.provide(COMPONENT, lambda component=component: component)  # type: ignore[misc]
-        fitting, signals, inputs = each.kind.fit(each, ecu, surroundings)
+        fitting, signals, values = each.kind.fit(each, ecu, surroundings)
         station = EcuStation(
-            each.name, ecu, Line(ecu), fitting.advance, dict(signals), dict(inputs)
+            each.name, ecu, Line(ecu), fitting.advance, dict(signals), dict(values)
         )
         stations.setdefault(numbers[each.bus], []).append(station)
         fittings[each.name] = fitting
@@ -59,32 +63,51 @@ class EcuHandle:
         """The trouble codes that are active, SPN and FMI."""
         return self.ecu.diagnostics.active
 
+    @property
+    def values(self) -> Mapping[str, EcuValue]:
+        """What it shows, by name."""
+        return self._station.values
+
     def __iter__(self) -> Iterator[str]:
-        return iter(self._station.signals)
+        return iter(self._station.values)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._station.values
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a signal that it sends; NaN for the error indicator."""
-        if name not in self._station.signals:
-            self._refuse(name, self._station.signals)
-        return self._station.signals[name].value
+        """Return a signal in its own unit; NaN for an error or "not available"."""
+        return self._find(name).read()
 
     def __setitem__(self, name: str, value: float) -> None:
-        """Set a signal that nothing else moves; NaN shows the error indicator."""
-        if name not in self._station.inputs:
-            self._refuse(name, self._station.inputs)
-        self._station.inputs[name].value = float(value)
+        """Set a signal that nothing else moves, in its own unit; NaN shows the error indicator."""
+        found = self._find(name)
+        self.check(name, value)
+        if found.takes is not None:
+            found.takes(float(value))
 
-    def _refuse(self, name: str, known: Mapping[str, object]) -> NoReturn:
-        """Say which signals there are.
+    def check(self, name: str, value: object) -> None:
+        """Refuse what a signal cannot be set to.
 
         Raises:
-            ConfigError: always.
+            ConfigError: it says why.
         """
-        place = f"j1939.{self._station.name}"
-        if name in self._station.signals:
-            raise ConfigError(f"{place}: {name} shows what the file says; give it no value there")
-        right = f"give one of {', '.join(known)}" if known else "it has none"
-        raise ConfigError(f'{place}: there is no signal "{name}"; {right}')
+        found, place = self._find(name), f"j1939.{self._station.name}: {name}"
+        if found.takes is None:
+            right = "give one without source, script and follow"
+            raise ConfigError(f"{place} is what the device itself shows; {right}")
+        is_number = isinstance(value, Real) and not isinstance(value, str)
+        if not is_number or not (math.isnan(value) or found.low <= value <= found.high):  # type: ignore[arg-type, operator]
+            unit = "" if found.unit == ONE.symbol else f" {found.unit}"
+            right = f"give {found.low:g} to {found.high:g}{unit}"
+            raise ConfigError(f"{place} cannot be {value!r}; {right}")
+
+    def _find(self, name: str) -> EcuValue:
+        known = self._station.values
+        if name not in known:
+            right = f"give one of {', '.join(known)}" if known else "it has none"
+            wrong = f'there is no signal "{name}"'
+            raise ConfigError(f"j1939.{self._station.name}: {wrong}; {right}")
+        return known[name]
 
 
 class EcuTable(dict[str, EcuHandle]):

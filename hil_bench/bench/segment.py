@@ -8,7 +8,8 @@ from typing import Protocol
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.devices.faults.line import Line
 from hil_bench.devices.j1939.ecu import Ecu
-from hil_bench.devices.j1939.signal_table import Input, SentSignal
+from hil_bench.devices.j1939.signal_table import SentSignal
+from hil_bench.devices.j1939.values import EcuValue
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,8 +21,8 @@ class EcuStation:
         ecu: its ECU.
         line: its connection, where faults get at its frames.
         advance: what the device does in each tick [ns]; None where it has nothing to do.
-        signals: what it sends, by name.
-        inputs: those of them that a test may set.
+        signals: what it sends and a fault may indicate, by name.
+        values: what it shows, by name.
     """
 
     name: str
@@ -29,7 +30,7 @@ class EcuStation:
     line: Line
     advance: Callable[[int], None] | None
     signals: dict[str, SentSignal]
-    inputs: dict[str, Input]
+    values: dict[str, EcuValue]
 
 
 class Board(Protocol):

@@ -8,6 +8,7 @@ from typing import Any
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.live_words import (
+    ecu_text,
     fault_text,
     health_text,
     node_text,
@@ -69,12 +70,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     clear.add_argument(
         "faults", nargs="*", metavar="FAULT", help="number, kind or target (default: all)"
     )
-    setting = _add(actions, "set", set_values, "set objects of nodes, and loads")
+    setting = _add(
+        actions, "set", set_values, "set objects of nodes, signals of J1939 devices, and loads"
+    )
     setting.add_argument(
         "settings",
         nargs="+",
         metavar="PLACE=VALUE",
-        help="as in axis1.load_n=5000 or valve.0x1017=500; bytes as in hex:00ff",
+        help="as in axis1.load_n=5000, valve.0x1017=500 or joystick.x=50; bytes as in hex:00ff",
     )
     marking = _add(actions, "mark", mark, "mark this moment for all who watch")
     marking.add_argument("text", help="text of the mark")
@@ -91,9 +94,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--stop", action="store_true", help="end the recording that ctl record has started"
     )
     _add(actions, "stop", stop, "end the run in order, as --duration does")
-    getting = _add(actions, "get", get_values, "read objects of nodes")
+    getting = _add(
+        actions, "get", get_values, "read objects of nodes, and signals of J1939 devices"
+    )
     getting.add_argument(
-        "objects", nargs="+", metavar="NODE.OBJECT", help="object to read, as in valve.0x1017"
+        "objects",
+        nargs="+",
+        metavar="NODE.OBJECT",
+        help="object or signal to read, as in valve.0x1017 or joystick.x",
     )
 
 
@@ -241,9 +249,13 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
     """
     state, values = status["state"], status["values"] or {}
     yield f"{_bench_line(hello)}, at {values.get('time', state['time']):.3f} s"
-    width = max(map(len, [*state["nodes"], *(name for name, _ in hello["channels"])]), default=0)
+    ecus = state.get("ecus", {})
+    channels = (name for name, _ in hello["channels"])
+    width = max(map(len, [*state["nodes"], *ecus, *channels]), default=0)
     for name, node in state["nodes"].items():
         yield f"node   {name:{width}}  {node_text(node)}"
+    for name, ecu in ecus.items():
+        yield f"J1939  {name:{width}}  {ecu_text(ecu)}"
     for name, unit in hello["channels"]:
         shown = shown_in(unit)
         yield f"value  {name:{width}}  {value_text(values.get(name), shown):>10} {shown.symbol}"

@@ -164,7 +164,7 @@ def read_ecus(config: BenchConfig) -> list[EcuRow]:
             name=ecu.name,
             address=ecu.address,
             kind=ecu.kind.name,
-            axis=getattr(ecu, "axis", None),
+            axis=ecu.kind.axis_of(ecu),
             messages=tuple(
                 MessageRow(
                     pgn=message.group,

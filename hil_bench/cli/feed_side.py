@@ -164,6 +164,7 @@ def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]
         "bench_file": str(Path(config.path).resolve()) if config.path else None,
         "seed": config.seed,
         "devices": dict(_devices(config)),
+        "ecus": dict(_ecus(config, session)),
         "fault_targets": session.bench.faults.targets,
         "machines": {axis.name: _machine(axis) for axis in config.axes},
         "axes": {
@@ -185,6 +186,29 @@ def _devices(config: BenchConfig) -> Iterator[tuple[str, dict[str, Any]]]:
                 "kind": node.kind.name,
                 "axis": node.axis,
                 "eds": str(node.eds.resolve()),
+            },
+        )
+
+
+def _ecus(config: BenchConfig, session: Session) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of each J1939 device, and what it is."""
+    buses = number_buses(config)
+    for ecu in config.ecus:
+        yield (
+            ecu.name,
+            {
+                "address": ecu.address,
+                "bus": buses[ecu.name],
+                "kind": ecu.kind.name,
+                "axis": ecu.kind.axis_of(ecu),
+                "signals": {
+                    name: {"unit": value.unit, "is_settable": value.takes is not None}
+                    for name, value in session.ecus[ecu.name].values.items()
+                },
+                "groups": [
+                    {"pgn": each.group, "is_sent": each.is_sent, "signals": each.signals}
+                    for each in ecu.kind.messages(ecu)
+                ],
             },
         )
 

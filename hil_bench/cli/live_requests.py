@@ -41,7 +41,7 @@ def read_fault(words: Sequence[str], hello: Mapping[str, Any]) -> dict[str, Any]
 
 
 def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
-    """Return the request for ``axis1.load_n=5000`` or ``io.0x6401.01=1234``.
+    """Return the request for ``axis1.load_n=5000``, ``io.0x6401.01=1234`` or ``joystick.x=50``.
 
     Raises:
         ConfigError: it is wrong.
@@ -57,11 +57,11 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
             raise ConfigError(f"set {word}: {text} is not a number")
         fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
         return LiveSetting("set_plant", fields)
-    if place in hello["nodes"]:
+    if place in {*hello["nodes"], *hello.get("ecus", {})}:
         return LiveSetting(
             "set_object", {"node": place, "name": name, "value": _object_value(text)}
         )
-    known = ", ".join([*hello["axes"], *hello["nodes"]])
+    known = ", ".join([*hello["axes"], *hello["nodes"], *hello.get("ecus", {})])
     raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
 
 

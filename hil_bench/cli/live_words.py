@@ -44,6 +44,14 @@ def node_text(node: Mapping[str, Any]) -> str:
     return printable(f"{node['state']}{device}{errors}{can}")
 
 
+def ecu_text(ecu: Mapping[str, Any]) -> str:
+    """Return the state of a J1939 device in words."""
+    address = f", address {ecu['address']}" if ecu["state"] in _WITH_ADDRESS else ""
+    codes = "".join(f", SPN {spn} FMI {fmi}" for spn, fmi in ecu["codes"])
+    can = f", {can_text(ecu['can'])}" if "can" in ecu else ""
+    return printable(f"{ecu['state']}{address}{codes}{can}")
+
+
 def can_text(can: Mapping[str, Any]) -> str:
     """Return how the CAN controller of a node is, on a bus of copper; what is 0 is left out."""
     counts = "".join(f", {can[key]} {word}" for key, word in _CAN_COUNTS.items() if can[key])
@@ -69,6 +77,8 @@ def health_text(health: Mapping[str, Any]) -> str:
         parts.append(f"bus {health['bus_load'] * 100:.1f} %")
     return "  ".join(parts)
 
+
+_WITH_ADDRESS = ("claiming", "claimed")
 
 _CAN_COUNTS = {
     "failed": "repeated",

@@ -5,7 +5,14 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from hil_bench.cli.live_words import fault_text, health_text, node_text, shown_in, value_text
+from hil_bench.cli.live_words import (
+    ecu_text,
+    fault_text,
+    health_text,
+    node_text,
+    shown_in,
+    value_text,
+)
 from hil_bench.errors import printable
 
 if TYPE_CHECKING:
@@ -121,6 +128,8 @@ class WatchView:
         for name, node in self._state["nodes"].items():
             style = "red" if node["errors"] else STATE_STYLES.get(node["state"], "")
             table.add_row(printable(name), Text(node_text(node), style=style))
+        for name, ecu in self._state.get("ecus", {}).items():
+            table.add_row(printable(name), Text(ecu_text(ecu), style="red" if ecu["codes"] else ""))
         return table
 
     def _fault_part(self) -> "RenderableType":

@@ -6,7 +6,7 @@ from typing import Final
 
 from hil_bench.config.settings import CLOCK_MILLISECOND, Key, Problems, Settings
 from hil_bench.config.values import integer, zero_or
-from hil_bench.devices.axis import Drive, Fitting
+from hil_bench.devices.axis import Drive, Fitting, Measurement
 from hil_bench.devices.j1939.auxiliary_valve import (
     COMMAND,
     ESTIMATED_FLOW,
@@ -15,11 +15,20 @@ from hil_bench.devices.j1939.auxiliary_valve import (
     AuxiliaryValve,
 )
 from hil_bench.devices.j1939.ecu import Ecu
+from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.kinds.kind import require_quantities
 from hil_bench.kinds.spool_command import FULL_OPENING
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
+from hil_bench.plants.quantity import Quantity
+from hil_bench.units import ONE
+
+FLOW: Final = Quantity("flow", ONE.symbol, 0)
+"""What a valve driver says that flows, as a part of the full flow."""
+
+SET_POINT: Final = "spool_setpoint"
+"""What a valve driver is commanded, as a part of its full opening."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +79,10 @@ class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
             EcuMessage(ESTIMATED_FLOW + config.number, True, PERIOD, ("estimated flow",)),
         )
 
+    def axis_of(self, config: AuxiliaryValveConfig) -> str | None:
+        """Return the axis whose spool it moves."""
+        return config.axis
+
     def full_scales(self, config: AuxiliaryValveConfig) -> Mapping[str, float]:
         """Return the full opening [m]."""
         return {config.axis: config.full_opening}
@@ -79,7 +92,17 @@ class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
         device = AuxiliaryValve(
             ecu, config.number, full_opening=config.full_opening, timeout=config.timeout
         )
-        return EcuFitting(Fitting(drives=(Drive(config.name, config.axis, device),)))
+        flow = Measurement(device.show, FLOW, name=f"{config.name}.{FLOW.name}")
+        fitting = Fitting(
+            drives=(Drive(config.name, config.axis, device),),
+            sensors=((None, flow),),
+            advance=lambda now: flow.take((device.position,), now),
+        )
+        values = {
+            SET_POINT: EcuValue(lambda: device.setpoint, ONE.symbol),
+            FLOW.name: EcuValue(lambda: device.flow, ONE.symbol),
+        }
+        return EcuFitting(fitting, values=values)
 
 
 AUXILIARY_VALVE: Final = AuxiliaryValveKind()

@@ -10,7 +10,8 @@ from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.devices.axis import Fitting
 from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.j1939.name import Name
-from hil_bench.devices.j1939.signal_table import Input, SentSignal
+from hil_bench.devices.j1939.signal_table import SentSignal
+from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 
@@ -62,13 +63,13 @@ class EcuFitting(NamedTuple):
 
     Attributes:
         fitting: as that of a CANopen device.
-        signals: what it sends, by name.
-        inputs: those of them that a test may set.
+        signals: what it sends and a fault may indicate, by name.
+        values: what it shows, by name.
     """
 
     fitting: Fitting
     signals: Mapping[str, SentSignal] = MappingProxyType({})
-    inputs: Mapping[str, Input] = MappingProxyType({})
+    values: Mapping[str, EcuValue] = MappingProxyType({})
 
 
 class EcuKind(ABC, Generic[EcuT]):
@@ -99,6 +100,10 @@ class EcuKind(ABC, Generic[EcuT]):
 
     def resolve(self, device: Settings, axis: AxisSettings) -> None:
         """Fill in what a device takes from its axis."""
+
+    def axis_of(self, config: EcuT) -> str | None:
+        """Return the axis that the device belongs to; None where all of it is in its signals."""
+        return None
 
     def full_scales(self, config: EcuT) -> Mapping[str, float]:
         """Return the command of 100 % [SI] of each axis that it commands."""

@@ -29,10 +29,12 @@ from hil_bench.devices.j1939.signal_table import (
 )
 from hil_bench.devices.j1939.signals import Signal
 from hil_bench.devices.j1939.transport import MOST_BYTES
+from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.quantity import Quantity
+from hil_bench.units import si_unit
 
 _NS = 1e-9
 _PLACE_KEYS: Final = (
@@ -185,7 +187,12 @@ class SignalTableKind(EcuKind[SignalTableConfig]):
         ]
         inputs = {sent.name: Input(sent.start) for sent in config.sent if sent.is_input}
         acts = [
-            partial(_follow_course, measurement, sent.course or inputs[sent.name])
+            partial(
+                _follow_course,
+                measurement,
+                sent.course or inputs[sent.name],
+                si_unit(sent.unit)[1],
+            )
             for sent, measurement in shown
             if sent.axis is None
         ]
@@ -203,7 +210,11 @@ class SignalTableKind(EcuKind[SignalTableConfig]):
             sensors=tuple((sent.axis, measurement) for sent, measurement in shown),
             advance=advance,
         )
-        return EcuFitting(fitting, signals, inputs)
+        values = {
+            sent.name: _value(sent, signals[sent.name], inputs.get(sent.name))
+            for sent in config.sent
+        }
+        return EcuFitting(fitting, signals, values)
 
 
 def build_signals(config: SignalTableConfig) -> dict[str, SentSignal]:
@@ -245,13 +256,16 @@ def _measure(
     """Return what hands a value to a signal, and to those that follow it."""
     followers = [signals[each.name] for each in config.sent if each.follow == sent.name]
     targets = [signals[sent.name], *followers]
+    symbol, factor = si_unit(sent.unit)
     scale, full = sent.scale, 1.0
-    quantity = Quantity(sent.name, sent.unit, 0)
+    quantity = Quantity(sent.name, symbol, 0)
     if sent.axis is not None:
         quantity = surroundings.axes[sent.axis].kind.by_name[sent.quantity]
         if quantity.is_share:
             full = surroundings.full_scales[sent.axis]
             scale /= full
+    else:
+        scale = 1.0 / factor
 
     def publish(value: float, now: int) -> None:  # noqa: ARG001 - it has no delay
         for target in targets:
@@ -260,8 +274,14 @@ def _measure(
     return Measurement(publish, quantity, name=f"{config.name}.{sent.name}", full=full)
 
 
-def _follow_course(measurement: Measurement, course: Course, now: int) -> None:
-    measurement.take((course.value_at(now * _NS),), now)
+def _follow_course(measurement: Measurement, course: Course, factor: float, now: int) -> None:
+    measurement.take((course.value_at(now * _NS) * factor,), now)
+
+
+def _value(sent: SentConfig, signal: SentSignal, given: Input | None) -> EcuValue:
+    low, high = signal.limits
+    takes = None if given is None else given.take
+    return EcuValue(lambda: signal.shown, sent.unit, takes, low, high)
 
 
 SIGNAL_TABLE: Final = SignalTableKind()

@@ -7,18 +7,24 @@ from hil_bench.bench.configuration.fault_keys import COMMON_KEYS
 from hil_bench.config.settings import Key
 from hil_bench.devices.faults.kinds import (
     DEFECT_KINDS,
+    ECU_KINDS,
     VALVE_KINDS,
+    WIRE_KINDS,
     BrokenReading,
     FaultDirection,
     FaultKind,
     LeakPath,
 )
+from hil_bench.devices.j1939.diagnostics import Lamp
+from hil_bench.devices.j1939.signal_table import Indication
 from hil_bench.session.live_faults import fault_keys
 
 _CHOICES: Mapping[str, list[str]] = {
     "direction": [*FaultDirection],
     "path": [*LeakPath],
     "reads": [*BrokenReading],
+    "shows": [*Indication],
+    "lamp": [lamp.name.lower() for lamp in Lamp],
 }
 
 _GROUPS: Mapping[FaultKind, tuple[str, ...]] = {
@@ -36,6 +42,9 @@ _GROUPS: Mapping[FaultKind, tuple[str, ...]] = {
     **dict.fromkeys(VALVE_KINDS, ("valves",)),
     FaultKind.DROP_SUPPLY: ("supplies",),
     **dict.fromkeys(DEFECT_KINDS, ("plants",)),
+    **dict.fromkeys(WIRE_KINDS, ("wired",)),
+    **dict.fromkeys(ECU_KINDS, ("ecus",)),
+    FaultKind.INDICATE: ("signals",),
 }
 
 

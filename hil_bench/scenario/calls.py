@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.values import find_nearest, quote
+from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN
 from hil_bench.scenario.dimensions import TIME, multiply
 from hil_bench.scenario.nodes import (
     UNBOUNDED,
@@ -28,7 +29,7 @@ from hil_bench.scenario.nodes import (
 from hil_bench.scenario.operands import MeasuredValue, Operand, State, Text, quantity_of
 from hil_bench.scenario.operators import compare
 from hil_bench.scenario.syntax import ExpectationError
-from hil_bench.scenario.vocabulary import EMCY, FRAME, Vocabulary
+from hil_bench.scenario.vocabulary import DM1, EMCY, FRAME, Vocabulary
 
 Call = Callable[[Sequence[Operand], Position, Vocabulary], Operand]
 
@@ -114,6 +115,21 @@ def _emcy(given: Sequence[Operand], position: Position, known: Vocabulary) -> Op
     return Event(f"{EMCY}({node.text}{code})", position=position)
 
 
+def _dm1(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
+    form = "dm1(DEVICE), dm1(DEVICE, 1907) or dm1(DEVICE, 1907, 9)"
+    if not 1 <= len(given) <= 3 or not isinstance(given[0], Text):
+        raise ExpectationError(position, f"dm1 takes the name of a J1939 device; write {form}")
+    device = given[0]
+    if device.text not in known.ecus:
+        near = f"the nearest is {find_nearest(device.text, known.ecus)}" if known.ecus else ""
+        right = near or "there are none here"
+        raise ExpectationError(device.position, f"{quote(device.text)} is no J1939 device; {right}")
+    limits = (HIGHEST_SPN, HIGHEST_FMI)
+    numbers = [_whole(each, high, form) for each, high in zip(given[1:], limits, strict=False)]
+    name = ", ".join([device.text, *map(str, numbers)])
+    return Event(f"{DM1}({name})", position=position)
+
+
 def _frame(given: Sequence[Operand], position: Position, known: Vocabulary) -> Operand:
     (operand,) = _take(given, "frame(0x181)", position)
     if not known.has_frames:
@@ -145,6 +161,7 @@ CALLS: Final = MappingProxyType(
         "settled": _settled,
         **{turn.value: _edge(turn) for turn in Turn},
         EMCY: _emcy,
+        DM1: _dm1,
         FRAME: _frame,
     }
 )

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.devices.j1939.auxiliary_valve import PERIOD
 from hil_bench.scenario.hand import Hand
 from hil_bench.scenario.records import FirmwareCommand, FirmwareStep, NmtStep, SyncStep
 from hil_bench.scenario.resolve import SetAction, TimedAction
-from hil_bench.scenario.targets import Target, Targets
+from hil_bench.scenario.targets import Target, Targets, ValveTarget
 from hil_bench.session.commands import BeginFault, Command
 from hil_bench.session.lockstep import SYNC_COB_ID
 from hil_bench.session.session import Session
@@ -86,6 +87,9 @@ class Director:
         self._waiting = list(reversed(plan.actions))
         self._courses: dict[str, Move] = {}
         self._values: dict[str, float] = {}
+        self._repeated: dict[str, ValveTarget] = {}
+        self._repeats_at: dict[str, int] = {}
+        self._tick = 0
         self._sends_sync, self._passes_sync = False, True
         self._answers: list[tuple[str, Future[Any]]] = []
         session.watch(ticks=self._settle)
@@ -97,7 +101,7 @@ class Director:
 
     def __call__(self, frames: Sequence[Frame], now: int) -> Sequence[Frame]:
         """Do what is due; return the frames of the controller, and behind them those of steps."""
-        tick = now // self._plan.tick_ns
+        tick = self._tick = now // self._plan.tick_ns
         if self.is_over or tick > self._plan.last_tick:
             self.is_over = True
             return frames
@@ -117,6 +121,9 @@ class Director:
             yield from self._set(name, course.target, course.at(tick))
             if tick >= course.points[-1][0]:
                 del self._courses[name]
+        for name, target in self._repeated.items():
+            if tick >= self._repeats_at[name]:
+                yield from self._set(name, target, self._values[name])
 
     def _act(self, timed: TimedAction, tick: int) -> Iterator[Frame]:
         action = timed.action
@@ -144,6 +151,9 @@ class Director:
     def _set(self, name: str, target: Target, value: float) -> Iterator[Frame]:
         self._values[name] = value
         done = self._hand.set(target, value)
+        if isinstance(target, ValveTarget):
+            self._repeated[name] = target
+            self._repeats_at[name] = self._tick + -(-PERIOD // self._plan.tick_ns)
         if isinstance(done, Frame):
             yield done
         else:

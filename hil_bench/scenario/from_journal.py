@@ -6,6 +6,7 @@ from typing import Any
 
 from hil_bench.scenario.records import FaultStep, Reference, SetStep, Step
 from hil_bench.session.live_faults import fault_table
+from hil_bench.units import si_unit
 
 _DIGITS = 9  # of a time: whole nanoseconds
 
@@ -106,7 +107,14 @@ class JournalSteps:
             if entry["do"] == "set_plant"
             else (fields["node"], fields["name"])
         )
-        self._settings.append(SetStep(self._at(entry["time"]), f"{owner}.{name}", float(value)))
+        factor = self._factor(owner, name)
+        step = SetStep(self._at(entry["time"]), f"{owner}.{name}", float(value) * factor)
+        self._settings.append(step)
+
+    def _factor(self, owner: str, name: str) -> float:
+        """Return what 1 of a value is in SI: a J1939 signal is set in its own unit."""
+        signals = self._hello.get("ecus", {}).get(owner, {}).get("signals", {})
+        return si_unit(signals[name]["unit"])[1] if name in signals else 1.0
 
     def _latest(self) -> Sequence[SetStep]:
         """Return the settings, of those at one time for one target the last one."""

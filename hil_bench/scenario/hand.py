@@ -17,13 +17,26 @@ from hil_bench.canopen_device.nmt import NMT_COB_ID, NmtCommand, NmtState
 from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.pdo_mapping import Direction, MappingEntry, PdoMapping
 from hil_bench.canopen_device.pdo_parameters import COMMUNICATION_INDICES
+from hil_bench.devices.j1939.auxiliary_valve import COMMAND, PRIORITY, pack_command
+from hil_bench.devices.j1939.identifier import join
+from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.scenario.records import NmtStep, NmtVerb
 from hil_bench.scenario.registers import RegisterTarget, WriteRegister
-from hil_bench.scenario.targets import ALL, ObjectTarget, PlantTarget, Target
+from hil_bench.scenario.targets import (
+    ALL,
+    ObjectTarget,
+    PlantTarget,
+    SignalTarget,
+    Target,
+    ValveTarget,
+)
 from hil_bench.session.commands import SetObject, SetPlant
 from hil_bench.session.session import Session
 
 _TO_MAPPING = 0x200
+_SERVICE_TOOL = 249
+"""Source address of the valve commands of steps, that of an off-board service tool."""
+
 _COMMANDS: Mapping[NmtVerb, NmtCommand] = {
     NmtVerb.START: NmtCommand.START,
     NmtVerb.STOP: NmtCommand.STOP,
@@ -52,6 +65,12 @@ class Hand:
             return SetPlant(target.axis, target.influence.name, value)
         if isinstance(target, RegisterTarget):
             return WriteRegister(target, value)
+        if isinstance(target, SignalTarget):
+            return SetObject(target.device, target.name, target.raw(value))
+        if isinstance(target, ValveTarget):
+            can_id = join(PRIORITY, COMMAND + target.config.number, _SERVICE_TOOL)
+            bus = self._buses[target.device]
+            return Frame(can_id, pack_command(value), is_extended=True, bus=bus)
         raw = target.raw(value)
         node = self._nodes[target.node]
         if node.state is NmtState.OPERATIONAL:
@@ -67,6 +86,11 @@ class Hand:
         if isinstance(target, RegisterTarget):
             held = target.read()
             return 0.0 if math.isnan(held) else held
+        if isinstance(target, SignalTarget):
+            shown = target.handle[target.name]
+            return 0.0 if math.isnan(shown) else shown * target.factor
+        if isinstance(target, ValveTarget):
+            return target.handle[SET_POINT]
         return float(target.variable.value or 0) / target.scale
 
     def command(self, step: NmtStep) -> list[Frame]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from hil_bench.bench.configuration import FaultConfig
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.auxiliary_valve import SET_POINT
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.scenario.recorded import Trace
 from hil_bench.scenario.records import FirmwareStep, NmtStep, Scenario, SyncStep
@@ -23,7 +24,6 @@ from hil_bench.scenario.resolve import (
     parameter_values,
     resolve_steps,
 )
-from hil_bench.scenario.targets import SET_POINT
 from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.vocabulary import channel_vocabulary
 

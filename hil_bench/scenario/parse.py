@@ -38,7 +38,7 @@ from hil_bench.scenario.operands import (
 )
 from hil_bench.scenario.operators import combine, compare
 from hil_bench.scenario.syntax import ExpectationError, read_syntax
-from hil_bench.scenario.vocabulary import EMCY, Vocabulary
+from hil_bench.scenario.vocabulary import DM1, EMCY, Vocabulary
 
 if TYPE_CHECKING:
     from lark import Token, Tree
@@ -175,7 +175,7 @@ class _Builder:
             nearest = find_nearest(str(name), CALLS)
             wrong = f"{quote(str(name))} is no function of the language"
             raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
-        if name == EMCY and rest and _tree(rest[0]).data == "name":
+        if name in {DM1, EMCY} and rest and _tree(rest[0]).data == "name":
             place = _tree(rest[0]).meta
             node = Text(
                 str(_tree(rest[0]).children[0]).strip("'"), Position(place.line, place.column)

@@ -1,25 +1,29 @@
-"""What a step may set: influences on a plant, objects, set-points of valves, Modbus registers."""
+"""What a step may set: influences on a plant, objects, set-points of valves, J1939 signals.
 
+And Modbus registers.
+"""
+
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
+from hil_bench.bench.ecus import EcuHandle
 from hil_bench.canopen_device.datatypes import BooleanType, DataType, IntegerType, RealType
 from hil_bench.canopen_device.object_dictionary import Access, Variable
 from hil_bench.config.objects import find_object, name_object, parse_object
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.devices.valve_408 import REFERENCE
 from hil_bench.errors import ConfigError
+from hil_bench.kinds.auxiliary_valve import SET_POINT, AuxiliaryValveConfig
 from hil_bench.kinds.registry import VALVE
 from hil_bench.plants.quantity import Influence
 from hil_bench.scenario.registers import MODBUS, RegisterTarget, name_registers, name_shared
 from hil_bench.session.session import Session
+from hil_bench.units import si_unit
 
 ALL = "all"
 """The target of an NMT command to every node."""
-
-SET_POINT = "spool_setpoint"
-"""What a valve's set-point is called, as a fraction of its full opening."""
 
 _SET_POINT_OBJECT = 0x6300, 1
 _REFERENCE_OBJECT = 0x6311, 1
@@ -67,7 +71,44 @@ class ObjectTarget(NamedTuple):
                 return scaled
 
 
-Target = PlantTarget | ObjectTarget | RegisterTarget
+class SignalTarget(NamedTuple):
+    """A signal that a J1939 device sends.
+
+    Attributes:
+        device: the name of the device.
+        name: of the signal.
+        handle: the device.
+    """
+
+    device: str
+    name: str
+    handle: EcuHandle
+
+    @property
+    def factor(self) -> float:
+        """What 1 of the signal's own unit is in SI."""
+        return si_unit(self.handle.values[self.name].unit)[1]
+
+    def raw(self, value: float) -> float:
+        """Return a value [SI] in the signal's own unit."""
+        return value / self.factor
+
+
+class ValveTarget(NamedTuple):
+    """The set-point of a valve driver on J1939, which a controller repeats.
+
+    Attributes:
+        device: its name.
+        config: its configuration.
+        handle: the device.
+    """
+
+    device: str
+    config: AuxiliaryValveConfig
+    handle: EcuHandle
+
+
+Target = PlantTarget | ObjectTarget | RegisterTarget | SignalTarget | ValveTarget
 
 
 class Targets:
@@ -83,6 +124,8 @@ class Targets:
         self._configs = {node.name: node for node in config.nodes}
         self._nodes = dict(zip(self._configs, session.bench.nodes, strict=True))
         self._registers = name_registers(session.modbus)
+        self._ecus = session.ecus
+        self._ecu_configs = {ecu.name: ecu for ecu in config.ecus}
 
     def find(self, name: str) -> Target:
         """Return the target of a name.
@@ -101,6 +144,8 @@ class Targets:
             reference = objects.find(*_REFERENCE_OBJECT)
             full = reference.value if reference is not None else REFERENCE
             return ObjectTarget(owner, objects.variable(*_SET_POINT_OBJECT), float(full))
+        if owner in self._ecus and rest in self._ecus[owner]:
+            return self._find_signal(owner, rest)
         for influence in self._axes[owner].influences if owner in self._axes else ():
             if influence.name == rest:
                 return PlantTarget(owner, influence)
@@ -121,8 +166,13 @@ class Targets:
         if isinstance(target, RegisterTarget):
             target.check_value(value)
             return
+        if isinstance(target, SignalTarget):
+            target.handle.check(target.name, target.raw(value))
+            return
         if isinstance(target, PlantTarget):
             _, unit, low, high = target.influence
+        elif isinstance(target, ValveTarget):
+            unit, low, high = "of full opening", -1.0, 1.0
         else:
             unit = "" if target.scale == 1.0 else "of full opening"
             low, high = (bound / target.scale for bound in _limits(target.variable))
@@ -137,11 +187,20 @@ class Targets:
         Raises:
             ConfigError: it is none; it names the nearest.
         """
+        if name in self._ecus:
+            raise ConfigError(f"{quote(name)} is a J1939 device, which has no NMT; reset it")
         known = [ALL, *self._nodes]
         if name not in known:
             raise ConfigError(
                 f"{quote(name)} is no node; the nearest is {find_nearest(name, known)}"
             )
+
+    def _find_signal(self, device: str, name: str) -> SignalTarget | ValveTarget:
+        handle, config = self._ecus[device], self._ecu_configs[device]
+        if isinstance(config, AuxiliaryValveConfig) and name == SET_POINT:
+            return ValveTarget(device, config, handle)
+        handle.check(name, math.nan)  # refuses what no test may set
+        return SignalTarget(device, name, handle)
 
     def _find_object(self, node: str, name: str) -> ObjectTarget:
         try:
@@ -165,6 +224,10 @@ class Targets:
         for name, axis in self._axes.items():
             for influence in axis.influences:
                 yield f"{name}.{influence.name}"
+        for name, ecu in self._ecus.items():
+            if isinstance(self._ecu_configs[name], AuxiliaryValveConfig):
+                yield f"{name}.{SET_POINT}"
+            yield from (f"{name}.{each}" for each, value in ecu.values.items() if value.takes)
         for name, target in self._registers.items():
             if target.is_writable:
                 yield name

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from hil_bench.outside.recording.channels import TIME, Channel
 
+DM1 = "dm1"
 EMCY = "emcy"
 FRAME = "frame"
 
@@ -20,6 +21,7 @@ class Vocabulary:
         has_frames: whether ``frame(COB-ID)`` and ``emcy(NODE)`` are known.
         parameters: the SI value of each parameter; its name ends in its unit.
         shared: of each name that stands for several signals, what tells them apart.
+        ecus: names of the J1939 devices, for ``dm1(DEVICE)``.
     """
 
     signals: Mapping[str, str]
@@ -28,6 +30,7 @@ class Vocabulary:
     has_frames: bool = False
     parameters: Mapping[str, float] = field(default_factory=dict)
     shared: Mapping[str, str] = field(default_factory=dict)
+    ecus: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

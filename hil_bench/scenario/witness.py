@@ -18,6 +18,7 @@ from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
 from hil_bench.devices.valve_state_machine import ValveState
 from hil_bench.scenario import nodes
+from hil_bench.scenario.ecu_readings import ecu_names, ecu_reader
 from hil_bench.scenario.nodes import Condition
 from hil_bench.scenario.registers import RegisterTarget, name_registers, name_shared
 from hil_bench.scenario.sliding import Floats
@@ -52,8 +53,17 @@ def bench_vocabulary(
         signals |= {f"{name}.{name_object(v.index, v.subindex)}": "-" for v in _numbers(node)}
         if fitting.state is not None:
             states[f"{name}.state"] = _VALVE_STATES
+    own_signals, own_states = ecu_names(session.ecus)
     shared = name_shared(registers)
-    return Vocabulary(signals, states, names, True, parameters, shared)
+    return Vocabulary(
+        signals | own_signals,
+        states | own_states,
+        names,
+        True,
+        parameters,
+        shared,
+        tuple(session.ecus),
+    )
 
 
 def names_in(conditions: Iterable[Condition]) -> set[str]:
@@ -99,7 +109,10 @@ class Witness:
             node.name: fitting.state
             for node, fitting in zip(config.nodes, session.bench.fittings, strict=True)
         }
-        self._readers = [self._reader(name, places, states) for name in self._names]
+        self._readers = [
+            ecu_reader(session.ecus, name) or self._reader(name, places, states)
+            for name in self._names
+        ]
         self._hears = any(name.startswith((f"{EMCY}(", f"{FRAME}(")) for name in self._names)
         session.watch(frames=self._hear if self._hears else None, rows=self._note)
 

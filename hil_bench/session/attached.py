@@ -108,9 +108,11 @@ class AttachedFaults:
 class AttachedObjects:
     """The objects of a node of an attached bench: ``bench.nodes["io"]["0x6401.01"] = 1234``.
 
+    Or the signals of a J1939 device.
+
     Args:
         client: the connection.
-        node: the name of the node.
+        node: the name of the node, or of the device.
     """
 
     def __init__(self, client: FeedClient, node: str) -> None:
@@ -175,6 +177,7 @@ class AttachedBench:
         channels: what `latest` and `rows` have beside the time.
         faults: begins faults: ``bench.faults.freeze("pressure_a")``.
         nodes: the objects of each node by the node's name.
+        ecus: the signals of each J1939 device by its name: ``bench.ecus["joystick"]["x"] = 50``.
     """
 
     def __init__(self, client: FeedClient, timeout: float = TIMEOUT) -> None:
@@ -184,6 +187,9 @@ class AttachedBench:
         names = client.hello["nodes"]
         self.nodes: Mapping[str, AttachedObjects] = {
             name: AttachedObjects(client, name) for name in names
+        }
+        self.ecus: Mapping[str, AttachedObjects] = {
+            name: AttachedObjects(client, name) for name in client.hello.get("ecus", {})
         }
         self._client = client
         self._timeout = timeout

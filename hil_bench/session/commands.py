@@ -5,9 +5,11 @@ Each command is a record of plain values, so that it can come from another proce
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Protocol
 
 from hil_bench.bench.bench import Bench
+from hil_bench.bench.ecus import EcuHandle
 from hil_bench.bench.node_objects import NodeObjects
 from hil_bench.canopen_device.datatypes import Value
 from hil_bench.devices.faults.checks import find_kind
@@ -27,18 +29,24 @@ class Controls:
     Args:
         bench: the bench.
         nodes: the objects of its nodes, by the names of the nodes.
+        ecus: its J1939 devices by their names.
 
     Attributes:
         bench: as passed in.
-        nodes: as passed in.
+        devices: nodes and J1939 devices, each with what a command may read and set.
         faults: those that commands have begun, by their numbers.
         journal: the commands that have acted.
         is_over: whether a command has asked for the end of the run.
     """
 
-    def __init__(self, bench: Bench, nodes: Mapping[str, NodeObjects]) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        nodes: Mapping[str, NodeObjects],
+        ecus: Mapping[str, EcuHandle] = MappingProxyType({}),
+    ) -> None:
         self.bench = bench
-        self.nodes = nodes
+        self.devices: Mapping[str, NodeObjects | EcuHandle] = {**nodes, **ecus}
         self.faults: dict[int, Fault] = {}
         self.journal = Journal()
         self.is_over = False
@@ -70,6 +78,17 @@ class Controls:
             for number, known in self.faults.items()
             if known.is_active or known.begins is None or known.begins >= now
         }
+
+    def device(self, name: str) -> NodeObjects | EcuHandle:
+        """Return a device.
+
+        Raises:
+            ConfigError: there is none of this name.
+        """
+        if name not in self.devices:
+            known = f"give one of {', '.join(self.devices)}" if self.devices else "there is none"
+            raise ConfigError(f'nodes: there is no node "{name}"; {known}')
+        return self.devices[name]
 
     def number_of(self, fault: Fault, now: int) -> int:
         """Return the number of a fault; one that was planned gets it at `now` [ns]."""
@@ -144,11 +163,13 @@ class ClearFault:
 
 @dataclass(frozen=True, slots=True)
 class SetObject:
-    """Set an object of a node, as ``bench.nodes["io"]["0x6401.01"] = 1234`` does.
+    """Set an object of a node, or a signal of a J1939 device.
+
+    As ``bench.nodes["io"]["0x6401.01"] = 1234`` and ``bench.ecus["joystick"]["x"] = -50`` do.
 
     Attributes:
-        node: the name of the node.
-        name: of the object: "0x6401.01".
+        node: the name of the node, or of the device.
+        name: of the object: "0x6401.01"; or of the signal.
         value: what it is to hold.
     """
 
@@ -158,18 +179,18 @@ class SetObject:
 
     def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
         """Set it; return what it holds now. `ConfigError` where it cannot."""
-        objects = controls.nodes[self.node]
-        objects[self.name] = self.value
+        objects = controls.device(self.node)
+        objects[self.name] = self.value  # type: ignore[assignment]
         return objects[self.name]
 
 
 @dataclass(frozen=True, slots=True)
 class GetObject:
-    """Read an object of a node, as ``bench.nodes["io"]["0x6401.01"]`` does.
+    """Read an object of a node, or a signal of a J1939 device; see `SetObject`.
 
     Attributes:
-        node: the name of the node.
-        name: of the object: "0x6401.01".
+        node: the name of the node, or of the device.
+        name: of the object: "0x6401.01"; or of the signal.
     """
 
     node: str
@@ -177,7 +198,7 @@ class GetObject:
 
     def act(self, controls: Controls, now: int) -> Value | None:  # noqa: ARG002 - Command's
         """Return what it holds; None where it has no data. `ConfigError` where there is none."""
-        return controls.nodes[self.node][self.name]
+        return controls.device(self.node)[self.name]
 
 
 @dataclass(frozen=True, slots=True)

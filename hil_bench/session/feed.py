@@ -11,6 +11,7 @@ from pathlib import Path
 from time import monotonic_ns
 from typing import TYPE_CHECKING, Any
 
+from hil_bench.bench.ecus import EcuHandle
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, ControllerError, HilBenchError
 from hil_bench.outside.feed.messages import (
@@ -196,7 +197,8 @@ class Feed:
             for fault in session.bench.faults.active
         ]
         recording = None if self._recording is None else self._recording.state
-        state = {"nodes": nodes, "faults": faults, "recording": recording}
+        ecus = {name: _ecu_state(ecu) for name, ecu in session.ecus.items()}
+        state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
         return state if self._work is None else {**state, "work": self._work().content()}
 
     def _put_row(self, values: Sequence[float]) -> None:
@@ -267,6 +269,11 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
     "journal": lambda _: ReadJournal(),
     "stop": lambda _: Stop(),
 }
+
+
+def _ecu_state(ecu: EcuHandle) -> dict[str, Any]:
+    codes = [[code.spn, code.fmi] for code in ecu.trouble_codes]
+    return {"state": ecu.ecu.state.value, "address": ecu.address, "codes": codes}
 
 
 def _seconds(time: int | None) -> float | None:

@@ -8,7 +8,7 @@ from hil_bench.config.settings import Given, Key, Origin, Problems, convert, rea
 from hil_bench.devices.faults.checks import find_kind
 from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
-from hil_bench.units import BAR, DEGREE, MILLIMETRE
+from hil_bench.units import BAR, DEGREE, MILLIMETRE, PERCENT
 
 
 def fault_fields(table: Mapping[str, object], hello: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,7 +57,9 @@ def fault_table(fields: Mapping[str, Any], hello: Mapping[str, Any]) -> dict[str
 def measured_suffix(target: str, hello: Mapping[str, Any]) -> str:
     """Return the suffix of the unit of what a sensor measures; empty where it is none."""
     units = dict(hello["channels"])
-    unit = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE}.get(units.get(f"{target}.measured", ""))
+    unit = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE, "-": PERCENT}.get(
+        units.get(f"{target}.measured", "")
+    )
     return "" if unit is None else unit.suffix
 
 

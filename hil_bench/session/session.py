@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.bench.ecus import EcuHandle, EcuTable
 from hil_bench.bench.modbus_binding import ModbusBinding
 from hil_bench.bench.node_objects import NodeObjects, NodeTable
 from hil_bench.bench.wired_bench import WiredBench
@@ -43,12 +44,14 @@ class Session:
     Args:
         bench: not yet powered on.
         nodes: the objects of its nodes, by the names of the nodes.
+        ecus: its J1939 devices by their names.
         stimuli: what else to record, each a function of bench time [s].
         modbus: its Modbus units; None without any.
 
     Attributes:
         bench: as passed in.
         nodes: as passed in.
+        ecus: as passed in.
         modbus: as passed in; a server needs its `exchange` in each tick.
         channels: of a row, without the time.
         controls: what commands act on.
@@ -63,15 +66,17 @@ class Session:
         bench: Bench,
         *,
         nodes: Mapping[str, NodeObjects] | None = None,
+        ecus: Mapping[str, EcuHandle] | None = None,
         stimuli: Mapping[Channel, Callable[[float], float]] | None = None,
         modbus: ModbusBinding | None = None,
     ) -> None:
         self.bench = bench
         self.nodes = nodes or {}
+        self.ecus = ecus or {}
         self.modbus = modbus
         stimuli = stimuli or {}
         self.channels = (*stimuli, *bench_channels(bench))
-        self.controls = Controls(bench, self.nodes)
+        self.controls = Controls(bench, self.nodes, self.ecus)
         self.door = Door(self.controls)
         self.now = 0
         self.intercept: Interceptor | None = None
@@ -213,4 +218,5 @@ def open_session(
     bench = build_bench(config)
     modbus = ModbusBinding(config, bench) if config.modbus is not None else None
     nodes = NodeTable(bench.nodes, config.nodes)
-    return Session(bench, nodes=nodes, stimuli=stimuli, modbus=modbus)
+    ecus = EcuTable(bench.segments)
+    return Session(bench, nodes=nodes, ecus=ecus, stimuli=stimuli, modbus=modbus)

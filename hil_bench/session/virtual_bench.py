@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.bench.ecus import EcuTable
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.errors import ConfigError, HilBenchError, WaitTimeoutError
@@ -85,7 +84,7 @@ class VirtualBench:
         self.session = open_session(self.config, stimuli)
         self.bench = self.session.bench
         self.nodes = self.session.nodes
-        self.ecus = EcuTable(self.bench.segments)
+        self.ecus = self.session.ecus
         self.frames: deque[LoggedFrame] = deque(maxlen=logged_frames)
         self.observers: list[Callable[[float], None]] = []
         rows = max(1, round(recorded_time * 1e9 / self.config.tick_ns))

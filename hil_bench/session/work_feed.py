@@ -154,7 +154,8 @@ class WorkFeed:
         now = self._now()
         self._put(HEALTH, encode({"time": now, "lost": self._plan.up.lost}))
         if is_due and self._state != self._shown:
-            state = {"time": now, "nodes": {}, "faults": [], "recording": None, "work": self._state}
+            nothing: dict[str, object] = {"nodes": {}, "ecus": {}, "faults": [], "recording": None}
+            state = {"time": now, **nothing, "work": self._state}
             if self._put(STATE, encode(state)):
                 self._shown = self._state
 

@@ -84,7 +84,7 @@ def test_a_test_sets_what_nothing_else_moves(bench):
     bench.run(0.05)
 
     assert bytes.fromhex(latest(bench, 0xFDD6))[5] >> 6 == 1
-    with pytest.raises(ConfigError, match="x shows what the file says"):
+    with pytest.raises(ConfigError, match="x is what the device itself shows"):
         bench.ecus["joystick"]["x"] = 1
     with pytest.raises(ConfigError, match='no signal "y"'):
         bench.ecus["joystick"]["y"] = 1

@@ -22,6 +22,7 @@ from hil_bench.units import (
     MILLISECOND,
     NEWTON,
     PERCENT,
+    PERCENT_PER_SECOND,
     SECOND,
     Unit,
 )
@@ -60,16 +61,19 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             _amount("offset_bar", BAR, "amount"),
             _amount("offset_mm", MILLIMETRE, "amount"),
             _amount("offset_deg", DEGREE, "amount"),
+            _amount("offset_percent", PERCENT, "amount"),
         ),
         FaultKind.DRIFT: (
             _amount("drift_bar_s", BAR_PER_SECOND, "rate"),
             _amount("drift_mm_s", MILLIMETRE_PER_SECOND, "rate"),
             _amount("drift_deg_s", DEGREE_PER_SECOND, "rate"),
+            _amount("drift_percent_s", PERCENT_PER_SECOND, "rate"),
         ),
         FaultKind.NOISE: (
             _amount("noise_bar", BAR, "rms", low=0.0),
             _amount("noise_mm", MILLIMETRE, "rms", low=0.0),
             _amount("noise_deg", DEGREE, "rms", low=0.0),
+            _amount("noise_percent", PERCENT, "rms", low=0.0),
         ),
         FaultKind.BREAK_WIRE: (Key("reads", choice(BrokenReading), BrokenReading.NOTHING),),
         FaultKind.SLOW: (

@@ -24,12 +24,13 @@ from hil_bench.devices.faults.kinds import (
     WIRE_KINDS,
     FaultKind,
 )
+from hil_bench.kinds.auxiliary_valve import FLOW
 from hil_bench.kinds.bindings import SinkConfig, SourceConfig
 from hil_bench.kinds.registry import kind_of
 from hil_bench.plants.kind import AxisConfig
-from hil_bench.units import BAR, DEGREE, MILLIMETRE, Unit
+from hil_bench.units import BAR, DEGREE, MILLIMETRE, ONE, PERCENT, Unit, si_unit
 
-_UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE}
+_UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE, "-": PERCENT}
 """In which the keys of `[[faults]]` give amounts, by the SI unit of what a sensor measures."""
 
 
@@ -189,11 +190,13 @@ def _add_ecus(targets: FaultTargets, ecus: EcusSection) -> FaultTargets:
                 continue
             signals.append(name)
             if signal.word != "follow":
-                unit = signal.quantity.unit if signal.quantity is not None else ""
+                own = si_unit(signal.settings["unit"].value or ONE.symbol)[0]
+                unit = signal.quantity.unit if signal.quantity is not None else own
                 sensors[name] = _UNITS.get(unit)
     for drive in ecus.drives():
         if drive.device is not None:
             valves[drive.device] = False
+            sensors[f"{drive.device}.{FLOW.name}"] = PERCENT
     names = list(ecus.devices)
     return targets._replace(sensors=sensors, valves=valves, ecus=names, signals=signals)
 

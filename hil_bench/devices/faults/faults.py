@@ -72,7 +72,7 @@ from hil_bench.devices.faults.sensor_stages import (
 from hil_bench.devices.faults.wire_point import WirePoint
 from hil_bench.devices.j1939.diagnostics import HIGHEST_FMI, HIGHEST_SPN, Lamp
 from hil_bench.devices.j1939.identifier import NULL
-from hil_bench.devices.j1939.signal_table import Indication
+from hil_bench.devices.j1939.signal_table import Indication, SentSignal
 from hil_bench.devices.measurement.noise import normal_numbers, random_stream
 from hil_bench.errors import ConfigError
 
@@ -123,7 +123,7 @@ class Faults(PhysicalFaults):
 
     @property
     def targets(self) -> dict[str, list[str]]:
-        """Names of the fault targets: sensors, valves, supplies, plants that wear, and nodes."""
+        """Names of the fault targets: sensors, valves, supplies, plants that wear, nodes, ECUs."""
         points = self._points
         return {
             "sensors": [*points.sensors],
@@ -131,6 +131,9 @@ class Faults(PhysicalFaults):
             "supplies": [*points.supplies],
             "plants": [name for name, point in points.plants.items() if point.known],
             "nodes": [*points.nodes, *points.ecus],
+            "wired": [*points.wires],
+            "ecus": [*points.ecus],
+            "signals": [*self._signals],
         }
 
     def freeze(self, sensor: str, **when: Unpack[When]) -> Fault:
@@ -311,9 +314,7 @@ class Faults(PhysicalFaults):
         self, signal: str, shows: Indication | str = Indication.ERROR, **when: Unpack[When]
     ) -> Fault:
         """Let a J1939 signal, as "joystick.x", show the "error" indicator or "not_available"."""
-        ecus = self._points.ecus
-        signals = {f"{n}.{s}": each for n, ecu in ecus.items() for s, each in ecu.signals.items()}
-        found = find("signal", signal, signals)
+        found = find("signal", signal, self._signals)
         effect = IndicationEffect(found, choose("shows", Indication, shows))
         return self.add(FaultKind.INDICATE, signal, effect, when)
 
@@ -338,6 +339,11 @@ class Faults(PhysicalFaults):
         ecu = find("J1939 device", device, self._points.ecus).ecu
         effect = AddressEffect(ecu, count("address", address, 0, NULL - 1))
         return self.add(FaultKind.READDRESS, device, effect, when)
+
+    @property
+    def _signals(self) -> dict[str, SentSignal]:
+        ecus = self._points.ecus
+        return {f"{n}.{s}": each for n, ecu in ecus.items() for s, each in ecu.signals.items()}
 
     def _check_node(self, name: str) -> None:
         find("node", name, {**self._points.nodes, **self._points.ecus})

@@ -31,6 +31,15 @@ _NO_LIMIT: Final = 0x1F
 _RESERVED: Final = 0x30
 
 
+def pack_command(share: float) -> bytes:
+    """Return the data of a command; `share` is a part of the full flow, -1 to 1."""
+    flow = FLOW_COMMAND.raw(abs(100.0 * share))
+    state = ValveState.BLOCK
+    if flow:
+        state = ValveState.EXTEND if share > 0.0 else ValveState.RETRACT
+    return bytes((flow, 0xFF, 0xF0 | state, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF))
+
+
 class ValveState(IntEnum):
     """State of a valve, and of a command."""
 
@@ -63,12 +72,14 @@ class AuxiliaryValve:
     Attributes:
         full_opening: as passed in.
         reason: why it obeys no command.
+        position: of the spool, as a part of the full opening.
     """
 
     def __init__(self, ecu: Ecu, number: int, *, full_opening: float, timeout: int) -> None:
         self.full_opening = full_opening
         self.reason = ExitReason.NONE
         self._ecu, self._timeout = ecu, timeout
+        self.position = 0.0
         self._share = 0.0
         self._shown = 0.0
         self._deadline: int | None = None
@@ -95,9 +106,23 @@ class AuxiliaryValve:
                 self._ecu.begin_trouble(self._trouble, _ABNORMAL_RATE)
         return self._share * self.full_opening
 
+    @property
+    def setpoint(self) -> float:
+        """What it is commanded, as a part of the full opening."""
+        return self._share
+
+    @property
+    def flow(self) -> float:
+        """What it says that flows, as a part of the full flow; NaN for an error."""
+        return self._shown
+
     def publish(self, spool_position: float, now: int) -> None:  # noqa: ARG002 - it shows it later
         """Take the spool position [m]."""
-        self._shown = spool_position / self.full_opening
+        self.position = spool_position / self.full_opening
+
+    def show(self, flow: float, now: int) -> None:  # noqa: ARG002 - it is sent later
+        """Say from now on that this flows, as a part of the full flow; NaN for an error."""
+        self._shown = flow
 
     def _take(self, _source: int, data: bytes, now: int) -> None:
         """Take a command; one that says nothing valid blocks the valve."""

@@ -67,6 +67,27 @@ class SentSignal:
         return math.isnan(self.value)
 
     @property
+    def shown(self) -> float:
+        """What it tells: the value, of a direction 0 or 1; NaN where it shows no value."""
+        if self.indications or math.isnan(self.value):
+            return math.nan
+        if self.show is Show.SIZE:
+            return self.value
+        return _SHOWN[self.show](self.value, self.neutral)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the largest value that it can show."""
+        ends = self.signal.offset, self.signal.offset + self.signal.highest * self.signal.resolution
+        match self.show:
+            case Show.VALUE:
+                return min(ends), max(ends)
+            case Show.SIZE:
+                return -max(ends), max(ends)
+            case _:
+                return -math.inf, math.inf
+
+    @property
     def raw(self) -> int:
         """The raw value that is sent."""
         if self.indications:
@@ -116,6 +137,10 @@ class Input:
     def value_at(self, time: float) -> float:  # noqa: ARG002 - a course that stands
         """Return the value, at any time."""
         return self.value
+
+    def take(self, value: float) -> None:
+        """Have another value from now on."""
+        self.value = value
 
 
 class CommandSignal:

@@ -46,6 +46,7 @@ export class BusView {
 
   // Read the mappings again when a node has changed its state: only then can they change.
   learn(state) {
+    if (this.model.hello) this.decoder.takeAddresses(this.model.hello, state.ecus);
     const states = JSON.stringify(Object.values(state.nodes).map((node) => node.state));
     if (states === this.states) return;
     this.states = states;

@@ -31,10 +31,12 @@ export class Decoder {
   constructor() {
     this.pdos = new Map();
     this.names = new Map();
+    this.ecus = new Map();
   }
 
   begin(hello) {
     this.pdos = new Map();
+    this.takeAddresses(hello, hello.ecus);
     this.names = new Map(Object.entries(hello.devices ?? {}).map(([name, { bus, node_id: id }]) => [`${bus}:${id}`, name]));
   }
 
@@ -45,11 +47,27 @@ export class Decoder {
   use(frame) {
     const pdo = frame.isExtended ? undefined : this.pdos.get(`${frame.bus}:${frame.id}`);
     if (pdo) return `${pdo.node} ${pdo.pdo}`;
-    if (frame.isExtended) return "extended";
+    if (frame.isExtended) return this.j1939Use(frame);
     if (frame.id in BROADCASTS) return BROADCASTS[frame.id];
     const [use, node] = [FUNCTIONS[frame.id & 0x780], frame.id & 0x7f];
     if (!use || !node) return "other";
     return `${this.names.get(`${frame.bus}:${node}`) ?? `node ${node}`} ${use}`;
+  }
+
+  // Name the sender of a 29-bit frame, where one of the bench's J1939 devices has the address, and the
+  // parameter group.
+  j1939Use(frame) {
+    if (!this.ecus.size) return "extended";
+    const source = frame.id & 0xff;
+    const format = (frame.id >>> 16) & 0xff;
+    const group = ((frame.id >>> 8) & 0x3ff00) | (format < 240 ? 0 : (frame.id >>> 8) & 0xff);
+    return `${this.ecus.get(`${frame.bus}:${source}`) ?? `address ${source}`} PGN ${group}`;
+  }
+
+  // Take the addresses that the J1939 devices have claimed.
+  takeAddresses(hello, ecus) {
+    const found = Object.entries(ecus ?? {}).map(([name, { address }]) => [`${hello.ecus[name]?.bus}:${address}`, name]);
+    this.ecus = new Map(found);
   }
 
   meaning(frame) {

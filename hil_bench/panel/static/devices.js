@@ -1,7 +1,9 @@
-// The devices: a card a node with its states, words bit by bit, last EMCY and its objects.
+// The devices: a card a node with its states, words bit by bit, last EMCY and its objects; and those
+// on J1939.
 
 import { emcyText, hex } from "./decode.js";
-import { button, el, labelled, setText } from "./dom.js";
+import { button, chips, el, labelled, setText } from "./dom.js";
+import { EcuCard } from "./ecus.js";
 
 const NMT_STATES = ["INITIALISING", "PRE-OPERATIONAL", "OPERATIONAL", "STOPPED"];
 const VALVE_STATES = ["INIT", "DISABLED", "HOLD", "ACTIVE", "FAULT_REACTION", "FAULT_HOLD", "FAULT_DISABLED", "FAULT_INIT"];
@@ -21,6 +23,7 @@ export class DevicesView {
 
   begin(hello) {
     this.cards = new Map(hello.nodes.map((name) => [name, new Card(name, hello.devices?.[name] ?? {}, this.model)]));
+    for (const [name, device] of Object.entries(hello.ecus ?? {})) this.cards.set(name, new EcuCard(name, device, this.model));
     this.root.replaceChildren(...[...this.cards.values()].map((card) => card.root));
   }
 
@@ -65,22 +68,6 @@ class Card {
       for (const word of this.words) word.look(this.name, this.model);
     }
   }
-}
-
-function chips(names) {
-  const items = new Map(names.map((name) => [name, el("li", { class: name.startsWith("FAULT") ? "chip fault" : "chip" }, name.replaceAll("_", " "))]));
-  const root = el("ul", { class: "chips" }, ...items.values());
-  let lit = null;
-  const light = (name) => {
-    if (name === lit) return;
-    lit = name;
-    for (const [each, item] of items) {
-      item.classList.toggle("lit", each === name);
-      if (each === name) item.setAttribute("aria-current", "true");
-      else item.removeAttribute("aria-current");
-    }
-  };
-  return { root, light };
 }
 
 class Word {

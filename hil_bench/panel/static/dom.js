@@ -46,3 +46,20 @@ export function download(name, content) {
 export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
+
+// Return a list of states of which one is lit.
+export function chips(names) {
+  const items = new Map(names.map((name) => [name, el("li", { class: name.startsWith("FAULT") ? "chip fault" : "chip" }, name.replaceAll("_", " "))]));
+  const root = el("ul", { class: "chips" }, ...items.values());
+  let lit = null;
+  const light = (name) => {
+    if (name === lit) return;
+    lit = name;
+    for (const [each, item] of items) {
+      item.classList.toggle("lit", each === name);
+      if (each === name) item.setAttribute("aria-current", "true");
+      else item.removeAttribute("aria-current");
+    }
+  };
+  return { root, light };
+}

@@ -11,7 +11,7 @@ export class Model {
     this.store = new Store();
     this.hello = null;
     this.benches = [];
-    this.state = { nodes: {}, faults: [] };
+    this.state = { nodes: {}, ecus: {}, faults: [] };
     this.health = {};
     this.missed = 0;
     this.frames = [];

@@ -30,7 +30,6 @@ from hil_bench.bench.compiled import look_at_core
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.transports.hosted_bus import HostedBus
-from hil_bench.plants.hydraulic_cylinder.model import PlantInput
 from hil_bench.session.lockstep import LockStep, run_lockstep
 from hil_bench.session.session import open_session
 
@@ -69,11 +68,14 @@ def start_lockstep(config: BenchConfig) -> LockStep:
 def measure_plants(config: BenchConfig, cycles: int) -> float:
     """Return seconds of bench time per second of the processor for the plants alone."""
     bench = build_bench(config)
+    plants = [bench.axes[number].plant for number in bench.single]
     started = time.process_time()
     for number in range(cycles):
-        given = PlantInput(6e-4 if number // 500 % 2 else -6e-4)
-        for axis in bench.axes:
-            axis.plant.step(given, config.steps_per_tick)
+        command = 6e-4 if number // 500 % 2 else -6e-4
+        for plant in plants:
+            plant.drive(command, config.steps_per_tick)
+        for axes, group in bench.groups:
+            group.drive([command] * len(axes), config.steps_per_tick)
     return cycles * config.tick_ns * 1e-9 / (time.process_time() - started)
 
 

@@ -34,6 +34,7 @@ from hil_bench.kinds.registry import KINDS
 from hil_bench.kinds.scripts import build_script
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.outside.transports.embedded import EmbeddedBus
+from hil_bench.plants.plant import PlantGroup
 
 logger = logging.getLogger(__name__)
 
@@ -92,6 +93,7 @@ def build_bench(config: BenchConfig) -> Bench:
         sensors=order_sensors(axes, parts, config),
     )
     bench.join(segments)
+    bench.group(group_plants(axes, config))
     return bench
 
 
@@ -178,6 +180,25 @@ def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis
         defects=axis.defects,
         follower=axis.kind.follower.output or 0,
     )
+
+
+def group_plants(
+    axes: Sequence[Axis], config: BenchConfig
+) -> list[tuple[tuple[int, ...], PlantGroup]]:
+    """Return the plants that are moved at once, with the numbers of their axes.
+
+    Plants of one kind are, where the kind has a way to.
+    """
+    of_kind: dict[int, list[int]] = {}
+    for number, axis in enumerate(config.axes):
+        of_kind.setdefault(id(axis.kind), []).append(number)
+    groups = []
+    for numbers in of_kind.values():
+        plants = [axes[number].plant for number in numbers]
+        group = config.axes[numbers[0]].kind.group(plants) if len(plants) > 1 else None
+        if group is not None:
+            groups.append((tuple(numbers), group))
+    return groups
 
 
 def order_sensors(

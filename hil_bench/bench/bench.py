@@ -6,7 +6,8 @@ The order inside a tick is fixed, as in the real-time thread of a CANopen device
    several SYNCs share a tick, each is answered by PDOs of its own: those of the last by 4., those
    of the others when the next SYNC comes, with the values that the tick has found;
 2. deadlines that have passed: RPDO time-outs, lost heartbeats, SDO time-outs;
-3. for each axis: the valve's command, the plant's sub-steps, the sensors' new values;
+3. the valves' commands of all axes; the plants' sub-steps, plants of a group all at once; the
+   sensors' new values of all axes;
 4. TPDOs that are due;
 5. what has time: boot-up, SDO answers, EMCY, heartbeats.
 
@@ -22,6 +23,7 @@ from hil_bench.bench.switchboard import Switchboard
 from hil_bench.canopen_device.frame import Frame, Handler
 from hil_bench.devices.axis import Axis, Fitting, Measurement
 from hil_bench.devices.faults.faults import Faults
+from hil_bench.plants.plant import PlantGroup
 
 if TYPE_CHECKING:
     from hil_bench.bench.wiring import Wiring
@@ -44,6 +46,8 @@ class Bench:
         is_timeless: whether a frame may be served between two ticks; see `Switchboard`.
         wiring: its buses of copper; None where all buses take no time.
         segments: the J1939 devices of each bus that has some.
+        groups: plants that move at once, each group with the numbers of its axes.
+        single: the numbers of all other axes.
     """
 
     def __init__(
@@ -58,6 +62,9 @@ class Bench:
     ) -> None:
         self.wiring: Wiring | None = None
         self.axes = tuple(axes)
+        self.group(())
+        self._inputs = [0.0] * len(self.axes)
+        self._outputs: list[Sequence[float]] = [()] * len(self.axes)
         self.nodes = switchboard.nodes
         self.faults = faults or Faults()
         self.is_timeless: Callable[[Frame], bool] = switchboard.is_timeless
@@ -76,6 +83,12 @@ class Bench:
         for segment in self.segments:
             segment.join(self._switchboard)
             self._acts.append(segment.advance)
+
+    def group(self, groups: Sequence[tuple[Sequence[int], PlantGroup]]) -> None:
+        """Move plants at once from now on: those of each group, with the numbers of its axes."""
+        self.groups = tuple(groups)
+        grouped = {number for numbers, _ in self.groups for number in numbers}
+        self.single = [number for number in range(len(self.axes)) if number not in grouped]
 
     def start(self, now: int) -> None:
         """Power all nodes on at `now` [ns]; each boots up in the first tick."""
@@ -110,13 +123,25 @@ class Bench:
         switchboard.receive(frames, now, switchboard.ports)
         for hold in self.faults.holds:
             hold()
-        for number, axis in enumerate(self.axes):
-            self.commands[number] = axis.advance(now, self._steps)
+        self._advance_axes(now)
         for act in self._acts:
             act(now)
         for babble in self.faults.babbles:
             babble(switchboard.emit)
         return switchboard.send(now, switchboard.ports)
+
+    def _advance_axes(self, now: int) -> None:
+        axes, commands, inputs, outputs = self.axes, self.commands, self._inputs, self._outputs
+        for number, axis in enumerate(axes):
+            commands[number], inputs[number] = axis.command(now)
+        for number in self.single:
+            outputs[number] = axes[number].plant.drive(inputs[number], self._steps)
+        for numbers, group in self.groups:
+            given = [inputs[number] for number in numbers]
+            for number, output in zip(numbers, group.drive(given, self._steps), strict=True):
+                outputs[number] = output
+        for number, axis in enumerate(axes):
+            axis.publish(outputs[number], now)
 
     def serve(self, frames: Sequence[Frame], now: int) -> list[Frame]:
         """Do what a tick does, but leave plant and devices where they are: no time passes.

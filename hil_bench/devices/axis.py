@@ -190,7 +190,7 @@ class Axis:
         """Return the present values of the recorded quantities.
 
         Args:
-            commanded: what `advance` returned last.
+            commanded: what the valve has commanded last [SI].
         """
         row = list(self._pick((*self.plant.output, commanded)))
         full = self.valve.full_opening
@@ -198,16 +198,18 @@ class Axis:
             row[place] /= full
         return row
 
-    def advance(self, now: int, steps: int) -> float:
-        """Move the axis on by `steps` plant steps and return what is commanded [SI]."""
+    def command(self, now: int) -> tuple[float, float]:
+        """Return what the valve commands at `now` [ns], and what the plant gets of it [SI]."""
         commanded = u = self.valve.command(now)
         for stage in self.command_path.stages:
             u = stage(u)
-        output = self.plant.drive(u, steps)
+        return commanded, u
+
+    def publish(self, output: Sequence[float], now: int) -> None:
+        """Give the valve and the sensors what the plant shows at `now` [ns]."""
         self.valve.publish(output[self.follower], now)
         for sensor in self.sensors:
             sensor.take(output, now)
-        return commanded
 
 
 def _picker(places: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:

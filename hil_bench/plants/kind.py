@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 from hil_bench.config.settings import Key, Problems, Settings
-from hil_bench.plants.plant import Plant
+from hil_bench.plants.plant import Plant, PlantGroup
 from hil_bench.plants.quantity import Influence, Quantity
 from hil_bench.units import ONE, Unit
 
@@ -126,6 +126,15 @@ class PlantKind(ABC, Generic[AxisT]):
             start: quantities to begin with [SI], as a recording has them; what is missing, and
                 without it all, is as configured.
         """
+
+    def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
+        """Return what moves several plants of this kind at once; None to move each by itself.
+
+        Args:
+            plants: that `build` has returned, two or more, in the order of their axes. They stay
+                plants: whoever has one of them may read, influence and restart it.
+        """
+        return None
 
     def derive(self, settings: Settings, problems: Problems) -> Settings:
         """Return settings with the values that follow from others, such as those of a data sheet.

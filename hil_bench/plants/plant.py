@@ -22,3 +22,18 @@ class Plant(Protocol):
 
         Asked for the influences and defects alone that the axis' configuration names.
         """
+
+
+class PlantGroup(Protocol):
+    """Several plants that are moved on at once, each as `Plant.drive` would."""
+
+    def drive(self, commands: Sequence[float], steps: int) -> Sequence[Sequence[float]]:
+        """Move the plants on by `steps` steps, each under its command [SI].
+
+        Args:
+            commands: of each plant, constant over the steps.
+            steps: how many.
+
+        Returns:
+            The outputs of each plant, as `Plant.drive` returns them.
+        """

@@ -39,13 +39,17 @@ _HIGHEST = 10.0
 
 
 class _Cylinder(PlantModel):
-    """What a bench asks of a plant, by what both models have."""
+    """What a bench asks of a plant, by what both models have.
 
-    _load = 0.0
+    Attributes:
+        load: what acts on the rod from outside [N].
+    """
+
+    load = 0.0
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on under a spool set-point [m]."""
-        return self.step(PlantInput(command, self._load), steps)
+        return self.step(PlantInput(command, self.load), steps)
 
     def go_to(self, values: Mapping[str, float]) -> None:
         """Go on from other values, within the stroke and above the cavitation floor."""
@@ -69,7 +73,7 @@ class _Cylinder(PlantModel):
     def influence(self, name: str, value: float | None) -> None:
         """Set the load [N] or P_S [Pa]; let go, a constant P_S is what it was, a unit fills up."""
         if name == LOAD:
-            self._load = 0.0 if value is None else value
+            self.load = 0.0 if value is None else value
         elif name != SUPPLY:
             self._wear(name, 0.0 if value is None else value)
         elif value is not None:
@@ -86,7 +90,7 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on as `step` does, but ask less of an input that is within the limits."""
-        load = self._load
+        load = self.load
         is_within = (
             -SPOOL_SETPOINT_LIMIT <= command <= SPOOL_SETPOINT_LIMIT
             and -LOAD_LIMIT <= load <= LOAD_LIMIT

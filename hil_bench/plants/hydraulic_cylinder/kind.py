@@ -20,7 +20,7 @@ from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
-from hil_bench.plants.plant import Plant
+from hil_bench.plants.plant import Plant, PlantGroup
 from hil_bench.plants.quantity import Quantity
 
 
@@ -67,6 +67,14 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     ) -> Plant:
         """Return the model of an axis."""
         return build_cylinder(axis, dt, start)
+
+    def group(self, plants: Sequence[Plant]) -> PlantGroup | None:
+        """Return what moves the models without extensions in one call."""
+        from hil_bench.plants.hydraulic_cylinder.group import (  # noqa: PLC0415 - wants NumPy
+            group_cylinders,
+        )
+
+        return group_cylinders(plants)
 
     def find_doubts(self, axis: CylinderConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""

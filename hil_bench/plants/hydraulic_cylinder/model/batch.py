@@ -15,15 +15,13 @@ import numpy.typing as npt
 
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW, pack, unpack_lane
 from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN, WHOLE, move_along
-from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import (
-    Cylinder,
-    try_free_step,
-)
+from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import Cylinder
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, long_kernel
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.parts import TOLERANCE
-from hil_bench.plants.hydraulic_cylinder.model.spool import move_spool, orifice_state
+from hil_bench.plants.hydraulic_cylinder.model.side_by_side import cylinder_among, try_among
+from hil_bench.plants.hydraulic_cylinder.model.spool import orifice_state
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantState
 
 LANES = 16
@@ -64,26 +62,10 @@ def pack_block(plants: PlantSet, dt: float) -> Values:
 
 
 @kernel
-def lane_cylinder(block: Floats, lane: int) -> Cylinder:
-    """Return the cylinder of one plant of a block at the start of the step."""
-    return (
-        block[lane],
-        block[LANES + lane],
-        block[2 * LANES + lane],
-        block[3 * LANES + lane],
-        block[6 * LANES + lane],
-        block[7 * LANES + lane],
-    )
-
-
-@kernel
 def try_lane(block: Floats, lane: int) -> tuple[Cylinder, float, float, float]:
     """Return the cylinder, nu and nu_dot of one plant a step later, and the velocity's error."""
     constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
-    nu, nu_dot = block[4 * LANES + lane], block[5 * LANES + lane]
-    moved, moved_dot = move_spool(nu, nu_dot, block[_SETPOINT * LANES + lane], constants[3])
-    cylinder, error = try_free_step(lane_cylinder(block, lane), (nu, moved), 0.0, constants)
-    return cylinder, moved, moved_dot, error
+    return try_among(block, lane, LANES, block[_SETPOINT * LANES + lane], 0.0, constants)
 
 
 @kernel
@@ -91,7 +73,7 @@ def move_lane(block: Floats, lane: int, cuts: int) -> tuple[Cylinder, int]:
     """Return the cylinder of one plant a step later, made in parts, and where these end."""
     constants = unpack_lane(block, _CONSTANTS * LANES + lane, LANES)
     spool = (block[4 * LANES + lane], block[(_NEXT + 4) * LANES + lane])
-    return move_along(lane_cylinder(block, lane), spool, 0.0, constants, cuts)
+    return move_along(cylinder_among(block, lane, LANES), spool, 0.0, constants, cuts)
 
 
 @kernel

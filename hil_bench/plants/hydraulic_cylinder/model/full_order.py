@@ -21,7 +21,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, make_row, ready
 from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import advance_lined_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
@@ -94,7 +94,11 @@ class FullOrderPlant:
         options: what the paper leaves open.
         solver: of the equations.
         dt: step [s].
+        is_extended: whether it runs the kernels with extensions.
+        seen: the output of the present state, as the kernels give it.
     """
+
+    seen: Sequence[float]
 
     def __init__(
         self,
@@ -122,10 +126,11 @@ class FullOrderPlant:
         check_state(start, parameters, self.options)
         # Only the bench's solver has a second kernel, shorter by what no extension needs.
         is_midpoint = solver is Solver.LINEARLY_IMPLICIT_MIDPOINT
-        self._is_extended = is_extended = self.options.is_extended or not is_midpoint
+        self.is_extended = is_extended = self.options.is_extended or not is_midpoint
         kernel = advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
         self._advance = ready(kernel)
         self._defects = Defects()
+        self._leave: Callable[[], None] | None = None
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
@@ -145,7 +150,7 @@ class FullOrderPlant:
     def extension(self) -> ExtensionState:
         """The present states of the extensions; without any, those of the start."""
         row = self._state
-        if not self._is_extended:
+        if not self.is_extended:
             return ExtensionState(0.0, 0.0, self.parameters.P_S)
         Y_A, Y_B, Q_P, *waves = (float(row[place]) for place in range(INNER, len(row)))
         t, z_f, P_S = float(row[STEPS]) * self.dt, float(row[_Z_F]), float(row[SUPPLY])
@@ -164,22 +169,22 @@ class FullOrderPlant:
     @property
     def output(self) -> PlantOutput:
         """The quantities of the present state."""
-        return _make_output(self._seen)
+        return _make_output(self.seen)
 
     @property
     def extra_evaluations(self) -> int:
         """Evaluations beyond one a step so far; 0 for the solvers with a fixed step."""
-        return int(self._state[EXTRA if self._is_extended else PLAIN_EXTRA])
+        return int(self._state[EXTRA if self.is_extended else PLAIN_EXTRA])
 
     @property
     def supply_pressure(self) -> float:
         """P_S at the valve now [Pa]."""
-        return float(self._state[SUPPLY] if self._is_extended else self._constants[ORIFICE_P_S])
+        return float(self._state[SUPPLY] if self.is_extended else self._constants[ORIFICE_P_S])
 
     @supply_pressure.setter
     def supply_pressure(self, pressure: float) -> None:
         require_not_negative("supply_pressure", pressure, "Pa")
-        if self._is_extended:
+        if self.is_extended:
             self._state[SUPPLY] = pressure
         else:
             self._constants[ORIFICE_P_S] = pressure
@@ -197,22 +202,41 @@ class FullOrderPlant:
         if defects.needs_extension:
             self._extend()
         self._defects = defects
-        self._constants = make_row(
-            pack_defective(
-                self.parameters, self.options, self.dt, defects, is_extended=self._is_extended
-            )
+        constants = pack_defective(
+            self.parameters, self.options, self.dt, defects, is_extended=self.is_extended
         )
+        if self.is_extended:
+            self._constants = make_row(constants)
+        else:  # a group may hold the row
+            for place, value in enumerate(constants):
+                self._constants[place] = value
         self.supply_pressure = P_S
+
+    def move_rows(self, state: Floats, constants: Floats, leave: Callable[[], None]) -> None:
+        """Keep states and constants elsewhere from now on, where others may move them on.
+
+        Args:
+            state: takes the states of a plant that is not extended.
+            constants: takes its constants.
+            leave: called once, when a defect has extended the plant and it has left both.
+        """
+        for row, values in ((state, self._state), (constants, self._constants)):
+            for place in range(len(values)):
+                row[place] = values[place]
+        self._state, self._constants, self._leave = state, constants, leave
 
     def _extend(self) -> None:
         """Go on with the extended kernels, which give the same while nothing is extended."""
-        if self._is_extended:
+        if self.is_extended:
             return
         P_S, states = self.supply_pressure, self.state
         extra = float(self._state[PLAIN_EXTRA])
         self._state = make_row((*states, 0.0, 0.0, P_S, 0.0, extra, 0.0, 0.0, 0.0))
         self._advance = ready(_ADVANCE[self.solver, True])
-        self._is_extended = True
+        self.is_extended = True
+        if self._leave is not None:
+            self._leave()
+            self._leave = None
 
     def restart(self, state: PlantState) -> None:
         """Go on from another state; what the extensions hold stays."""
@@ -254,7 +278,7 @@ class FullOrderPlant:
         seen = self._advance(self._state, self._constants, u, F_L, steps)
         if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
             raise divergence(self.dt, self.solver)
-        self._seen = seen
+        self.seen = seen
         return seen
 
 

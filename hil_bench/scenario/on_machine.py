@@ -24,8 +24,10 @@ from hil_bench.scenario.resolve import (
     parameter_values,
     resolve_steps,
 )
+from hil_bench.scenario.targets import check_unit
 from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.vocabulary import channel_vocabulary
+from hil_bench.units import ONE
 
 _MANUAL = "manual"
 _RIGHT = "leave it out on a machine"
@@ -148,7 +150,12 @@ def _step_problems(timed: TimedAction, target: str) -> Iterator[str]:
             wrong = f"{action.target} cannot be set on a machine"
             yield f"{place}: {wrong}; only {target} can"
         case SetAction():
-            for value in (action.value, *(value for _, value in action.course)):
+            try:
+                for symbol in action.units:
+                    check_unit(target, symbol, ONE.symbol)
+            except ConfigError as error:
+                yield f"{place}: {error}"
+            for value in action.values:
                 if not -1.0 <= value <= 1.0:
                     yield f"{place}: {value:g} is out of range; give -1 to 1 of full opening"
         case NmtStep() | SyncStep():

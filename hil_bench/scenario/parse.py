@@ -12,7 +12,6 @@ from hil_bench.scenario.dimensions import (
     NUMBER,
     TIME,
     UNITS,
-    Dimension,
     dimension_of,
     find_unit,
     show_dimension,
@@ -76,13 +75,13 @@ def parse_expectation(text: str, vocabulary: Vocabulary) -> Condition:
     return condition_of(builder.build(read_syntax(text)), "an expectation")
 
 
-def parse_quantity(text: str) -> tuple[float, Dimension]:
-    """Return a number with a unit, such as ``5 kN``, in SI, and what it measures.
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Return a number with a unit, such as ``5 kN``, in SI, and the symbol of the unit.
 
     Any other text raises an `ExpectationError`.
     """
     found = quantity_of(_Builder(Vocabulary({})).build(read_syntax(text)), "this")
-    return cast("float", found.node_value), found.dimension
+    return cast("float", found.node_value), found.symbol
 
 
 class _Builder:

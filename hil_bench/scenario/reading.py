@@ -188,29 +188,28 @@ class StepReader:
         steps: list[Step] = []
         for target, value in found["set"].value.items():
             try:
-                amount = self._amount(value)
+                amount, unit = self._amount(value)
             except ConfigError as error:
                 place = self._problems.place(table, "set")
                 self._problems.add(place, f"{quote(target)}: {error}")
             else:
-                steps.append(SetStep(found["at_s"].value, target, amount, found["over_s"].value))
+                at, over = found["at_s"].value, found["over_s"].value
+                steps.append(SetStep(at, target, amount, over, unit=unit))
         return steps
 
-    def _amount(self, value: object) -> Amount:
-        """Return a number in SI.
+    def _amount(self, value: object) -> tuple[Amount, str]:
+        """Return a number in SI, and the symbol of its unit; empty for a bare number.
 
         Raises:
             ConfigError: the value is something else.
         """
-        if isinstance(value, bool):
-            return float(value)
-        if isinstance(value, int | float):
-            return float(value)
+        if isinstance(value, bool | int | float):
+            return float(value), ""
         if isinstance(value, str) and value in self._parameters:
-            return Reference(value)
+            return Reference(value), ""
         if isinstance(value, str):
             try:
-                return parse_quantity(value)[0]
+                return parse_quantity(value)
             except ExpectationError:
                 known = f" or one of {', '.join(self._parameters)}" if self._parameters else ""
                 right = f'give a number, a text such as "5 kN"{known}'

@@ -72,6 +72,7 @@ class SetStep:
         over: time of the ramp to the value [s]; 0 for at once.
         table: the file of a course of many points; empty for none.
         points: that course: time after `at` [s] and value.
+        unit: symbol of the unit in which the value was given; empty for a bare number.
         place: how messages name the step: file, line and column; so of all kinds of steps.
     """
 
@@ -81,6 +82,7 @@ class SetStep:
     over: Amount = 0.0
     table: str = ""
     points: tuple[tuple[float, Amount], ...] = ()
+    unit: str = field(default="", compare=False)
     place: str = field(default="", compare=False)
 
 

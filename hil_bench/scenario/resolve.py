@@ -29,6 +29,7 @@ from hil_bench.scenario.records import (
 )
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
+from hil_bench.units import ONE
 
 
 class SetAction(NamedTuple):
@@ -39,12 +40,19 @@ class SetAction(NamedTuple):
         value: the value, of a course the last one.
         over_ticks: length of the straight ramp from the present value; 0 for at once.
         course: ticks after the action's own and values, straight lines between; empty for none.
+        units: symbols of the units in which its values are given; bare numbers have none.
     """
 
     target: str
     value: float
     over_ticks: int = 0
     course: tuple[tuple[int, float], ...] = ()
+    units: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values that the target gets, without what is between them."""
+        return (self.value, *(value for _, value in self.course))
 
     def points(self, tick: int, present: float) -> tuple[tuple[int, float], ...]:
         """Return ticks and values, straight lines between.
@@ -197,7 +205,10 @@ class _Resolver:
                     (self.ticks(time), self._number(amount)) for time, amount in step.points
                 )
                 value = self._number(step.value)
-                return SetAction(step.target, value, self.ticks(step.over), course)
+                amounts = (step.value, *(amount for _, amount in step.points))
+                units = {step.unit, *(_unit(amount) for amount in amounts)} - {""}
+                over = self.ticks(step.over)
+                return SetAction(step.target, value, over, course, tuple(sorted(units)))
             case FaultStep():
                 return self._fault(step)
             case _:
@@ -221,3 +232,9 @@ class _Resolver:
         if isinstance(value, Reference):
             return unit_of_name(key).unit.from_si(self._values[value.name])
         return value
+
+
+def _unit(amount: Amount) -> str:
+    """Return the symbol of the unit of a parameter; empty where it has none, and for a number."""
+    unit = unit_of_name(amount.name).unit if isinstance(amount, Reference) else ONE
+    return "" if unit is ONE else unit.symbol

@@ -229,7 +229,8 @@ def _step_problems(
             match action:
                 case SetAction():
                     target = targets.find(action.target)
-                    for value in (action.value, *(value for _, value in action.course)):
+                    targets.check_units(action.target, action.units)
+                    for value in action.values:
                         targets.check(target, value)
                 case FaultConfig():
                     schedule_faults(session.bench.faults, (action,))

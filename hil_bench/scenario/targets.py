@@ -4,7 +4,7 @@ And Modbus registers.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, NodeConfig
@@ -18,9 +18,10 @@ from hil_bench.errors import ConfigError
 from hil_bench.kinds.auxiliary_valve import SET_POINT, AuxiliaryValveConfig
 from hil_bench.kinds.registry import VALVE
 from hil_bench.plants.quantity import Influence
+from hil_bench.scenario.dimensions import dimension_of, show_dimension
 from hil_bench.scenario.registers import MODBUS, RegisterTarget, name_registers, name_shared
 from hil_bench.session.session import Session
-from hil_bench.units import si_unit
+from hil_bench.units import ONE, si_unit
 
 ALL = "all"
 """The target of an NMT command to every node."""
@@ -157,6 +158,20 @@ class Targets:
         right = f"the nearest is {find_nearest(name, known)}, and objects are NODE.0x6300.01"
         raise ConfigError(f"{quote(name)} is nothing to set here; {right}")
 
+    def check_units(self, name: str, symbols: Iterable[str]) -> None:
+        """Refuse units of another quantity than that of the target with this name.
+
+        Raises:
+            ConfigError: for the first of them; an object as such takes none, whatever it holds.
+        """
+        target = self.find(name)
+        for symbol in symbols:
+            if isinstance(target, ObjectTarget) and target.scale == 1.0:
+                raise ConfigError(
+                    f"{name} takes no value in {symbol}; give the number that the object holds"
+                )
+            check_unit(name, symbol, _unit(target))
+
     def check(self, target: Target, value: float) -> None:
         """Refuse a value that the target cannot have.
 
@@ -233,6 +248,23 @@ class Targets:
                 yield name
 
 
+def check_unit(name: str, symbol: str, wanted: str) -> None:
+    """Refuse the unit of another quantity.
+
+    Args:
+        name: of the target, for the message.
+        symbol: of the unit of the language in which a value is given.
+        wanted: symbol of a unit of the quantity.
+
+    Raises:
+        ConfigError: the units do not measure the same.
+    """
+    dimension = dimension_of(wanted)
+    if dimension_of(symbol) != dimension:
+        right = f"one {show_dimension(dimension)}" if dimension else "a number, or one in %"
+        raise ConfigError(f"{name} takes no value in {symbol}; give {right}")
+
+
 def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:
     """Return the objects of a node that show quantities of a plant."""
     return {(source.index, source.subindex) for source in node.sources}
@@ -241,6 +273,18 @@ def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:
 def is_number(data_type: DataType) -> bool:
     """Return whether an object of this type holds a number."""
     return isinstance(data_type, BooleanType | IntegerType | RealType)
+
+
+def _unit(target: Target) -> str:
+    match target:
+        case PlantTarget():
+            return target.influence.unit
+        case RegisterTarget():
+            return target.entry.register.unit.symbol
+        case SignalTarget():
+            return target.handle.values[target.name].unit or ONE.symbol
+        case ObjectTarget() | ValveTarget():
+            return ONE.symbol
 
 
 def _limits(variable: Variable) -> tuple[float, float]:

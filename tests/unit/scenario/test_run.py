@@ -154,6 +154,39 @@ def test_steps_are_checked_against_the_bench(tmp_path):
     assert "70000 is out of range" in found[4]
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ('"axis1.load" = "5 bar"', "axis1.load takes no value in bar; give one in kN"),
+        ('"axis1.load" = "5 %"', "axis1.load takes no value in %; give one in kN"),
+        ('"axis1.load" = "rise_mm"', "axis1.load takes no value in mm; give one in kN"),
+        ('"axis1.supply_pressure" = "5 kN"', "takes no value in kN; give one in bar"),
+        ('"valve.spool_setpoint" = "0.4 mm"', "takes no value in mm; give a number, or one in %"),
+        ('"valve.0x1017" = "500 ms"', "takes no value in ms; give the number that the object"),
+    ],
+)
+def test_a_unit_of_another_quantity_is_refused(tmp_path, given, said):
+    text = HEAD + "[parameters]\nrise_mm = 5\n" + step(0.1, f"set = {{ {given} }}")
+    (line,) = problems(tmp_path, text + expect("always axis1.position < rise_mm"))
+    assert said in line
+
+
+def test_a_course_with_a_parameter_of_another_quantity_is_refused(tmp_path):
+    (tmp_path / "course.csv").write_text("0,0\n0.1,rise_mm\n")
+    text = HEAD + "[parameters]\nrise_mm = 5\n"
+    text += step(0.05, 'set = "axis1.load"\ntable = "course.csv"')
+    (line,) = problems(tmp_path, text + expect("always axis1.P_A > 0 bar"))
+    assert "axis1.load takes no value in mm" in line
+
+
+def test_a_unit_of_the_same_quantity_is_converted(tmp_path):
+    text = HEAD + EXAMPLE + "[parameters]\nopening_percent = 40\n"
+    text += step(0.1, 'set = { "valve.spool_setpoint" = "opening_percent" }')
+    text += step(0.1, 'set = { "axis1.supply_pressure" = "80 bar" }')
+    # 40 % of 0x4000, rounded
+    assert outcomes(run(tmp_path, text + expect("eventually valve.0x6300.01 == 6554"))) == [PASSED]
+
+
 def test_an_unknown_example_is_refused(tmp_path):
     text = HEAD + '[controller]\nexample = "position"\n' + expect("always axis1.P_A > 0 bar")
     assert "the nearest is position_control" in problems(tmp_path, text)[0]

@@ -24,6 +24,7 @@ from hil_bench.plants.hydraulic_cylinder.model.reduced_order import ReducedOrder
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantInput, PlantState
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
+from hil_bench.session.virtual_bench import VirtualBench
 
 # With guides that damp and a valve that opens slowly: others let a load swing, as they do.
 HEAVY = {"h": 1.0, "V_A0": 6e-3, "V_B0": 6e-3, "m": 500.0, "sigma": 4e4, "F_s": 600.0}
@@ -249,3 +250,34 @@ def test_what_no_plant_can_have_is_refused():
         ReducedOrderPlant(P, options=PlantOptions(counterbalance=VALVE))
     with pytest.raises(ParameterError, match="Y_A = nan"):
         plant(HOLDING, extension=ExtensionState(0.0, 0.0, 1e7, Y_A=math.nan))
+
+
+HANGING = """
+[plant.axis1]
+bore_mm = 63
+rod_mm = 36
+stroke_mm = 500
+rated_flow_l_min = 25
+rated_pressure_drop_bar = 5
+overlap_percent = 15
+frequency_90deg_hz = 60
+supply_pressure_bar = 70
+tank_pressure_bar = 2
+load_mass_kg = 5000
+load_slope_deg = {slope}
+"""
+
+
+@pytest.mark.parametrize(("slope", "sides"), [(90, "AB"), (-90, "BA")])
+def test_a_load_above_the_supply_starts_behind_the_shut_valve(tmp_path, slope, sides):
+    """m g = 49.03 kN is more than 70 bar on either side can push: the oil behind it holds it."""
+    (tmp_path / "bench.toml").write_text(HANGING.format(slope=slope))
+    with VirtualBench(load_config(tmp_path / "bench.toml")) as bench:
+        bench.run(0.1)
+        signals = bench.signals
+    area_a, area_b = math.pi / 4 * 0.063**2, math.pi / 4 * (0.063**2 - 0.036**2)
+    fed, other = (area_a, area_b) if slope > 0 else (area_b, area_a)
+    held = (5000 * 9.80665 + 2e5 * other) / fed
+    assert signals[f"axis1.P_{sides[0]}"][-1] == pytest.approx(held, rel=1e-3)
+    assert signals[f"axis1.P_{sides[1]}"][-1] == pytest.approx(2e5, rel=1e-2)
+    assert abs(signals["axis1.position"][-1]) < 1e-5

@@ -106,10 +106,17 @@ def steady_motion(
 
 
 def state_of_rest(parameters: PlantParameters, options: PlantOptions, x: float) -> PlantState:
-    """Return the state in which a bench begins at a position [m], under the loads of time 0."""
+    """Return the state in which a bench begins at a position [m], under the loads of time 0.
+
+    The mean of the pressures is that of supply and tank. Where the load takes more than that, its
+    chamber holds it behind the shut valve, and the other one is at the tank.
+    """
     load, valve = options.load_at(x), options.counterbalance
     if valve is None:
-        return balanced_state(parameters, x=x, F_L=load)
+        state = balanced_state(parameters, x=x, F_L=load)
+        if min(state.P_A, state.P_B) >= parameters.P_T:
+            return state
+        return held_state(parameters, holds_a=load > 0.0, x=x, F_L=load)
     holds_a = valve.in_line_a and not (valve.in_line_b and load < 0.0)
     return held_state(parameters, holds_a=holds_a, x=x, F_L=load)
 

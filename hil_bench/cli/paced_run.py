@@ -208,6 +208,8 @@ class PacedRun:
             self._announce()
         self.helpers.look()
         self._events.look(now)
+        if now >= self._load.due:
+            self._load.update(now, self._setup.bus.transport.counters().bits)
         if self._feed is not None:
             self._feed.look()
 

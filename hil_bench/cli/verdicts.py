@@ -1,5 +1,6 @@
 """What the verbs that judge share: parameters, verdicts line by line, and the exit code."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING
@@ -34,9 +35,12 @@ def read_parameter(text: str) -> tuple[str, float]:
     """
     name, _, value = text.partition("=")
     try:
-        return name, float(value)
+        number = float(value)
     except ValueError:
         raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
+    if not math.isfinite(number):
+        raise ConfigError(f"--set {text}: is not finite; give a number")
+    return name, number
 
 
 def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:

@@ -21,7 +21,7 @@ def read_document(path: Path) -> Document:
         ConfigError: the file cannot be read or is no TOML.
     """
     try:
-        return tomllib.loads(path.read_bytes().decode())
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise ConfigError(f"{path}: cannot be read: {reason}; give a TOML file") from None

@@ -38,5 +38,5 @@ def _read(file: Path) -> tuple[Document, LocatedProblems]:
         document, spots = read_csv_document(file)
     else:
         document = read_document(file)
-        spots = find_spots(file.read_text(encoding="utf-8"))
+        spots = find_spots(file.read_text(encoding="utf-8-sig"))
     return document, LocatedProblems(str(file), spots)

@@ -24,6 +24,11 @@ class BusLoad:
         self._due = 0
         self._load = 0.0
 
+    @property
+    def due(self) -> int:
+        """When the next count is wanted [ns], for a load that is that of the last second."""
+        return self._due
+
     def update(self, now: int, bits: float) -> float:
         """Return the load [-], new ten times a second.
 

@@ -12,6 +12,7 @@ from hil_bench.scenario.report.content import Exhibit, FrameLine, FrameTable
 from hil_bench.scenario.report.picture import Scene, draw_scene
 
 _BEFORE, _AFTER = 2_000_000_000, 100_000_000  # reach of the frames around an instant [ns]
+_KNOWN = 2 * _BEFORE  # reach of those that say what is no news at its beginning [ns]
 _MOST_BEFORE, _MOST_AFTER = 16, 4  # frames
 _DECIDING = "the deciding instant"
 _UNDECIDED = {RequirementOutcome.INCONCLUSIVE, RequirementOutcome.NOT_EXERCISED}
@@ -28,8 +29,8 @@ def moments_of(judgement: Judgement) -> dict[str, float]:
 
 
 def is_near(now: int, moments: Iterable[float]) -> bool:
-    """Return whether a frame at a time [ns] can be shown for one of some instants [s]."""
-    return any(-_BEFORE <= now - round(moment * 1e9) <= _AFTER for moment in moments)
+    """Return whether a frame at a time [ns] says something on one of some instants [s]."""
+    return any(-_KNOWN <= now - round(moment * 1e9) <= _AFTER for moment in moments)
 
 
 def make_exhibit(finding: Finding, evidence: Evidence) -> Exhibit:
@@ -64,10 +65,11 @@ def _tables(
     frames: Sequence[LoggedFrame], reader: FrameReader, what: str, moment: float
 ) -> Iterator[FrameTable]:
     now = round(moment * 1e9)
+    known = bisect_right(frames, now - _KNOWN, key=_time)
     begin = bisect_right(frames, now - _BEFORE, key=_time)
     end = bisect_right(frames, now + _AFTER, key=_time)
     around = frames[begin:end]
-    news = list(reader.news(around))
+    news = [each for each in reader.news(frames[known:end]) if each.now > now - _BEFORE]
     place = bisect_right(news, now, key=_time)
     shown = news[max(0, place - _MOST_BEFORE) : place + _MOST_AFTER]
     before = around[: bisect_right(around, now, key=_time)]

@@ -10,6 +10,7 @@ import pytest
 
 from device_profiles import IMITATIONS
 from hil_bench.cli import main
+from hil_bench.cli.progress import Progress
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.transports.hub_process import HubProcess
@@ -150,6 +151,23 @@ def test_the_bus_load_is_told(capsys):
     # in 20 ms at 100 kbit/s there is room for 2000.
     assert main(["run", *BUS, "-b", "100000", "--duration", "0.02"]) == 0
     assert "\nbus load  12.0% of 100 kbit/s\n" in capsys.readouterr().out
+
+
+def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypatch):
+    """A heartbeat is 55 bits and (42 - 1) / 4 / 2 stuff bits: 100 a second are 6 % of 100 kbit/s."""
+
+    class OneLook(Progress):
+        def look(self, now):
+            if now == 1_500_000_000:
+                self._say("  ".join(self._lines(now)))
+
+    monkeypatch.setattr("hil_bench.cli.paced_run.Progress", OneLook)
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        '[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n[nodes.valve.objects]\n"0x1017" = 10\n'
+    )
+    assert main(["run", str(path), *BUS, "-b", "100000", "--duration", "1.6"]) == 0
+    assert "bus 6.0 %" in capsys.readouterr().err
 
 
 def test_a_wish_to_stop_ends_it_with_130(monkeypatch):

@@ -98,6 +98,7 @@ def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
     ("words", "wrong"),
     [
         (["--set", "x"], "--set x: write NAME=NUMBER"),
+        (["--set", "load_n=inf"], "--set load_n=inf: is not finite; give a number"),
         (["--set", "x=1"], '"x" is not in [parameters]; add it there'),
     ],
 )

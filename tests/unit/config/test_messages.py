@@ -165,6 +165,12 @@ def test_a_file_that_is_no_toml_names_the_line(write: Write, content: bytes, mes
     assert str(caught.value) == message
 
 
+def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write: Write) -> None:
+    path = write("")
+    path.write_bytes(b"\xef\xbb\xbf[bench]\r\ntick_us = 2000\r\n")
+    assert load_config(path).tick_ns == 2_000_000
+
+
 def test_deeply_nested_toml_is_refused(write: Write) -> None:
     with pytest.raises(ConfigError, match=r"^bench.toml: is not valid TOML: "):
         load_config(write("a = " + "[" * 100_000))

@@ -407,3 +407,10 @@ def test_the_language_takes_the_parameters_of_the_scenario(tmp_path):
     known = Vocabulary({"axis1.P_A": "Pa"}, parameters=parameter_values(scenario))
     (found,) = compile_expectations(scenario, known)
     assert found.condition.operand.right.value == 60e5
+
+
+def test_a_byte_order_mark_does_not_shift_the_place_of_a_problem(tmp_path):
+    path = tmp_path / "a.scenario.toml"
+    path.write_bytes(b"\xef\xbb\xbfduration_s = 0\n" + EXPECT.encode())
+    with pytest.raises(ConfigError, match=r"a\.scenario\.toml:1:14: duration_s: 0 is out of range"):
+        load_scenario(path)

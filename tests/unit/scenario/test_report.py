@@ -92,6 +92,21 @@ def test_a_failure_has_its_times_frames_and_picture(tmp_path):
     assert page.pictures == [b"<svg/>"]
 
 
+def test_a_word_that_stays_is_no_news_where_the_frames_begin(tmp_path, monkeypatch):
+    """The valve of "manual" is ACTIVE from its start on: its PDOs are cyclic at 400 ms."""
+    monkeypatch.setattr(exhibits, "_BEFORE", 50_000_000)
+    monkeypatch.setattr(exhibits, "_KNOWN", 100_000_000)
+    text = "always from 400 ms to 410 ms axis1.P_A < 0 bar"
+    manual = '[controller]\nexample = "manual"\n'
+    path = scenario(tmp_path, ("R1", text), more=manual)
+    path.write_text(path.read_text().replace(HEAD, "duration_s = 0.5\n"))
+    _, _, content = report(tmp_path, "test", path)
+    ((proof,),) = [chapter["proofs"] for chapter in content["chapters"]]
+    around, cyclic = proof["exhibit"]["frames"]
+    assert not [line for line in around["lines"] if "PDO" in line["name"]]
+    assert {line["name"] for line in cyclic["lines"]} >= {"SYNC", "valve TPDO1"}
+
+
 def test_what_passes_needs_no_picture(tmp_path):
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"))
     code, page, content = report(tmp_path, "test", path)

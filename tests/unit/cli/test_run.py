@@ -154,7 +154,7 @@ def test_the_bus_load_is_told(capsys):
 
 
 def test_the_present_load_is_right_at_the_first_look(tmp_path, capsys, monkeypatch):
-    """A heartbeat is 55 bits and (42 - 1) / 4 / 2 stuff bits: 100 a second are 6 % of 100 kbit/s."""
+    """A heartbeat is 55 bits and (42 - 1) / 4 / 2 stuff bits: 100 of them are 6 % of 100 kbit/s."""
 
     class OneLook(Progress):
         def look(self, now):

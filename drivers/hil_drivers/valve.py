@@ -30,6 +30,10 @@ _SET_POINT_BY_BUS = 1
 _CONTROL_MODE, _PRESSURE_SET_POINT = (0x6043, 0), (0x6380, 1)
 _PRESSURE_ACTUAL, _PRESSURE_REFERENCE = (0x6381, 1), (0x6391, 1)
 _PRESSURE_ACTIVE = 1 << 8
+_AXIS_SET_POINT, _AXIS_ACTUAL = (0x6600, 1), (0x6601, 1)
+_UNIT, _PREFIX = 2, 3
+_METRE = 1
+_HIGHEST_AXIS = (1 << 31) - 1
 _CONSUMER_HEARTBEAT = (0x1016, 1)
 
 
@@ -39,6 +43,7 @@ class ControlMode(IntEnum):
     SPOOL = 2
     PRESSURE = 4
     PRESSURE_AND_FLOW = 5
+    AXIS_POSITION = 9
 
 
 class Output(NamedTuple):
@@ -139,7 +144,7 @@ class ProportionalValve(ValveControl, Device):
         return self._value(self._actual) / self._reference
 
     def set_control_mode(self, mode: ControlMode) -> None:
-        """Choose what the valve controls; `SdoAbortError` where it has no pressure sensor."""
+        """Choose what the valve controls; `SdoAbortError` where it has no sensor for it."""
         self.node.write(*_CONTROL_MODE, mode)
 
     def set_pressure(self, fraction: float) -> None:
@@ -162,6 +167,34 @@ class ProportionalValve(ValveControl, Device):
     def is_limited_by_pressure(self) -> bool:
         """Whether, in p/Q, the pressure controller holds back the spool set-point."""
         return bool(self._status_word() & _PRESSURE_ACTIVE)
+
+    def set_axis_position(self, position: float) -> None:
+        """Give the set-point of the axis [m], by SDO.
+
+        Raises:
+            ValueError: the object cannot hold it.
+        """
+        increments = position / self._metres_of(_AXIS_SET_POINT[0])
+        if not abs(increments) <= _HIGHEST_AXIS:
+            raise ValueError(f"axis position {position} m: 32 bits of the valve's unit are right")
+        self.node.write(*_AXIS_SET_POINT, round(increments))
+
+    def read_axis_position(self) -> float:
+        """Return the position of the axis that the valve measures [m], by SDO."""
+        return self.node.read_integer(*_AXIS_ACTUAL) * self._metres_of(_AXIS_ACTUAL[0])
+
+    def _metres_of(self, index: int) -> float:
+        """Return the length of an increment [m], by unit and prefix of the object.
+
+        Raises:
+            DeviceMismatchError: the object is in no metres.
+        """
+        unit = self.node.read_integer(index, _UNIT)
+        if unit != _METRE:
+            raise DeviceMismatchError(
+                f"{self.node}: {object_name(index, _UNIT)} (unit) is {unit}; 1, metres, is right"
+            )
+        return float(10.0 ** self.node.read_integer(index, _PREFIX))
 
     def send(self) -> None:
         """Send control word and set-point as they are, again."""

@@ -20,13 +20,12 @@ that the other pressure objects have from those of the spool.
 from typing import Final
 
 from hil_bench.canopen_device import abort_codes
-from hil_bench.canopen_device.datatypes import INTEGER8, INTEGER16, UNSIGNED16, UNSIGNED32
+from hil_bench.canopen_device.datatypes import INTEGER16, UNSIGNED16, UNSIGNED32
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
 from hil_bench.devices.profile_objects import locate, optional
 from hil_bench.devices.saturation import saturate
 from hil_bench.errors import EdsError, SdoAbort
 
-SPOOL: Final = 2
 PRESSURE: Final = 4
 PRESSURE_AND_FLOW: Final = 5
 """Values of the control mode 0x6043."""
@@ -43,17 +42,17 @@ class PressureControl:
     """The pressure controller of one valve.
 
     Attributes:
-        mode: 0x6043, which part of the valve has the spool.
         is_active: whether the pressure controller holds back the flow set-point (p/Q).
         sense: 1 where a positive spool raises the pressure, -1 where it lowers it; 0 for a valve
             without a pressure sensor, which has neither mode.
     """
 
-    def __init__(self, od: ObjectDictionary, reference: Variable) -> None:
+    def __init__(self, od: ObjectDictionary, mode: Variable, reference: Variable) -> None:
         """Bind the profile's objects.
 
         Args:
             od: object dictionary of the valve.
+            mode: 0x6043, which part of the valve has the spool.
             reference: the spool's value of 100 %.
 
         Raises:
@@ -66,9 +65,7 @@ class PressureControl:
         self._integral = 0.0
         self._then: int | None = None
         self._spool_reference = reference
-        self.mode = optional(od, 0x6043, 0, INTEGER8, absent=SPOOL)
-        self.mode.add_check(self._check_mode)
-        self.mode.add_hook(self.restart)
+        self._mode = mode
         self._setpoint = optional(od, 0x6380, 1, INTEGER16)
         self._actual = optional(od, 0x6381, 1, INTEGER16)
         self._demand = optional(od, 0x6390, 1, INTEGER16)
@@ -99,11 +96,6 @@ class PressureControl:
         self._span = span
         self.sense = sense
 
-    @property
-    def modes(self) -> tuple[int, ...]:
-        """The control modes that the valve has."""
-        return (SPOOL, PRESSURE, PRESSURE_AND_FLOW) if self.sense else (SPOOL,)
-
     def measure(self, pressure: float) -> None:
         """Take and show what the pressure sensor measures [Pa]; NaN leaves the last value."""
         steps = pressure / self._span * self._reference.value
@@ -111,7 +103,7 @@ class PressureControl:
         if pressure == pressure:  # noqa: PLR0124 - false for NaN only
             self._pressure = pressure / self._span
 
-    def restart(self, _written: int = 0) -> None:
+    def restart(self) -> None:
         """Forget what was integrated."""
         self._integral = 0.0
         self._then = None
@@ -126,14 +118,14 @@ class PressureControl:
         """
         spool_reference: int = self._spool_reference.value
         ceiling, floor = 1.0, -1.0
-        if self.mode.value == PRESSURE_AND_FLOW:
+        if self._mode.value == PRESSURE_AND_FLOW:
             wanted = flow / spool_reference
             # What raises the pressure is held back; what lowers it is not.
             ceiling, floor = (wanted, -1.0) if self.sense > 0 else (1.0, wanted)
         asked = self._follow(self._show_demand(), now, floor, ceiling)
         opening = min(max(asked, floor), ceiling)
         is_flow = opening == (ceiling if self.sense > 0 else floor)
-        self.is_active = self.mode.value == PRESSURE_AND_FLOW and not is_flow
+        self.is_active = self._mode.value == PRESSURE_AND_FLOW and not is_flow
         return saturate(opening * spool_reference, _LOWEST, _HIGHEST, unknown=0)
 
     def _show_demand(self) -> float:
@@ -159,15 +151,6 @@ class PressureControl:
             self._integral += gain * deviation * rate * elapsed
             self._integral = min(max(self._integral, -1.0), 1.0)
         return asked
-
-    def _check_mode(self, mode: int) -> None:
-        """Refuse a mode that this valve does not have.
-
-        Raises:
-            SdoAbort: 0609 0030.
-        """
-        if mode not in self.modes:
-            raise SdoAbort(*abort_codes.VALUE)
 
     def _check_upper(self, limit: int) -> None:
         if limit < self._lower.value:

@@ -13,8 +13,9 @@ the node's services send the EMCY; so is a control deviation that lasts (`deviat
 error code 0x604E shows it until the fault is reset. A reset is not obeyed while the heartbeat or
 the guarding is still missing.
 
-A valve with a pressure sensor has the control modes pressure and p/Q (`pressure_control`): while
-it is ACTIVE and the bus rules, the controller gives the set-point. `dither` moves the spool.
+A valve with a pressure sensor has the control modes pressure and p/Q (`pressure_control`), one with
+a position sensor axis position control (`position_control`): while it is ACTIVE and the bus rules,
+the controller gives the set-point. `dither` moves the spool.
 
 With 0x604F = 1 the local control word and set-point rule (`local_command`). Each change of 0x604F
 leads to INIT.
@@ -33,7 +34,8 @@ from hil_bench.devices.demand_generator import DemandGenerator
 from hil_bench.devices.deviation_monitor import DEVIATION_EMCY, DeviationMonitor
 from hil_bench.devices.dither import Dither
 from hil_bench.devices.local_command import LocalCommand
-from hil_bench.devices.pressure_control import SPOOL, PressureControl
+from hil_bench.devices.position_control import AXIS_DEVIATION_EMCY, POSITION, PositionControl
+from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW, PressureControl
 from hil_bench.devices.profile_objects import TpdoTrigger, locate, optional, required
 from hil_bench.devices.saturation import saturate
 from hil_bench.devices.valve_state_machine import (
@@ -55,6 +57,9 @@ LIMIT_BIT: Final = 1 << 10
 DEVIATION_BIT: Final = 1 << 11
 """Bit of the status word: the control deviation monitoring has tripped."""
 
+SPOOL: Final = 2
+"""Value of the control mode 0x6043: spool position."""
+
 SETPOINT_BY_BUS: Final = 1
 """Value of the device mode 0x6042."""
 
@@ -66,6 +71,9 @@ _SUPERVISION_RESUMED: Final = (NodeEventKind.HEARTBEAT_RESUMED, NodeEventKind.GU
 
 LOCAL_TIMEOUT_EMCY: Final = 0x8100
 """Communication error: the local command's watchdog."""
+
+_HELD: Final = frozenset({ValveState.HOLD, ValveState.FAULT_REACTION, ValveState.FAULT_HOLD})
+"""States in which axis position control holds the axis."""
 
 _NO_CONTROL_WORD: Final = 0
 _LOWEST: Final = -32768
@@ -80,6 +88,7 @@ class ValveDevice:
         full_opening: spool position of 100 % [m].
         local: what commands it while 0x604F is 1.
         pressure_control: what commands it in the control modes pressure and p/Q.
+        position_control: what commands it in the control mode axis position.
         enable_input: whether the input that lets the valve be more than DISABLED is on.
     """
 
@@ -106,7 +115,9 @@ class ValveDevice:
         self._bind_control()
         self._bind_spool()
         self._generator = DemandGenerator(node.object_dictionary, self._reference)
-        self.pressure_control = PressureControl(node.object_dictionary, self._reference)
+        od = node.object_dictionary
+        self.pressure_control = PressureControl(od, self._control_mode, self._reference)
+        self.position_control = PositionControl(od, node.emcy, self._reference)
         self._dither = Dither(node.object_dictionary)
         self._monitor = DeviationMonitor(node.object_dictionary, node.emcy)
         self._status_trigger = TpdoTrigger(node, (0x6041, 0))
@@ -117,6 +128,9 @@ class ValveDevice:
         required(od, 0x6040, 0, UNSIGNED16).add_hook(self._receive_control_word)
         self._status_word = required(od, 0x6041, 0, UNSIGNED16)
         self._mode = optional(od, 0x6042, 0, INTEGER8, UNSIGNED8, absent=SETPOINT_BY_BUS)
+        self._control_mode = optional(od, 0x6043, 0, INTEGER8, absent=SPOOL)
+        self._control_mode.add_check(self._check_control_mode)
+        self._control_mode.add_hook(self._change_control_mode)
         self._error_code = optional(od, 0x604E, 0, UNSIGNED16)
         self._local = optional(od, 0x604F, 0, INTEGER8, UNSIGNED8)
         self._local.add_hook(self._change_control)
@@ -168,6 +182,18 @@ class ValveDevice:
         """Take what the valve's pressure sensor measures [Pa] at `now` [ns]."""
         self.pressure_control.measure(pressure)
 
+    def measure_position(self, position: float, speed: float, now: int) -> None:  # noqa: ARG002
+        """Take what the valve's position sensor measures [m], [m/s] at `now` [ns]."""
+        self.position_control.measure(position, speed)
+
+    @property
+    def modes(self) -> tuple[int, ...]:
+        """The control modes that the valve has, by its sensors."""
+        modes: tuple[int, ...] = (SPOOL,)
+        if self.pressure_control.sense:
+            modes += (PRESSURE, PRESSURE_AND_FLOW)
+        return (*modes, POSITION) if self.position_control.is_fitted else modes
+
     def publish(self, spool_position: float, now: int) -> None:
         """Put the measured spool position and the status word into the object dictionary.
 
@@ -185,6 +211,8 @@ class ValveDevice:
         self._deviation.value = deviation
         if self._monitor.is_on and self._monitor.watch(deviation, now):
             self._fault(DEVIATION_EMCY)
+        if self.position_control.is_closed and self.position_control.watch(now):
+            self._fault(AXIS_DEVIATION_EMCY)
         status = self._present_status()
         if status != self._status_word.value:
             self._status_word.value = status
@@ -207,9 +235,9 @@ class ValveDevice:
             status |= LOCAL_BIT
         if self._generator.ramp.is_running:
             status |= RAMP_BIT
-        if self._generator.is_limited:
+        if self._generator.is_limited or self.position_control.is_limited:
             status |= LIMIT_BIT
-        if self._monitor.has_tripped:
+        if self._monitor.has_tripped or self.position_control.monitor.has_tripped:
             status |= DEVIATION_BIT
         return status
 
@@ -225,11 +253,24 @@ class ValveDevice:
             if self._local.value:
                 return self.local.setpoint
             if self._mode.value == SETPOINT_BY_BUS:
-                if self.pressure_control.mode.value != SPOOL:
-                    return self.pressure_control.control(self._setpoint.value, now)
-                return int(self._setpoint.value)
+                return self._commanded_setpoint(now)
         self.pressure_control.restart()
+        if self._control_mode.value == POSITION and not self._local.value:
+            is_held = self._machine.state in _HELD
+            held = self.position_control.hold(now) if is_held else None
+            if held is not None:
+                return held
+        self.position_control.release()
         return int(self._hold_setpoint.value)
+
+    def _commanded_setpoint(self, now: int) -> int:
+        mode = self._control_mode.value
+        if mode == SPOOL:
+            return int(self._setpoint.value)
+        if mode == POSITION:
+            followed = self.position_control.follow(now)
+            return int(self._hold_setpoint.value) if followed is None else followed
+        return self.pressure_control.control(self._setpoint.value, now)
 
     def receive_local(self, control_word: int | None, setpoint: float | None, now: int) -> None:
         """Take a local command; what is None stays as it is.
@@ -266,7 +307,7 @@ class ValveDevice:
         self._scale(self._reference.value)
         self._generator.restart()
         self._monitor.restart()
-        self.pressure_control.restart()
+        self._change_control_mode()
         self._show_identity()
 
     def _show_identity(self) -> None:
@@ -275,7 +316,20 @@ class ValveDevice:
         if (serial_number := od.find(0x6052)) is not None:
             serial_number.value = f"{od.number(0x1018, 4):08X}"
         if (capability := od.find(0x605F)) is not None:
-            capability.value = sum(1 << mode for mode in self.pressure_control.modes)
+            capability.value = sum(1 << mode for mode in self.modes)
+
+    def _check_control_mode(self, mode: int) -> None:
+        """Refuse a mode that this valve does not have.
+
+        Raises:
+            SdoAbort: 0609 0030.
+        """
+        if mode not in self.modes:
+            raise SdoAbort(*abort_codes.VALUE)
+
+    def _change_control_mode(self, _written: int = 0) -> None:
+        self.pressure_control.restart()
+        self.position_control.release()
 
     def _scale(self, reference: int) -> None:
         self._metres = self.full_opening / reference
@@ -331,6 +385,7 @@ class ValveDevice:
         if had_fault and self._machine.state not in FAULT_STATES:
             self._error_code.value = 0
             self._monitor.restart()
+            self.position_control.monitor.restart()
             self.node.emcy.clear_error(LOCAL_TIMEOUT_EMCY)
 
 

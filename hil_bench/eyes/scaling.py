@@ -55,6 +55,9 @@ _RESOLUTION: Final = 0x6501
 _SPEED_PARAMETERS: Final = 0x6031
 
 _SPOOL: Final = {0x6300, 0x6301, 0x6310, 0x6314, 0x6320, 0x6321, 0x6350}
+_AXIS: Final = {0x6600, 0x6601, 0x6610, 0x6614, 0x6620, 0x6621, 0x6650}
+_METRE: Final = 1
+"""SI unit of an object's sub-index 2, with the power of ten in sub-index 3."""
 _PRESSURE_MODE: Final = {0x6380, 0x6381, 0x6390, 0x6394}
 
 CONTROL_WORD, STATUS_WORD = 0x6040, 0x6041
@@ -137,6 +140,8 @@ def _commanded(objects: ObjectDictionary, index: int) -> Scale | None:
     for indices, reference_object in places:
         if index in indices and (reference := number_in(objects, reference_object, 1)):
             return Scale(100.0 / reference, PERCENT)
+    if index in _AXIS and number_in(objects, index, 2) == _METRE:
+        return Scale(10.0 ** (number_in(objects, index, 3) + 3), MILLIMETRE)
     return None
 
 

@@ -8,8 +8,8 @@ from typing import Final
 from device_profiles import REGISTERS, VALVE_408
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
-from hil_bench.config.values import number, text
-from hil_bench.devices.axis import Drive, Fitting, Measurement
+from hil_bench.config.values import describe, number, text
+from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
 from hil_bench.kinds.kind import require_quantities
@@ -20,6 +20,7 @@ from hil_bench.plants.kind import AxisSettings
 from hil_bench.units import BAR
 
 _PASCAL, _PRESSURE = "Pa", "pressure_source"
+_METRE, _POSITION, _SPEED = "m", "position_source", "speed"
 _COMMANDS, _SHOWS = "spool_setpoint", "spool_position"
 
 
@@ -30,10 +31,12 @@ class ValveConfig(SpoolConfig):
     Attributes:
         pressure_source: the pressure that its own sensor measures; None for a valve without one.
         pressure: what stands for 100 % of pressure, the end of that sensor's range [Pa].
+        position_source: the position that its own sensor measures; None for a valve without one.
     """
 
     pressure_source: str | None
     pressure: float
+    position_source: str | None
 
 
 class ValveKind(SpoolKind[ValveConfig]):
@@ -46,6 +49,7 @@ class ValveKind(SpoolKind[ValveConfig]):
         FULL_OPENING,
         Key(_PRESSURE, text),
         Key("pressure_bar", number(BAR, low=1.0, high=1e4), 250.0, BAR, "pressure"),
+        Key(_POSITION, text),
     )
     registers = REGISTERS / "valve_408.toml"
     has_enable_input = True
@@ -56,10 +60,15 @@ class ValveKind(SpoolKind[ValveConfig]):
         require_quantities(problems.place(table, "axis"), (_COMMANDS, _SHOWS), axis, problems)
         if node[_PRESSURE].value is not None:
             check_pressure(table, _PRESSURE, node, axis, problems)
+        if node[_POSITION].value is not None:
+            _check_position(table, node, axis, problems)
 
     def signals(self, name: str, node: Settings) -> Mapping[str, str]:
-        """Return the pressure of its own sensor."""
-        return {f"{name}.pressure": _PASCAL} if node[_PRESSURE].value is not None else {}
+        """Return what its own sensors measure."""
+        units = {f"{name}.pressure": (_PRESSURE, _PASCAL), f"{name}.position": (_POSITION, _METRE)}
+        return {
+            signal: unit for signal, (key, unit) in units.items() if node[key].value is not None
+        }
 
     def watched(self, config: ValveConfig) -> Mapping[str, str]:
         """Return the spool position."""
@@ -69,21 +78,37 @@ class ValveKind(SpoolKind[ValveConfig]):
         """Build the valve."""
         device = ValveDevice(node, config.full_opening)
         axis = str(config.axis)
-        sensors: tuple[tuple[str, Measurement], ...] = ()
+        kind = surroundings.axes[axis].kind
+        sensors: list[tuple[str, Measurement]] = []
         if config.pressure_source is not None:
-            kind = surroundings.axes[axis].kind
             first = kind.outputs_in(_PASCAL)[0].name  # port A: a positive spool fills it
             sense = 1 if config.pressure_source == first else -1
             device.pressure_control.fit_sensor(config.pressure, sense)
             quantity = kind.by_name[config.pressure_source]
-            sensor = Measurement(device.measure_pressure, quantity, name=f"{config.name}.pressure")
-            sensors = ((axis, sensor),)
+            name = f"{config.name}.pressure"
+            sensors.append((axis, Measurement(device.measure_pressure, quantity, name=name)))
+        if config.position_source is not None:
+            device.position_control.is_fitted = True
+            quantity, speed = kind.by_name[config.position_source], kind.by_name[_SPEED]
+            name = f"{config.name}.position"
+            rate = Rate(_SPEED, speed, ())
+            sensor = Measurement(device.measure_position, quantity, name=name, rate=rate)
+            sensors.append((axis, sensor))
         return Fitting(
             drives=(Drive(config.name, axis, device, device),),
-            sensors=sensors,
+            sensors=tuple(sensors),
             registers=partial(valve_quantities, device),
             state=lambda: device.state.value,
         )
+
+
+def _check_position(table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
+    source = node[_POSITION].value
+    known = [quantity.name for quantity in axis.kind.outputs_in(_METRE)]
+    if source not in known or _SPEED not in axis.kind.by_name:
+        names = ", ".join(f'"{name}"' for name in known)
+        right = f"give {names}" if names else f"a {axis.kind.name} has no position"
+        problems.add(problems.place(table, _POSITION), f"{describe(source)} is unknown; {right}")
 
 
 VALVE: Final = ValveKind()

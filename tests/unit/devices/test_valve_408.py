@@ -208,7 +208,8 @@ def test_setpoints_beyond_100_percent_need_wider_limits(active):
         (0x6042, 0, 3, 1, 0x06090031),
         (0x6043, 0, 1, 1, 0x06090032),  # spool position open loop
         (0x6043, 0, 4, 1, 0x06090030),  # pressure, without a sensor
-        (0x6043, 0, 9, 1, 0x06090031),  # axis position control
+        (0x6043, 0, 9, 1, 0x06090030),  # axis position, without a sensor
+        (0x6043, 0, 10, 1, 0x06090031),
         (0x604F, 0, 2, 1, 0x06090031),
         (0x6041, 0, 0, 2, 0x06010002),
         (0x6301, 1, 0, 2, 0x06010002),

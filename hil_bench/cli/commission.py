@@ -1,9 +1,8 @@
 """`hil-bench commission`: a plan's steps on an axis, its report and its recording."""
 
 import argparse
-import contextlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -32,6 +31,7 @@ from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.work_recording import recorded_work
 from hil_bench.cli.work_side import (
     ShownRows,
     add_work_arguments,
@@ -56,11 +56,6 @@ from hil_bench.machine.commissioning.session import (
     recorded_channels,
 )
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.outside.recording.formats import Heading
-from hil_bench.outside.recording.inline_recorder import InlineRecorder, RecordingSink
-from hil_bench.outside.recording.network_tap import NetworkTap
-from hil_bench.outside.recording.recorder import RecordingPlan
-from hil_bench.outside.recording.recorder_process import RecorderProcess
 from hil_bench.outside.recording.report import RecordingReport
 
 _EXAMPLES = """\
@@ -206,7 +201,9 @@ def _commission(
         ),
     )
     with (
-        _recording(args, opened, _channels(plan, config)) as (recording, origin),
+        recorded_work(
+            _recording_path(args), opened, _channels(plan, config), f"commissioning by {args.plan}"
+        ) as (recording, origin),
         interrupted_once(),
     ):
         found = commission(
@@ -224,30 +221,6 @@ def _commission(
 
 def _channels(plan: CommissioningPlan, config: BenchConfig) -> Sequence[Channel]:
     return recorded_channels(choose_axis(plan, config).name)
-
-
-@contextlib.contextmanager
-def _recording(
-    args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel]
-) -> Iterator[tuple[RecordingSink, float]]:
-    """Record samples and frames: by another process where time does not wait for us.
-
-    Yields:
-        What takes the samples, and its time 0 on the network's clock [s].
-    """
-    is_real_time = opened.virtual is None and not opened.is_lockstep
-    started = datetime.now(UTC) if is_real_time else None
-    heading = Heading(f"hil-bench {__version__}, commissioning by {args.plan}", started)
-    plan = RecordingPlan((_recording_path(args),), tuple(channels), heading=heading)
-    recording = RecorderProcess(plan) if is_real_time else InlineRecorder(plan)
-    recording.start()
-    tap = NetworkTap(recording, opened.network.now)
-    opened.network.observe = tap.observe
-    try:
-        yield recording, tap.origin
-    finally:
-        opened.network.observe = None
-        recording.stop()
 
 
 def _recording_path(args: argparse.Namespace) -> Path:

@@ -5,25 +5,39 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.identify_design import (
+    Question,
+    add_design_arguments,
+    check_design_arguments,
+    find_design,
+    write_design,
+)
 from hil_bench.cli.results import add_json_argument
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.kinds.motion_sensor import MotionConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
-from hil_bench.machine.identification.choice import choose, find_sensors, with_hysteresis
+from hil_bench.machine.design.knowledge import Knowledge, read_knowledge
+from hil_bench.machine.design.report import design_to_json, summarise_design
+from hil_bench.machine.identification.choice import (
+    Choice,
+    choose,
+    find_sensors,
+    with_hysteresis,
+)
 from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord, join_records
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.machine.identification.signs import settle_signs
-from hil_bench.machine.identification.unknowns import Sensors
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.foreign_table import read_columns
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -36,6 +50,8 @@ examples:
   hil-bench identify slow.csv fast.csv bench.toml --columns rig.toml
   hil-bench identify a.csv bench.toml --map "t=time:s" --map "s=position:mm" \\
       --map "p1=P_A:bar" --map "U=spool_setpoint:V"
+  hil-bench identify --design bench.toml --plan plan.toml
+  hil-bench identify --design run.mf4 bench.toml
 """
 
 
@@ -51,7 +67,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument(
         "files",
-        nargs="+",
+        nargs="*",
         type=Path,
         metavar="RECORDING",
         help="signals: .csv, .mf4 or .mat; several are fitted together. A bench.toml among them "
@@ -87,6 +103,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="N",
         help="number of starts of the search (default: 24)",
     )
+    add_design_arguments(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 
@@ -101,7 +118,9 @@ def run(args: argparse.Namespace) -> int:
         require_extra(package, "hil-bench identify")
     if not 1 <= args.starts <= 10_000:
         raise ConfigError(f"--starts {args.starts}: give 1 to 10000")
-    recordings, config = _sort_files(args.files)
+    check_design_arguments(args)
+    files = _sort_files(args.files, is_design=args.design)
+    config = load_config(str(files.bench) if files.bench else None)
     axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
@@ -110,36 +129,97 @@ def run(args: argparse.Namespace) -> int:
     sensors = find_sensors(*chains)
     settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
     choice = choose(settings, sensors, args.fix, args.free)
-    record = _read_records(args, recordings, axis, config.full_scale(axis))
-    record = with_hysteresis(record, *chains)
+    asked = Question(config, files.bench, axis, choice.names, sensors, chains, None)
+    if files.recordings:
+        found = _fit(args, asked, choice, files.recordings)
+        asked = asked._replace(knowledge=Knowledge.of(found))
+        is_right = is_explained(found)
+    else:
+        found, is_right = None, True
+        if files.result is not None:
+            asked = asked._replace(knowledge=read_knowledge(files.result))
+    _finish(args, found, asked, files.recordings, has_design=args.design and is_right)
+    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+class Files(NamedTuple):
+    """What the command line names.
+
+    Attributes:
+        recordings: of the machine.
+        bench: what is known of it; None for the built-in bench.
+        result: of an identification, as JSON; None for none.
+    """
+
+    recordings: list[Path]
+    bench: Path | None
+    result: Path | None
+
+
+def _fit(
+    args: argparse.Namespace, asked: Question, choice: Choice, recordings: Sequence[Path]
+) -> Identification:
+    """Return what recordings tell.
+
+    Raises:
+        ConfigError: they cannot serve, or tell nothing.
+    """
+    record = _read_records(args, recordings, asked.axis, asked.config.full_scale(asked.axis))
+    record = with_hysteresis(record, *asked.chains)
     held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
     record = replace(record, notes=(*record.notes, *held))
     try:
-        found = _identify(args, config, record, (axis, choice.names, sensors))
+        return _identify(args, asked, record)
     except ConfigError as error:
         raise ConfigError(f"{_names(recordings)}: {error}") from None
-    files = _write(args.output, found, ", ".join(path.name for path in recordings))
+
+
+def _finish(
+    args: argparse.Namespace,
+    found: Identification | None,
+    asked: Question,
+    recordings: Sequence[Path],
+    *,
+    has_design: bool,
+) -> None:
+    """Write and print what was found, and the design where one is wanted."""
+    texts: list[str] = []
+    content: dict[str, Any] = {}
+    files: list[Path] = []
+    if found is not None:
+        files += _write(args.output, found, ", ".join(path.name for path in recordings))
+        texts += [summarise(found), ""]
+        content |= to_json(found)
+    if has_design:
+        design, notes = find_design(args, asked)
+        files += write_design(args.output, design, asked, args.plan)
+        texts += [summarise_design(design, notes), ""]
+        content["design"] = design_to_json(design)
+    elif args.design:
+        texts += ["no manoeuvre was designed, since the model does not explain the record", ""]
     if args.json:
-        content = {**to_json(found), "files": [str(path) for path in files]}
-        print(json.dumps(content, indent=2))
+        print(json.dumps({**content, "files": [str(path) for path in files]}, indent=2))
     elif not args.quiet:
-        print("\n".join([summarise(found), "", *(f"wrote {path}" for path in files)]))
-    return ExitCode.DONE if is_explained(found) else ExitCode.CHECK_FAILED
+        print("\n".join([*texts, *(f"wrote {path}" for path in files)]))
 
 
-def _sort_files(files: Sequence[Path]) -> tuple[list[Path], BenchConfig]:
-    """Return the recordings, and the bench that the one file of TOML describes.
+def _sort_files(files: Sequence[Path], *, is_design: bool) -> Files:
+    """Return the files by what they are.
 
     Raises:
-        ConfigError: there is no recording, or more than one bench.
+        ConfigError: there is no recording, or more than one bench, or a result beside a recording.
     """
     benches = [path for path in files if path.suffix.lower() == ".toml"]
-    recordings = [path for path in files if path not in benches]
-    if not recordings:
-        raise ConfigError(f"{_names(files)}: is no recording; give .csv, .mf4 or .mat too")
+    results = [path for path in files if path.suffix.lower() == ".json"]
+    recordings = [path for path in files if path not in {*benches, *results}]
+    if not recordings and not is_design:
+        named = f"{_names(files)}: is no recording; " if files else ""
+        raise ConfigError(f"{named}give .csv, .mf4 or .mat too")
     if len(benches) > 1:
         raise ConfigError(f"{_names(benches)}: give one bench.toml")
-    return recordings, load_config(str(benches[0]) if benches else None)
+    if results and (len(results) > 1 or recordings or not is_design):
+        raise ConfigError(f"{_names(results)}: give one result, with --design, and no recording")
+    return Files(recordings, benches[0] if benches else None, results[0] if results else None)
 
 
 def _read_records(
@@ -197,15 +277,9 @@ def _names(paths: Sequence[Path]) -> str:
     return ", ".join(map(str, paths))
 
 
-def _identify(
-    args: argparse.Namespace,
-    config: BenchConfig,
-    record: AxisRecord,
-    sought: tuple[CylinderConfig, Sequence[str], Sensors],
-) -> Identification:
+def _identify(args: argparse.Namespace, asked: Question, record: AxisRecord) -> Identification:
     from tqdm import tqdm  # noqa: PLC0415 - an extra
 
-    axis, names, sensors = sought
     # How long a fit takes shows only when it has converged, so the bar counts without an end.
     with tqdm(unit=" steps", disable=True if args.quiet else None) as bar:
 
@@ -215,13 +289,13 @@ def _identify(
 
         return identify(
             record,
-            axis.parameters,
-            axis.options,
-            step=config.dt,
-            names=names,
-            sensors=sensors,
+            asked.axis.parameters,
+            asked.axis.options,
+            step=asked.config.dt,
+            names=asked.names,
+            sensors=asked.sensors,
             starts=args.starts,
-            seed=config.seed,
+            seed=asked.config.seed,
             report=report,
         )
 

@@ -83,6 +83,13 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder for the devices' settings until they are restored (default: %(default)s)",
     )
+    group.add_argument(
+        "--record",
+        type=Path,
+        metavar="FILE",
+        help="record what the drivers tell while the scenario plays; the suffix gives the format: "
+        ".mf4 signals and frames, .csv signals",
+    )
     parser.set_defaults(virtual=False, on=None, lockstep=False, config=None)
 
 
@@ -95,6 +102,11 @@ def is_on_machine(args: argparse.Namespace) -> bool:
     has_bus = "interface" in args or "channel" in args
     if not has_bus and args.plan is not None:
         raise ConfigError("--plan: belongs to a machine; give its bus with -i and -c")
+    if not has_bus and args.record is not None:
+        right = "hil-bench run --scenario records a virtual bench"
+        raise ConfigError(f"--record: belongs to a machine; {right}")
+    if args.record is not None and args.record.suffix.lower() not in {".mf4", ".csv"}:
+        raise ConfigError(f"--record {args.record}: give a file name that ends in .mf4 or .csv")
     if has_bus and args.plan is None:
         raise ConfigError("-i, -c: a machine needs limits; give --plan PLAN.toml of commission")
     if has_bus and (args.seed is not None or args.stop_at_failure or args.report):

@@ -1,9 +1,12 @@
 """`hil-bench test` on a machine: the same files, guarded and with a dead man as `commission` is."""
 
 import argparse
+import contextlib
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.commission_settings import open_journal, print_returned, restore_command
@@ -17,8 +20,10 @@ from hil_bench.cli.machine_side import (
     load_machine,
     prepare_all,
 )
+from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import is_silent
 from hil_bench.cli.scenario_view import show_results
+from hil_bench.cli.work_recording import recorded_work
 from hil_bench.cli.work_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.guard import LimitError
@@ -26,13 +31,28 @@ from hil_bench.machine.commissioning.journal import SettingsJournal
 from hil_bench.machine.commissioning.procedure import Procedure, communication
 from hil_bench.machine.commissioning.rig import Rig
 from hil_bench.machine.commissioning.session import recorded_channels
-from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.channels import Channel, Recording
+from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.scenario.recorded import judge_trace
 from hil_bench.scenario.results import ScenarioResult
 from hil_drivers import BusLostError, DriverError
 
 _NOT_RUN = "not run: an earlier scenario was stopped"
+
+
+class Samples(NamedTuple):
+    """Where the samples go.
+
+    Attributes:
+        view: what people see.
+        rows: takes each sample.
+        origin: its time 0 on the network's clock [s].
+    """
+
+    view: WorkView
+    rows: ShownRows
+    origin: float
 
 
 def play_on_machine(
@@ -53,11 +73,16 @@ def play_on_machine(
             raise ConfigError("motion was not confirmed; nothing was moved")
         title, axis = f"{', '.join(map(str, paths))} on {opened.description}", machine.axis.name
         results: list[ScenarioResult] = []
-        with watched_work(args, "test", title, recorded_channels(axis)) as view:
+        channels = recorded_channels(axis)
+        with (
+            watched_work(args, "test", title, channels) as view,
+            _recorded(args, opened, channels) as (recording, origin),
+        ):
+            samples = Samples(view, ShownRows(recording, view), origin)
             if view.is_watched and opened.virtual is not None:
                 hold_to_real_time(opened.virtual.session)
             show_results(view, results, len(chosen))
-            for result in play_all(args, opened, machine, chosen, journal, view):
+            for result in play_all(args, opened, machine, chosen, journal, samples):
                 results.append(result)
                 show_results(view, results, len(chosen))
         return results
@@ -69,7 +94,7 @@ def play_all(
     machine: Machine,
     chosen: Sequence[MachineScenario],
     journal: SettingsJournal,
-    view: WorkView,
+    samples: Samples,
 ) -> Iterator[ScenarioResult]:
     """Play scenarios one after the other; behind one that was stopped nothing moves any more.
 
@@ -77,12 +102,11 @@ def play_all(
         What came of each.
     """
     is_stopped = False
-    origin = opened.network.now()
     for each in chosen:
         if is_stopped:
             yield _result(machine, each, problem=_NOT_RUN)
             continue
-        view.show(
+        samples.view.show(
             now=str(each.scenario.path),
             detail=limits_text(machine.limits),
             limits=limits_by_channel(machine.axis.name, machine.limits),
@@ -91,8 +115,8 @@ def play_all(
             opened.network,
             machine.members,
             period=machine.plan.period,
-            recording=ShownRows(None, view),
-            origin=origin,
+            recording=samples.rows,
+            origin=samples.origin,
             journal=journal,
         )
         try:
@@ -102,6 +126,25 @@ def play_all(
             print_returned(returned, restore_command(args), is_quiet=is_silent(args))
         is_stopped = bool(result.problem)
         yield result
+
+
+@contextlib.contextmanager
+def _recorded(
+    args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel]
+) -> Iterator[tuple[RecordingSink | None, float]]:
+    """Record where --record says so.
+
+    Yields:
+        What takes the samples, and time 0 on the network's clock [s].
+    """
+    if args.record is None:
+        yield None, opened.network.now()
+        return
+    with recorded_work(args.record, opened, channels, "test on a machine") as (recording, origin):
+        yield recording, origin
+    lines = report_lines(recording.report)
+    if lines and not is_silent(args):
+        print("\n".join(lines), file=sys.stderr)
 
 
 def _play(opened: OpenNetwork, machine: Machine, each: MachineScenario, rig: Rig) -> ScenarioResult:

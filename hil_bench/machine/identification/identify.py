@@ -61,6 +61,7 @@ class Identification:
         offsets: errors of the pressure sensors in each recording, shape (recordings, 2) [Pa].
         offset_deviations: their standard deviations, of the same shape [Pa].
         estimates: one a sought parameter.
+        correlations: of the errors of the estimates, shape (estimates, estimates).
         residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,);
             not a number where no recording has the signal.
         is_reached: whether the fit has ended at an optimum.
@@ -78,6 +79,7 @@ class Identification:
     offsets: Values
     offset_deviations: Values
     estimates: tuple[Estimate, ...]
+    correlations: Values
     residual: Values
     is_reached: bool
     is_white: bool
@@ -150,6 +152,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         offsets=guess.offsets,
         offset_deviations=_deviations(found.unknowns, found.fit)[len(sought) :].reshape(-1, 2),
         estimates=tuple(estimates),
+        correlations=_correlations(found.unknowns, found.fit, names),
         residual=found.fit.residual,
         is_reached=found.fit.optimum.is_reached,
         is_white=found.fit.is_white,
@@ -214,22 +217,26 @@ def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
     return reach > parameters.alpha + parameters.beta
 
 
+def _covariance(unknowns: Unknowns, fit: Fit) -> Values:
+    """Return the covariance of all parameters and offsets in SI units."""
+    slopes = unknowns.slopes_si(fit.variables)
+    return np.asarray(slopes @ fit.covariance @ slopes.T)
+
+
 def _deviations(unknowns: Unknowns, fit: Fit) -> Values:
     """Return the standard deviation of each parameter and offset in SI units."""
-    step = 1e-6
-    slopes = np.array(
-        [
-            (_si(unknowns, fit.variables + shift) - _si(unknowns, fit.variables)) / step
-            for shift in step * np.eye(len(fit.variables))
-        ]
-    ).T
-    return np.asarray(np.sqrt(np.diag(slopes @ fit.covariance @ slopes.T)))
+    return np.asarray(np.sqrt(np.diag(_covariance(unknowns, fit))))
 
 
-def _si(unknowns: Unknowns, variables: Values) -> Values:
-    guess = unknowns.guess(variables)
-    values = [guess.value(name) for name in unknowns.names]
-    return np.array([*values, *guess.offsets.reshape(-1)])
+def _correlations(unknowns: Unknowns, fit: Fit, names: Sequence[str]) -> Values:
+    """Return the correlations of the sought parameters; those of the spool alone have none."""
+    covariance = _covariance(unknowns, fit)
+    deviations = np.sqrt(np.diag(covariance))
+    known = covariance / np.outer(deviations, deviations)
+    correlations = np.eye(len(names))
+    places = [names.index(name) for name in unknowns.names]
+    correlations[np.ix_(places, places)] = known[: len(places), : len(places)]
+    return correlations
 
 
 def _estimates(

@@ -28,7 +28,9 @@ _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not se
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
 _LEAST_STRETCH = 0.3  # [s] between two gaps: what is shorter does not serve
 _SETTLED = 20  # rows until the spool has forgotten where it stood at the start of a stretch
-_FITTED = 0.8  # of each stretch; the rest is for the trial
+FITTED_SHARE = 0.8
+"""Share of each stretch that is fitted; the rest is for the trial."""
+
 _ORDER = 8  # of the differences that show noise
 _BLOCK = 32  # rows over which their power is averaged
 _QUIET = 0.1  # of these blocks
@@ -347,7 +349,7 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
 
 
 def _split(rows: range) -> int:
-    return rows.start + int(_FITTED * len(rows))
+    return rows.start + int(FITTED_SHARE * len(rows))
 
 
 def _check_finite(recording: Recording, names: list[str]) -> None:

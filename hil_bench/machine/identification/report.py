@@ -113,7 +113,9 @@ def to_json(found: Identification) -> dict[str, Any]:
         "parameters": {
             _key(estimate).name: _entry(estimate, found) for estimate in found.estimates
         },
+        "correlations": found.correlations.tolist(),
         "noise": _by_signal(found.record.noise),
+        "has_spool_position": found.record.spool is not None,
         "trial_residual": _by_signal(trial.residual),
     }
 

@@ -199,6 +199,17 @@ class Unknowns:
         offsets = guess.offsets.reshape(-1) / _OFFSET_SCALE
         return np.asarray(np.clip([*variables, *offsets], lowest, highest))
 
+    def slopes_si(self, variables: Values) -> Values:
+        """Return the slopes of parameters and offsets [SI] by the free variables, square."""
+        step = 1e-6
+        here = self._si(variables)
+        moved = [self._si(variables + shift) for shift in step * np.eye(len(variables))]
+        return np.asarray((np.array(moved) - here).T / step)
+
+    def _si(self, variables: Values) -> Values:
+        guess = self.guess(variables)
+        return np.array([*map(guess.value, self.names), *guess.offsets.reshape(-1)])
+
     def _variable(self, name: str, guess: Guess) -> float:
         if name == "F_s":
             return _excess(guess.parameters)

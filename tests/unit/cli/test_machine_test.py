@@ -11,6 +11,7 @@ from hil_bench.cli import machine_test, main
 from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.on_machine import SetPoints, lay_samples
 from hil_bench.scenario.resolve import SetAction
 from hil_bench.session.virtual_bench import VirtualBench
@@ -233,3 +234,27 @@ def test_a_sample_that_was_left_out_is_unknown():
     samples = np.array([(0.0001, 1.0), (0.0024, 2.0), (0.0081, 5.0), (0.0121, 7.0)], dtype=dtype)
     trace = lay_samples(samples, {"axis1.speed": "speed"}, 6, 0.002)
     np.testing.assert_equal(trace.columns["axis1.speed"], [1, 2, np.nan, np.nan, 5, np.nan])
+
+
+def test_what_the_drivers_tell_is_recorded_with_the_set_points(machine, tmp_path):
+    path = tmp_path / "run.csv"
+    assert (
+        machine.test(
+            MOVE + STOP + expect("always axis1.P_A < 250 bar"),
+            words=("--yes", "--record", str(path)),
+        )
+        == 0
+    )
+    recording = read_recording(path)
+    # A row each 2 ms of 0.8 s; the valve is open from 0.1 s to 0.5 s.
+    assert len(recording) == pytest.approx(401, abs=2)
+    is_open = recording["axis1.spool_setpoint"] > 0.5
+    assert np.count_nonzero(is_open) * 2e-3 == pytest.approx(0.4, abs=0.004)
+    assert np.ptp(recording["axis1.position"]) > 0.02
+
+
+def test_a_recording_without_a_machine_is_refused(tmp_path, capsys):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(HEAD + expect("always axis1.P_A < 250 bar"))
+    assert main(["test", str(path), "--record", "run.csv"]) == ExitCode.USAGE
+    assert "run --scenario records a virtual bench" in capsys.readouterr().err

@@ -56,6 +56,7 @@ def make(residual: float = 0.9, pressure: float = 1.0) -> Identification:
         offsets=np.array([[2e4, 100.0]]),
         offset_deviations=np.array([[300.0, 300.0]]),
         estimates=ESTIMATES,
+        correlations=np.eye(len(ESTIMATES)),
         residual=np.array([1.01, 1.0, 1.0]),
         is_reached=True,
         is_white=True,

@@ -1,0 +1,1 @@
+"""Which manoeuvre would tell more of a machine: candidates, what each would tell, a scenario."""

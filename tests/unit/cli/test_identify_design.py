@@ -1,0 +1,134 @@
+"""`hil-bench identify --design`: the scenario that it writes, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil_bench.cli import main
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.run import play, prepare
+
+# A coarse step, which makes this quick.
+BENCH = """
+[bench]
+tick_us = 2000
+step_us = 500
+
+[nodes.valve]
+profile = "valve_408"
+node_id = 1
+
+[nodes.pressure_a]
+profile = "pressure_404"
+node_id = 2
+source = "P_A"
+chain.noise_rms_bar = 0.04
+
+[nodes.pressure_b]
+profile = "pressure_404"
+node_id = 3
+source = "P_B"
+
+[nodes.position]
+profile = "encoder_406"
+node_id = 4
+chain.noise_rms_um = 3.0
+"""
+PLAN = """[plan]
+period_ms = 2
+[limits]
+position_mm = [-60, 60]
+speed_mm_s = 200
+pressure_bar = [-1, 120]
+[communication]
+"""
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    path = tmp_path / "plan.toml"
+    path.write_text(PLAN, encoding="utf-8")
+    return path
+
+
+@pytest.mark.slow
+def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
+    bench: Path, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--plan", plan, "--output", tmp_path / "out", "--duration", 6, "--json"]
+    sought = ["--fix", "bulk_modulus_mpa", "stribeck_velocity_mm_s", "static_friction_n"]
+
+    assert main(["identify", "--design", *map(str, (bench, *words)), *sought]) == 0
+
+    found = json.loads(capsys.readouterr().out)
+    path = tmp_path / "out" / "design.scenario.toml"
+    assert str(path) in found["files"]
+    scenario = load_scenario(path)
+    assert scenario.bench == "../bench.toml"
+    result = play(prepare(scenario))
+    # The machine is the twin here, so that all limits hold.
+    assert [each.judgement.outcome for each in result.findings] == ["passed"] * 4
+    assert {each.requirement.id for each in result.findings} == {
+        "position",
+        "speed",
+        "pressure A",
+        "pressure B",
+    }
+    assert "moving_mass_kg" in found["design"]["parameters"]
+    assert "bulk_modulus_mpa" not in found["design"]["parameters"]
+    times = np.loadtxt(path.parent / "design.csv", delimiter=",", skiprows=1)[:, 0]
+    assert 5.0 < times[-1] < 6.5
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    assert main(["identify", *map(str, arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_options_of_a_design_without_one_are_refused(
+    bench: Path, plan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "--plan: belongs to --design" in refusal(capsys, "x.csv", bench, "--plan", plan)
+    assert "--duration: belongs to --design" in refusal(capsys, "x.csv", bench, "--duration", 9)
+
+
+@pytest.mark.parametrize("duration", ["0", "1", "nan", "1e9"])
+def test_a_senseless_duration_is_refused(
+    bench: Path, duration: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "give 2 to 600" in refusal(capsys, "--design", bench, "--duration", duration)
+
+
+def test_without_a_design_a_recording_is_needed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "give .csv, .mf4 or .mat" in refusal(capsys)
+
+
+def test_a_result_goes_with_a_design_alone(
+    bench: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = tmp_path / "found.json"
+    result.write_text("{}", encoding="utf-8")
+
+    assert "give one result, with --design" in refusal(capsys, result, "run.csv", bench)
+    assert "is no result" in refusal(capsys, "--design", result, bench)
+
+
+def test_an_axis_without_its_devices_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bare.toml"
+    path.write_text('[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n', encoding="utf-8")
+
+    assert "axis1: no node is its encoder_406" in refusal(
+        capsys, "--design", path, "--output", tmp_path / "o"
+    )

@@ -9,10 +9,11 @@
 
 They know the devices by their EDS files only, talk to them through the `canopen` library over any
 python-can bus, use SI units, and run in the caller's thread. `hil_drivers.modbus` has the same
-devices on Modbus.
+devices on Modbus, `hil_drivers.j1939` those of SAE J1939.
 """
 
 from hil_drivers.errors import (
+    AddressClaimError,
     BusLostError,
     ConciseDcfError,
     DeviceFaultError,
@@ -24,6 +25,7 @@ from hil_drivers.errors import (
     ProgramError,
     RegisterMapError,
     RemoteProtocolError,
+    RequestRefusedError,
     SdoAbortError,
     StaleValueError,
 )
@@ -44,6 +46,7 @@ from hil_drivers.valve import ControlMode, ProportionalValve
 from hil_drivers.valve_state import ValveState
 
 __all__ = [
+    "AddressClaimError",
     "BusLostError",
     "ConciseDcfError",
     "ControlMode",
@@ -68,6 +71,7 @@ __all__ = [
     "Reading",
     "RegisterMapError",
     "RemoteProtocolError",
+    "RequestRefusedError",
     "RotarySensor",
     "SdoAbortError",
     "StaleValueError",

@@ -11,6 +11,8 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── RegisterMapError (ValueError)       a register map cannot be read
      ├── SdoAbortError                       the device refused an access, and said why
      ├── ModbusExceptionError                the same on Modbus
+     ├── RequestRefusedError                 the same on J1939
+     ├── AddressClaimError                   we have no address on J1939, or lost it
      ├── ProgramError                        a device says that a program is wrong
      ├── RemoteProtocolError                 the device broke the protocol
      ├── DeviceFaultError                    the valve is in a fault state, or left ACTIVE
@@ -93,6 +95,14 @@ class ModbusExceptionError(DriverError):
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
         self.code = code
+
+
+class RequestRefusedError(DriverError):
+    """A J1939 device refused a request for a parameter group."""
+
+
+class AddressClaimError(DriverError):
+    """We have no source address on J1939: none was claimed, or another device has it."""
 
 
 class RemoteProtocolError(DriverError):

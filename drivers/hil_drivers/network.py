@@ -27,6 +27,9 @@ RESOLUTION = 1e-6
 CONTROLLER_ID = 127
 """Node-ID under which a controller sends its heartbeat, unless it says otherwise."""
 
+Service = Callable[[float], float]
+"""Does what is due at a time [s], and returns when to be called next."""
+
 HEARTBEAT_PERIOD = 0.05
 """Time between two of its heartbeats, likewise [s]."""
 
@@ -44,7 +47,8 @@ class ReceiveCounters:
 
     Attributes:
         received: all frames.
-        ignored: remote, error, CAN FD and 29-bit frames: CANopen devices send none of them.
+        ignored: remote, error and CAN FD frames, and 29-bit ones that nobody takes: CANopen devices
+            send none of them.
         unknown: frames that nobody here listens to.
         malformed: frames of a device of ours whose length or contents are wrong.
     """
@@ -80,6 +84,8 @@ class Network:
         nodes: node-ID to node.
         heartbeat_node_id: node-ID under which we send heartbeats, None while we do not.
         heartbeat_state: NMT state that they tell.
+        take_extended: takes frames with a 29-bit identifier and their time of reception [s]; None
+            counts them as ignored. `hil_drivers.j1939` puts itself here.
         observe: told each frame, received (its `is_rx` says so) or sent; None for nobody.
     """
 
@@ -90,7 +96,9 @@ class Network:
         self.heartbeat_node_id: int | None = None
         self.heartbeat_state = NmtState.OPERATIONAL
         self.observe: Callable[[can.Message], None] | None = None
+        self.take_extended: Callable[[can.Message, float], bool] | None = None
         self._clock = clock
+        self._services: list[Service] = []
         self._handlers: dict[int, tuple[Handler, ...]] = {}
         self._canopen = _SendingNetwork(self.send)
         self._sync = can.Message(arbitration_id=_SYNC_COB_ID, is_extended_id=False)
@@ -146,6 +154,19 @@ class Network:
     def send(self, cob_id: int, data: bytes) -> None:
         """Send one frame."""
         self._send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def send_extended(self, can_id: int, data: bytes) -> None:
+        """Send one frame with a 29-bit identifier."""
+        self._send(can.Message(arbitration_id=can_id, data=data, is_extended_id=True))
+
+    def add_service(self, service: Service) -> None:
+        """Have something done at its times, while the caller waits."""
+        self._services.append(service)
+
+    def remove_service(self, service: Service) -> None:
+        """Have it done no more; nothing happens where it is not done."""
+        if service in self._services:
+            self._services.remove(service)
 
     def request(self, cob_id: int, length: int) -> None:
         """Send one remote frame, which asks for a frame of that length."""
@@ -261,6 +282,8 @@ class Network:
     def close(self) -> None:
         """End our heartbeat and listen no longer; the bus stays open."""
         self.stop_heartbeat()
+        self._services.clear()
+        self.take_extended = None
         self._handlers.clear()
 
     def _reset(self, command: int, node_id: int, timeout: float) -> None:
@@ -298,6 +321,9 @@ class Network:
         """Wait at most `timeout` seconds for one frame and hand it on; False if none came."""
         if self.heartbeat_node_id is not None:
             timeout = self._serve_heartbeat(self.heartbeat_node_id, timeout)
+        for service in self._services:
+            now = self._clock() + RESOLUTION  # what is due within it is due
+            timeout = min(timeout, max(service(now) - now, RESOLUTION))
         try:
             message = self.bus.recv(timeout)
         except (can.CanError, OSError) as error:
@@ -312,13 +338,11 @@ class Network:
         counters.received += 1
         if self.observe is not None:
             self.observe(message)
-        if (
-            message.is_extended_id
-            or message.is_remote_frame
-            or message.is_error_frame
-            or message.is_fd
-        ):
+        if message.is_remote_frame or message.is_error_frame or message.is_fd:
             counters.ignored += 1
+            return
+        if message.is_extended_id:
+            self._dispatch_extended(message)
             return
         handlers = self._handlers.get(message.arbitration_id)
         if handlers is None:
@@ -328,6 +352,12 @@ class Network:
         for handle in handlers:
             if not handle(data, now):
                 counters.malformed += 1
+
+    def _dispatch_extended(self, message: can.Message) -> None:
+        if self.take_extended is None:
+            self.counters.ignored += 1
+        elif not self.take_extended(message, self._clock()):
+            self.counters.malformed += 1
 
     def _serve_heartbeat(self, node_id: int, timeout: float) -> float:
         """Send the heartbeat if it is due, and return how long [s] we may wait until the next."""

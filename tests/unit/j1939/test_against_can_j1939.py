@@ -1,14 +1,12 @@
-"""`can-j1939` 2.0.12 (MIT) on the other side of the bus, in virtual time.
-
-Its thread is not started: the test calls what the thread would, and its clock is the bench's.
-"""
+"""`can-j1939` on the other side of the bus of the bench's J1939 devices, in virtual time."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import j1939
 import pytest
-from j1939 import controller_application, electronic_control_unit, j1939_21
+from j1939 import controller_application
+from support.can_j1939 import Clock, TheirEcu
 from support.j1939_bus import MILLISECOND, collect, make_ecu
 
 from hil_bench.canopen_device.frame import Frame
@@ -19,31 +17,6 @@ from hil_bench.devices.j1939.name import Name
 OURS, THEIRS = 100, 101
 PROPRIETARY_A, PROPRIETARY_B = 0xEF00, 0xFF20
 MESSAGE = bytes(number % 251 for number in range(1785))
-
-
-class Clock:
-    """The time of the bench, where the library asks for the wall clock."""
-
-    def __init__(self) -> None:
-        self.now = 0
-
-    def time(self) -> float:
-        return self.now * 1e-9
-
-
-class TheirEcu(j1939.ElectronicControlUnit):  # type: ignore[misc]
-    """Their ECU without its thread."""
-
-    def _async_job_thread(self) -> None:
-        """Do nothing: `work` does what is due."""
-
-    def work(self, now: float) -> None:
-        self.j1939_dll.async_job_thread(now)
-        for event in list(self._timer_events):
-            if event["deadline"] <= now:
-                self._timer_events.remove(event)
-                if event["callback"](event["cookie"]):
-                    self._timer_events.append(event | {"deadline": now + event["delta_time"]})
 
 
 class Pair:
@@ -82,10 +55,7 @@ class Pair:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    for module in (electronic_control_unit, j1939_21):
-        monkeypatch.setattr(module, "time", clock)
-    return clock
+    return Clock(monkeypatch)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import gc
 import logging
 import os
+import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -28,8 +29,20 @@ def pytest_collection_finish():
 
     Each paced run begins with one.
     """
+    _set_aside()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _modules_of_tests_before():
+    """Set aside what the tests before have imported, as Numba."""
+    if len(sys.modules) > _set_aside.modules + 20:
+        _set_aside()
+
+
+def _set_aside():
     gc.collect()
     gc.freeze()
+    _set_aside.modules = len(sys.modules)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -241,6 +241,11 @@ class ObjectDictionary:
         """Return the indices of `among` that exist, in ascending order."""
         return sorted(index for index in self._objects if index in among)
 
+    def entries(self, index: int) -> list[Variable]:
+        """Return the entries of an index by sub-index; none where the device has no such object."""
+        entries = self._objects.get(index, {})
+        return [entries[subindex] for subindex in sorted(entries)]
+
     def find(self, index: int, subindex: int = 0) -> Variable | None:
         """Return the variable, or None where the device has none there."""
         return self._objects.get(index, {}).get(subindex)

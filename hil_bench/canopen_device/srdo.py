@@ -49,6 +49,7 @@ CONFIGURATION_EMCY: Final = 0x6300
 """An SRDO is on, and its configuration is not valid."""
 
 _TO_MAPPING: Final = 0x80
+_GUARDED: Final = range(PARAMETERS.start, SIGNATURES + 1)
 _DIRECTION, _CYCLE, _VALIDATION, _PLAIN, _INVERTED = 1, 2, 3, 5, 6
 _OFF, _SENT, _RECEIVED = 0, 1, 2
 _IDENTIFIERS: Final = range(0x101, 0x181)
@@ -206,13 +207,11 @@ class Srdos(Service):
         )
         self._state = NmtState.INITIALISING
         self._must_start = False
-        guarded = (*PARAMETERS, *range(PARAMETERS.start + _TO_MAPPING, CONFIGURATION_VALID))
-        checked = (*guarded, CONFIGURATION_VALID, SIGNATURES)
-        for variable in od:
-            if variable.index in checked:
+        for index in od.indices(_GUARDED):
+            for variable in od.entries(index):
                 variable.add_check(self._check_state)
-            if variable.index in guarded:
-                variable.add_hook(self._invalidate)
+                if index < CONFIGURATION_VALID:
+                    variable.add_hook(self._invalidate)
         self.reset(node_id)
 
     def handlers(self) -> Iterator[tuple[int | None, Handler]]:

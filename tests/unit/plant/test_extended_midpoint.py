@@ -8,7 +8,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_oil import charge_supply
 # 1 cm³ of oil of 1e9 Pa without gas; 1e-3 m³/s; opens at 100 bar, 2e-9 m³/(s Pa)
 STIFF = (1e-15, 1e-3, 1e7, 2e-9, 0.0, 6.1e6, 1.4)
 compliances = st.floats(1e-12, 1e-6)
-flows = st.floats(-1e-2, 1e-2)
+flows = st.floats(-1e-2, 1e-2, allow_subnormal=False)  # of whose ratios few bits are left
 
 
 @given(chamber=compliances, supply=compliances, share=st.floats(0.0, 1e-6), net=flows, net_S=flows)

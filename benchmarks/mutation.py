@@ -77,7 +77,7 @@ class MutatedModule(importlib.machinery.SourceFileLoader):
 def run_tests(files: Sequence[str], path: Path, tree: ast.Module) -> int:
     """Run test files in this process and return pytest's exit code."""
     options = ["-q", "-x", "--assert=plain", "-p", "no:cacheprovider", "-p", "no:xdist"]
-    options += ["-m", "not slow and not hardware and not realtime", "--tb=no", "--no-header"]
+    options += ["-m", "not long and not hardware and not realtime", "--tb=no", "--no-header"]
     options += ["-W", "ignore::pytest.PytestAssertRewriteWarning", "--hypothesis-profile=mutation"]
     hypothesis.settings.register_profile(
         "mutation",

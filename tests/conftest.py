@@ -8,6 +8,7 @@ import sys
 import pytest
 from hypothesis import HealthCheck, settings
 from support.patience import LIMIT
+from support.slow_tests import pytest_collection_modifyitems, pytest_runtest_protocol  # noqa: F401
 
 LEVEL = logging.root.level  # of pytest
 

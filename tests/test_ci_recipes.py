@@ -7,7 +7,7 @@ import pytest
 from support.ci_recipes import RECIPES, commands_of, run_commands
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(
     not (shutil.which("make") and shutil.which("cc")),
     reason="no C compiler; apt-get install make gcc libc6-dev",

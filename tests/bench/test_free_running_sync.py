@@ -81,7 +81,7 @@ class Master:
         return TransportCounters()
 
 
-@pytest.mark.slow  # a minute at 1 kHz
+@pytest.mark.long  # a minute at 1 kHz
 def test_a_paced_bench_answers_every_sync(io_config):
     clock = VirtualClock()
     master = Master(clock, sync_times(MINUTE))
@@ -92,7 +92,7 @@ def test_a_paced_bench_answers_every_sync(io_config):
     assert [master.sent.count(can_id) for can_id in TPDOS] == [MINUTE, MINUTE]
 
 
-@pytest.mark.slow  # a minute at 1 kHz
+@pytest.mark.long  # a minute at 1 kHz
 def test_a_bench_in_lockstep_answers_every_sync(io_config):
     bench = build_bench(io_config)
     bench.start(0)
@@ -103,7 +103,7 @@ def test_a_bench_in_lockstep_answers_every_sync(io_config):
     assert [sent.count(can_id) for can_id in TPDOS] == [MINUTE, MINUTE]
 
 
-@pytest.mark.slow  # a minute at 1 kHz
+@pytest.mark.long  # a minute at 1 kHz
 def test_an_embedded_bench_answers_every_sync(io_config):
     received = []
     with embedded_bus(io_config) as bus:

@@ -13,7 +13,7 @@ import pytest
 from support.patience import GUARD
 
 pytestmark = [
-    pytest.mark.slow,  # real processes, which start twice
+    pytest.mark.long,  # real processes, which start twice
     pytest.mark.skipif(sys.platform != "linux", reason="finds the helpers in /proc"),
 ]
 

@@ -133,7 +133,7 @@ def drive(bench, *, is_suspended):
     return frames
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux: /proc")
 def test_a_suspended_bench_goes_on_where_it_was(start):
     traces, frames = [], []
@@ -149,7 +149,7 @@ def test_a_suspended_bench_goes_on_where_it_was(start):
     assert traces[0].count(b"080#") == 40
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_controller_that_is_gone_leaves_time_to_the_next_one(start):
     bench = start("bench")
     first = Controller(bench.port)
@@ -169,7 +169,7 @@ def test_a_controller_that_is_gone_leaves_time_to_the_next_one(start):
     assert "node 1    valve: OPERATIONAL" in out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_controller_on_two_buses_moves_a_bench_on_each(start):
     benches = [start(name) for name in ("left", "right")]
     buses = [Controller(bench.port) for bench in benches]

@@ -145,8 +145,8 @@ def has_vcan() -> bool:
 @pytest.fixture(
     params=[
         "embedded",
-        pytest.param("socketcand", marks=pytest.mark.slow),
-        *([pytest.param("socketcan", marks=pytest.mark.slow)] if has_vcan() else []),
+        pytest.param("socketcand", marks=pytest.mark.long),
+        *([pytest.param("socketcan", marks=pytest.mark.long)] if has_vcan() else []),
     ]
 )
 def connect(request):
@@ -191,7 +191,7 @@ def started(rig) -> Rig:
 
 REAL_TIME = [
     *PROCESSES,
-    *([pytest.param("vcan", marks=pytest.mark.slow)] if has_vcan() else []),
+    *([pytest.param("vcan", marks=pytest.mark.long)] if has_vcan() else []),
 ]
 
 

@@ -40,7 +40,7 @@ def run(*arguments):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_moves_the_cylinder_and_sums_up(start):
     with start("--duration", "1.5", "--period-ms", "5", "--waypoints-mm", "20", "0") as process:
         lines, errors = process.communicate()
@@ -49,7 +49,7 @@ def test_it_moves_the_cylinder_and_sums_up(start):
     assert "tracking error RMS" in lines
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_the_valve_disabled(start, hub_port, signal_number):
     with start("--duration", "30", "--period-ms", "5") as process:
@@ -63,7 +63,7 @@ def test_a_signal_leaves_the_valve_disabled(start, hub_port, signal_number):
         assert valve.read_state() is ValveState.DISABLED
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_device_that_is_not_there_is_a_failure(start):
     with start("--position-node", "99") as process:
         _, errors = process.communicate()

@@ -9,7 +9,7 @@ from support.patience import GUARD
 
 from hil_drivers.modbus import ModbusClient, PositionSensor, PressureSensor, TcpLink
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module", autouse=True)

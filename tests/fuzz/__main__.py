@@ -76,7 +76,7 @@ def main() -> int:
         load(targets[0])(arguments.replay.read_bytes())
         return 0
     arguments.found.mkdir(parents=True, exist_ok=True)
-    processes = min(os.cpu_count() or 1, len(targets))
+    processes = min(len(os.sched_getaffinity(0)), len(targets))
     seconds = max(1, round(arguments.seconds * processes / len(targets)))
     with ThreadPoolExecutor(processes) as pool:
         results = list(

@@ -198,6 +198,6 @@ def vcan_rig(clock):
 
 EMBEDDED = [f"embedded-{kind}" for kind in ("canopen", "tcp", "rtu", "mixed")]
 PROCESSES = [
-    pytest.param(f"process-{kind}", marks=pytest.mark.slow)
+    pytest.param(f"process-{kind}", marks=pytest.mark.long)
     for kind in ("hub", "tcp", "rtu", "mixed")
 ]

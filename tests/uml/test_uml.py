@@ -70,7 +70,7 @@ def test_a_part_is_written_and_the_other_registers_stay(compiled):
     assert trace_child(library, compiled(HERE / "larger_host.c")) == ["EINVAL"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_boots_on_a_host_with_more_registers(compiled):
     require_tool("linux.uml", "user-mode-linux")
     larger_host = compiled(HERE / "larger_host.c")

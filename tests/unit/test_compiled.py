@@ -177,7 +177,7 @@ def test_each_pattern_names_a_file(key):
     assert [glob for glob in settings()[key] if not any(ROOT.glob(glob))] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_class_that_stays_python_derives_from_one_that_is_compiled():
     """Python refuses that of a compiled class when the module is imported."""
     names = {

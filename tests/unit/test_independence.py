@@ -48,7 +48,7 @@ def test_each_module_is_imported_alone(run_alone):
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.slow  # all tests of a package, in an interpreter of their own
+@pytest.mark.long  # all tests of a package, in an interpreter of their own
 def test_its_tests_pass_alone(run_alone):
     options = ["-q", "-p", "no:cacheprovider", "-p", "_hypothesis_pytestplugin"]
     result = run_alone(

@@ -95,7 +95,7 @@ def test_a_load_that_runs_ahead_of_a_small_pump_cavitates():
     assert found["pressure A extending"] == pytest.approx(-1.01325)
 
 
-@pytest.mark.slow  # ten seconds of bench time for each machine
+@pytest.mark.long  # ten seconds of bench time for each machine
 @pytest.mark.parametrize("name", VARIANTS)
 def test_a_scenario_passes_and_its_variant_fails(name, capsys):
     path = str(MACHINES / f"{name}.scenario.toml")

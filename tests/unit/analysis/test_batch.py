@@ -66,7 +66,7 @@ def test_each_run_of_a_batch_has_the_bits_of_a_single_one(table_1: PlantParamete
             assert run[name].tolist() == single[name].tolist(), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_fits_no_block_runs_in_its_place(table_1: PlantParameters) -> None:
     plain = varied_setups(table_1, 3)
     extended = replace(

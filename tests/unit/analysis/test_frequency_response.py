@@ -183,7 +183,7 @@ def test_the_peak_is_looked_for_between_two_frequencies() -> None:
         estimate.peak(5.0, 6.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_frictionless_cylinder_measures_as_eq_24(table_1: PlantParameters) -> None:
     parameters = replace(table_1, F_c=0.0, F_s=0.0)
     setup = without_input_nonlinearities(

@@ -32,7 +32,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
 DOCUMENTS = Path(__file__).parents[3] / "docs"
 
 
-pytestmark = pytest.mark.slow  # all runs of the paper
+pytestmark = pytest.mark.long  # all runs of the paper
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def test_a_table_is_written_with_names_units_and_all_digits(tmp_path: Path) -> N
     assert lines == ["a,b", "m,-", "0.1,1.0", "0.3333333333333333,2.0"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_same_study_writes_the_same_bytes(table_1: PlantParameters, tmp_path: Path) -> None:
     written = []
     for name in ("once", "again"):

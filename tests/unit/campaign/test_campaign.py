@@ -95,7 +95,7 @@ def test_a_key_knows_what_counts_and_not_where_files_lie(plan, tmp_path):
     assert not {spec.key for spec in found} & {*keys}
 
 
-@pytest.mark.slow  # two processes import the whole package
+@pytest.mark.long  # two processes import the whole package
 def test_two_processes_find_what_one_does(plan, tmp_path):
     here, there = Store(tmp_path / "here", {}), Store(tmp_path / "there", {})
     execute(plan, here, perform_here)
@@ -125,7 +125,7 @@ time.sleep(600)
 """
 
 
-@pytest.mark.slow  # so do four, one after the other
+@pytest.mark.long  # so do four, one after the other
 def test_firmware_that_hangs_ends_or_kills_is_a_result(tmp_path):
     program = tmp_path / "firmware.py"
     program.write_text(FIRMWARE)
@@ -235,7 +235,7 @@ def test_sources_decide_the_identity_of_the_program():
     assert identity.program_identity().startswith(f"{hil_bench.__version__}+")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_line_runs_repeats_and_compares(tmp_path, capsys):
     close = REST.replace(
         "value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]"
@@ -284,7 +284,7 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_script_without_a_guard_is_said_at_once(tmp_path):
     path = write_rest(tmp_path)
     program = tmp_path / "script.py"

@@ -48,7 +48,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow  # a scheduler, two workers and their processes import the whole package
+@pytest.mark.long  # a scheduler, two workers and their processes import the whole package
 def test_a_cluster_that_loses_a_worker_finds_the_same(tmp_path):
     pytest.importorskip("distributed")
     path = write_rest(tmp_path)
@@ -63,7 +63,7 @@ def test_a_cluster_that_loses_a_worker_finds_the_same(tmp_path):
     assert ended.stdout.split() == ["True", collect(plan, here).digest]
 
 
-@pytest.mark.slow  # the library tries for ten seconds
+@pytest.mark.long  # the library tries for ten seconds
 def test_no_scheduler_is_one_line(tmp_path, capsys):
     pytest.importorskip("distributed")
     from hil_bench import cli  # noqa: PLC0415 - beside the import above

@@ -35,7 +35,7 @@ class Page(HTMLParser):
         self.words += f" {data} "
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 @pytest.mark.parametrize("verb", ["campaign", "falsify"])
 def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -55,7 +55,7 @@ def test_a_report_is_whole_and_escapes_what_files_say(verb, tmp_path, monkeypatc
     assert html.count("<svg") >= 2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_report_says_which_parameter_matters_and_what_repeats_the_worst(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
@@ -74,7 +74,7 @@ def test_a_report_that_cannot_be_written_is_said(tmp_path, capsys):
     assert "cannot be written: No such file or directory" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_worst_runs_are_drawn(tmp_path):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"
@@ -98,7 +98,7 @@ def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):
     assert replay(spec, result).picture.startswith(b"<?xml")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_sobol_indices_are_in_report_and_json(tmp_path, capsys):
     path = write_rest(tmp_path, CLOSE)
     report = tmp_path / "report.html"

@@ -38,7 +38,7 @@ def made_up(*margins):
     return RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=verdicts)
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
     path = write_rest(tmp_path, NARROW)
     found = search(path, tmp_path / "out", methods=(Method.CMA_ES,))
@@ -59,7 +59,7 @@ def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
     assert judgements[0].margin == failure.shrunk.result.verdicts[0].margin
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_the_points_of_a_course_are_searched(tmp_path):
     (tmp_path / "load.csv").write_text("0,0\n0.004,peak_n\n0.008,0\n")
     course = """\
@@ -82,7 +82,7 @@ that = "always axis1.P_A < 55 bar"
     assert 'table = "../load.csv"' in failure.files.scenario.read_text()
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_the_written_test_fails_under_pytest(tmp_path):
     found = search(write_rest(tmp_path, NARROW), tmp_path / "out", methods=(Method.CMA_ES,))
     lines = found.failures[0].files.test.read_text().splitlines()
@@ -97,7 +97,7 @@ def test_the_written_test_fails_under_pytest(tmp_path):
     assert "margin=-" in ended.stdout
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
     path = write_rest(tmp_path, REST.replace("range = [1.0", "range = [60.0"))
     found = search(path, tmp_path / "out", runs=20)
@@ -109,7 +109,7 @@ def test_no_failure_ends_with_a_bound_and_never_with_correct(tmp_path):
     assert "correct" not in text
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_the_same_seed_finds_the_same(tmp_path):
     path = write_rest(tmp_path, NARROW)
     first, second = (search(path, tmp_path / name, runs=20).search for name in "ab")
@@ -177,7 +177,7 @@ def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypat
     assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
 
 
-@pytest.mark.slow  # tens of runs of a scenario
+@pytest.mark.long  # tens of runs of a scenario
 def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = write_rest(tmp_path, NARROW)

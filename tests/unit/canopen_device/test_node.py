@@ -226,7 +226,7 @@ def check_alive(rig):
     assert answer in rig.run()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_million_random_frames(make_rig):
     rig = make_rig()
     turn_everything_on(rig)

@@ -97,7 +97,7 @@ def test_the_text_has_a_line_a_fact_and_the_files(
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == written
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_chirp_and_a_sine_follow_the_arguments(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -114,7 +114,7 @@ def test_a_chirp_and_a_sine_follow_the_arguments(
     assert (tmp_path / "trajectories-1-reduced.csv").is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_dead_zone_and_saturation_stay_in_where_it_is_told(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -126,7 +126,7 @@ def test_dead_zone_and_saturation_stay_in_where_it_is_told(
     assert facts(capsys, *arguments)[name] != pytest.approx(0.0, abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_papers_report_is_written_and_its_verdicts_printed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

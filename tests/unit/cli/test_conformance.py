@@ -25,7 +25,7 @@ def verdicts(text):
     return [row if "**FAILED**" in row else row[:3] for row in rows]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_published_report_is_what_its_command_writes(tmp_path, monkeypatch, capsys):
     published = DOCUMENT.read_text(encoding="utf-8")
     (command,) = [line for line in published.splitlines() if line.startswith("hil-bench ")]

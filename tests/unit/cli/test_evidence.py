@@ -47,7 +47,7 @@ EMPTY = {
 }
 
 
-WHOLE = pytest.mark.slow
+WHOLE = pytest.mark.long
 """For tests of a whole pack, which takes five seconds of a processor."""
 
 

@@ -91,7 +91,7 @@ print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 """
 
 
-@pytest.mark.slow  # a whole run on a terminal of its own
+@pytest.mark.long  # a whole run on a terminal of its own
 @pytest.mark.skipif(not hasattr(pty, "fork"), reason="needs a pseudo-terminal")
 def test_a_terminal_that_closes_leaves_the_whole_recording(tmp_path: Path):
     """The recorder and the status lines are on that terminal, too."""

@@ -34,7 +34,7 @@ def test_people_get_lines_and_programs_json(capsys):
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_demo_for_a_program(tmp_path, capsys):
     words = ["demo", "--speed", "max", "--duration", "1", "--output", str(tmp_path)]
     assert main([*words, "--json"]) == 0

@@ -57,7 +57,7 @@ time_s = 60
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_commissioning_shows_its_step_its_limits_and_its_values(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.toml").write_text(PLAN)
@@ -79,7 +79,7 @@ def test_a_commissioning_shows_its_step_its_limits_and_its_values(tmp_path, monk
     assert [row[0] for row in seen.rows] == sorted(row[0] for row in seen.rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_campaign_shows_verdicts_and_the_worst_margins(tmp_path, monkeypatch):
     seen = seen_by(campaign, monkeypatch)
     words = [str(write_rest(tmp_path)), "--runs", "4", "--sampler", "grid", "--quiet"]

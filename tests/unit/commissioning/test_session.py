@@ -103,7 +103,7 @@ def value(found, name):
     return measure.value
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sound_machine_passes_and_its_data_sheet_is_found_again(machine):
     tested = machine(plan=WHOLE_PLAN)
     found = tested.commission()

@@ -94,7 +94,7 @@ def test_a_repeated_profile_goes_round_between_its_waypoints():
     assert profile.at(1.75 + 1.25).position == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(st.lists(positions, min_size=1, max_size=4), st.booleans(), st.floats(0.0, 0.2))
 def test_the_set_point_never_jumps(waypoints, repeat, dwell):
     profile = MotionProfile(0.3, waypoints, speed=0.5, acceleration=5.0, dwell=dwell, repeat=repeat)

@@ -155,7 +155,7 @@ def test_any_text_is_parsed_without_an_exception(text):
     parse_document(text)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @given(st.data())
 def test_a_damaged_file_never_breaks_the_checker(tmp_path_factory, data):
     lines = VALVE.splitlines()

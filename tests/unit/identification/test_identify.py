@@ -46,7 +46,7 @@ def found() -> Identification:
     return run(recording, paper_parameters(), ("w", "alpha", "E", "F_c", "m"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["w", "E", "F_c", "m"])
 def test_a_parameter_is_found_within_its_uncertainty(found: Identification, name: str) -> None:
     estimate = {estimate.name: estimate for estimate in found.told}[name]
@@ -55,13 +55,13 @@ def test_a_parameter_is_found_within_its_uncertainty(found: Identification, name
     assert abs(estimate.value - getattr(MACHINE, name)) < 5.0 * estimate.deviation
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_saturation_alpha_is_not_told_and_stays(found: Identification) -> None:
     assert [estimate.name for estimate in found.not_told] == ["alpha"]
     assert found.parameters.alpha == paper_parameters().alpha
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_opening_that_no_setpoint_reaches_is_not_told(found: Identification) -> None:
     # Whatever the deviation: the fit is made to claim that it knows alpha exactly.
     unknowns = Unknowns(paper_parameters(), ("w", "alpha", "E", "F_c", "m"))
@@ -73,13 +73,13 @@ def test_an_opening_that_no_setpoint_reaches_is_not_told(found: Identification) 
     assert find_vague(found.record, unknowns, fit) == ["alpha"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_noise_is_found_to_what_was_added(found: Identification) -> None:
     # The residuals of 2.9 s scatter by 1.3 %.
     assert found.record.noise == pytest.approx([POSITION_NOISE, *2 * [PRESSURE_NOISE]], rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_fit_has_reached_its_optimum(found: Identification) -> None:
     assert found.is_reached
     assert found.is_white
@@ -87,14 +87,14 @@ def test_the_fit_has_reached_its_optimum(found: Identification) -> None:
         assert estimate.interval[0] < estimate.value < estimate.interval[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_offset_of_a_pressure_sensor_is_told_apart(found: Identification) -> None:
     # 0.2 bar on P_A alone; what both share hardly shows
     difference = found.offsets[0, 0] - found.offsets[0, 1]
     assert difference == pytest.approx(2e4, abs=3e3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_model_is_right_to_the_noise_where_it_was_not_fitted(found: Identification) -> None:
     assert found.residual == pytest.approx(1.0, abs=0.2)
     assert np.all(found.trial.residual < 1.3)
@@ -105,7 +105,7 @@ def test_the_model_is_right_to_the_noise_where_it_was_not_fitted(found: Identifi
     assert found.trial.rows.min() >= 0.8 * len(found.record)  # the last fifth
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
     # Openings from 0.15 mm on give 40 mm/s and more; there F_s - F_c has faded by exp(-8^0.8).
     parameters = replace(paper_parameters(), chi=5e-3)
@@ -121,7 +121,7 @@ def test_without_slow_motion_the_stribeck_velocity_is_not_told() -> None:
     assert chi.interval[0] < 5e-3 < chi.interval[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_recorded_spool_is_fitted_by_itself() -> None:
     parameters = replace(paper_parameters(), omega_0=1000.0)
     machine = Machine(parameters=parameters, has_spool=True)

@@ -145,7 +145,7 @@ def gain_by_another_optimiser(problem: Problem) -> float:
     return 0.5 * float(np.square(roots(problem, start)).sum()) - float(found.cost)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_fit_ends_where_no_other_optimiser_finds_less(problem: Problem) -> None:
     assert problem.last.is_reached
     assert problem.last.decrement <= REACHED
@@ -153,14 +153,14 @@ def test_the_fit_ends_where_no_other_optimiser_finds_less(problem: Problem) -> N
     assert gain_by_another_optimiser(problem) < GAINED
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_progress_that_has_become_slow_is_not_the_end(problem: Problem) -> None:
     # The rule before: a round that gains less than a thousandth of the cost was the last.
     assert problem.first.gain > GAINED
     assert not problem.first.is_reached
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_gradient_vanishes_by_differences_of_the_cost(problem: Problem) -> None:
     # Central differences of the whole cost by each variable, starts following by `slopes` being
     # projected: at the optimum, the gradient by the starts is zero, so they may stay.

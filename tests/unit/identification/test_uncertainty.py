@@ -37,7 +37,7 @@ def fit_mean(errors: Values) -> tuple[float, Evidence]:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("common", "is_white"), [(0.0, True), (0.0, False), (0.05, False)])
 def test_errors_are_within_two_deviations_as_often_as_they_should(
     common: float, is_white: bool

@@ -269,7 +269,7 @@ def test_names_and_the_built_in_bench_import_no_extension(site):
     assert len(load_config().nodes) == 4
 
 
-@pytest.mark.slow  # a process of its own, and what pip needs
+@pytest.mark.long  # a process of its own, and what pip needs
 def test_the_package_of_the_example_runs_where_pip_has_put_it(tmp_path):
     target, recording = tmp_path / "target", tmp_path / "run.csv"
     pip_install(PLUGIN, target)

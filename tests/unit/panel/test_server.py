@@ -305,7 +305,7 @@ FORM = {
 }
 
 
-@pytest.mark.slow  # two runs of hil-bench test, each in a process of its own
+@pytest.mark.long  # two runs of hil-bench test, each in a process of its own
 @pytest.mark.usefixtures("folder")
 def test_what_was_clicked_is_written_as_a_test_and_runs(tmp_path):
     with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:

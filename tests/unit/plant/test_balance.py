@@ -149,7 +149,7 @@ def midpoint_steps(plant: FullOrderPlant, plant_input: PlantInput) -> list[tuple
 STEPS = {Solver.FORWARD_EULER: euler_steps, Solver.LINEARLY_IMPLICIT_MIDPOINT: midpoint_steps}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("solver", STEPS)
 @settings(max_examples=30)
 @given(
@@ -216,7 +216,7 @@ def test_the_reported_flows_balance_to_second_order(air: EntrainedAir | None) ->
     assert 3.0 < coarse / fine < 5.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=20)
 @given(
     setpoints=st.lists(st.floats(-1.5e-3, 1.5e-3), min_size=2, max_size=4),

@@ -62,7 +62,7 @@ def run_plants(steps: int, disable_jit: str, *missing: str) -> str:
     return finished.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     """One second through free motion, both stops, cavitation and overload."""
@@ -73,7 +73,7 @@ def test_compiled_and_interpreted_plant_agree_to_the_bit() -> None:
     assert compiled == run_plants(400, "1")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing to compare")
 def test_without_numba_the_plant_is_interpreted() -> None:
     assert run_plants(20, "0", "numba") == run_plants(20, "0")
@@ -107,7 +107,7 @@ log(8.0)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing or disabled: nothing is compiled")
 def test_what_is_compiled_is_said_once_and_not_again_where_it_is_cached(tmp_path: Path) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

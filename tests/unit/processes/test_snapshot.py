@@ -60,7 +60,7 @@ def read_many(snapshot: Snapshot, found: Connection) -> None:
     found.send((torn, seen))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_reader_in_another_process_never_sees_a_torn_row() -> None:
     snapshot = Snapshot(WIDTH)
     here, there = SPAWN.Pipe()

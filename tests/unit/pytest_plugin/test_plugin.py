@@ -54,7 +54,7 @@ def test_drivers_are_on_the_bus_of_their_node(pytester):
     result.assert_outcomes(passed=1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_bench_of_nodes_alone_is_scripted_and_drivers_of_an_axis_are_skipped(pytester):
     eds = IMITATIONS / "analogue_io_401.eds"
     pytester.makefile(".toml", io=f'[nodes.io]\nnode_id = 10\neds = "{eds}"\n')
@@ -100,7 +100,7 @@ def test_the_bus_is_python_cans(can_bus):
     assert can_bus.recv(1.0).arbitration_id == 0x701  # the valve's boot-up message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_failed_test_shows_the_last_frames_and_leaves_its_files(pytester):
     pytester.makepyfile("def test_fails(bench):\n    bench.run(0.01)\n    assert False")
     result = pytester.runpytest("--hil-artifacts=left", "--junitxml=junit.xml")
@@ -205,7 +205,7 @@ def test_a_marker_names_what_the_bench_must_have(pytester):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_each_worker_has_a_bus_of_its_own(pytester, monkeypatch):
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # two ticks are not worth compiling the plant
     pytester.makepyfile(
@@ -386,7 +386,7 @@ def test_loading_it_imports_nothing_of_weight():
     assert done.stdout == f"{names}\n"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_each_test_is_recorded_and_a_failed_one_names_the_file(pytester):
     pytester.makepyfile(
         "def test_moves(bench, valve):\n    valve.enable()\n    bench.run(0.5)\n    assert False\n"

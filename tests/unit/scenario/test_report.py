@@ -159,7 +159,7 @@ def test_the_file_needs_nothing_from_elsewhere(tmp_path):
     assert all(link.startswith(("#", "data:image/svg+xml;base64,")) for link in page.links)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("draws")
 def test_two_reports_are_the_same(tmp_path):
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 1 bar"))

@@ -83,7 +83,7 @@ def test_an_equal_twin_follows_in_whatever_state_it_finds_the_machine(pdos, part
     check_that_it_is_followed(pdos, begin + (0.0 if part == "boot" else 0.0137))
 
 
-@pytest.mark.slow  # 200 twins
+@pytest.mark.long  # 200 twins
 @pytest.mark.parametrize("pdos", [SYNCHRONOUS, BY_EVENT], ids=["sync", "event"])
 def test_an_equal_twin_follows_whenever_it_joins(pdos):
     life = whole_life(pdos)

@@ -58,7 +58,7 @@ def worst(windows: list[Window], quantity: str) -> float:
     return max(window.residuals[quantity].rms for window in windows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_twin_of_a_sound_machine_stays_beside_it() -> None:
     config = load_config()
     windows = follow(machine_frames(config), config)

@@ -209,7 +209,7 @@ def test_a_command_without_an_end_cuts_the_client_off_and_nobody_else():
     assert (counters.bad_commands, counters.dropped_clients) == (1, 1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_client_that_does_not_read_is_cut_off_and_the_others_lose_nothing(monkeypatch):
     monkeypatch.setattr(socketcand_hub, "MAX_BACKLOG", 10_000)
     frames = 2_000

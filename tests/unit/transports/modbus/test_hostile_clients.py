@@ -148,7 +148,7 @@ async def ask(reader, writer):
     assert await reader.readexactly(len(tcp(ANSWER))) == tcp(ANSWER)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_good_client_is_served_beside_bad_ones(make_rig):
     async def scenario(pool, port):
         good = await asyncio.open_connection("127.0.0.1", port)
@@ -168,7 +168,7 @@ def test_a_good_client_is_served_beside_bad_ones(make_rig):
     serve(make_rig, scenario, limit=8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_thousand_connections_left_open_keep_nobody_out(make_rig):
     async def scenario(pool, port):
         good = await asyncio.open_connection("127.0.0.1", port)

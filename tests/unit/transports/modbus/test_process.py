@@ -146,7 +146,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_server_ends_with_its_parent(tmp_path):
     make_binding(tmp_path)
     program = tmp_path / "parent.py"

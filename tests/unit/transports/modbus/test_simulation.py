@@ -21,7 +21,7 @@ def faults(reports):
     return {seed: report.faults for seed, report in reports.items() if report.faults}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_honest_clients_are_served_whatever_the_others_do():
     reports = run_seeds(range(6))
     assert faults(reports) == {}
@@ -35,7 +35,7 @@ def test_more_clients_than_slots_of_the_mailbox_are_served_by_a_server_that_look
     assert faults(run_seeds(range(3), is_crowded=True)) == {}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_loop_that_stands_still_and_a_server_that_dies_double_and_lose_nothing():
     assert faults(run_seeds(range(2), may_stall=True)) == {}
     assert faults(run_seeds(range(2), may_die=True)) == {}

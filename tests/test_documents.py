@@ -121,6 +121,7 @@ def test_a_toml_snippet_loads(block, tmp_path):
     if IS_REFUSED.match(behind):
         return  # tests/unit/config/test_documentation.py compares what is said of it
     shutil.copy(ROOT / "device_profiles/imitations/analogue_io_401.eds", tmp_path / "vendor.eds")
+    shutil.copy(ROOT / "examples/joystick.dbc", tmp_path)
     path = tmp_path / "bench.toml"
     if "[[expect]]" in block.text:
         path.write_text(block.text, encoding="utf-8")

@@ -57,6 +57,9 @@ SENT_KEYS: Final = (
 )
 """The keys of a signal that a device sends, beside where its value comes from."""
 
+DBC_KEY: Final = Key("dbc", text)
+"""Names the DBC file of a device."""
+
 TAKEN_KEYS: Final = (
     *_PLACE_KEYS,
     Key("sink", text, example='"axis1.spool_setpoint"'),
@@ -142,8 +145,10 @@ class SignalTableConfig(EcuConfig):
     Attributes:
         sent: the signals that it sends.
         taken: those that command axes.
+        dbc: the file that names signals, as the table gives it; None for none.
     """
 
+    dbc: str | None = None
     sent: tuple[SentConfig, ...] = field(default=())
     taken: tuple[TakenConfig, ...] = field(default=())
 
@@ -153,6 +158,7 @@ class SignalTableKind(EcuKind[SignalTableConfig]):
 
     name = "table"
     record = SignalTableConfig
+    keys = (DBC_KEY,)
 
     def messages(self, config: SignalTableConfig) -> tuple[EcuMessage, ...]:
         """Return the groups of the table, those that are taken first."""

@@ -5,10 +5,12 @@ where a signal stands, and where its value comes from: `source`, a script, `foll
 """
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil_bench.bench.configuration.axes import Axes
 from hil_bench.bench.configuration.bindings import find_quantity, find_unit
+from hil_bench.bench.configuration.dbc_signals import is_named, look_up
 from hil_bench.bench.configuration.scripts import SCRIPT_KEYS, build_course
 from hil_bench.config.document import give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, convert, read_table
@@ -67,7 +69,7 @@ class GivenSignal(NamedTuple):
 
 
 def read_signals(
-    device: str, given: Given | None, axes: Axes, problems: Problems
+    device: str, given: Given | None, axes: Axes, problems: Problems, dbc: Path | None = None
 ) -> list[GivenSignal]:
     """Return the signals of a device; one with a problem is noted and left out.
 
@@ -76,6 +78,7 @@ def read_signals(
         given: what stands in its `signals`, if anything.
         axes: of the bench.
         problems: where problems are noted.
+        dbc: the DBC file that may name them; None for none.
     """
     table = f"{device}.{SIGNALS_TABLE}"
     if given is None:
@@ -87,10 +90,15 @@ def read_signals(
         return []
     found = []
     for name, signal in given.value.items():
-        if isinstance(signal, dict):
-            found.append(_read_signal(f"{table}.{name}", name, signal, axes, problems))
-        else:
+        if not isinstance(signal, dict):
             problems.add(problems.place(table, name), f"{describe(signal)} is not a table")
+            continue
+        try:
+            keys = look_up(dbc, name, given.value) if is_named(signal) else signal
+        except ConfigError as error:
+            problems.add(problems.place(table, name), error)
+            continue
+        found.append(_read_signal(f"{table}.{name}", name, keys, axes, problems))
     signals = [signal for signal in found if signal is not None]
     _check_follows(signals, problems)
     return signals

@@ -1,6 +1,7 @@
 """The tables ``[j1939.NAME]``: devices on SAE J1939, with the signals of those by table."""
 
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from hil_bench.bench.configuration.axes import AxesSection
@@ -20,7 +21,7 @@ from hil_bench.devices.j1939.identifier import NULL
 from hil_bench.devices.j1939.name import Name
 from hil_bench.kinds.auxiliary_valve import AUXILIARY_VALVE
 from hil_bench.kinds.ecu import EcuConfig, EcuKind
-from hil_bench.kinds.signal_table import SIGNAL_TABLE
+from hil_bench.kinds.signal_table import DBC_KEY, SIGNAL_TABLE
 
 TABLE: Final = "j1939"
 
@@ -78,6 +79,7 @@ class EcusSection:
     Args:
         document: the file.
         axes: that they belong to.
+        base: the folder that files are named from.
         problems: where problems are noted.
 
     Attributes:
@@ -86,7 +88,10 @@ class EcusSection:
         is_given: whether the file has such devices, right or wrong.
     """
 
-    def __init__(self, document: Document, axes: AxesSection, problems: Problems) -> None:
+    def __init__(
+        self, document: Document, axes: AxesSection, base: Path, problems: Problems
+    ) -> None:
+        self._base = base
         self.devices: dict[str, Settings] = {}
         self.signals: dict[str, list[GivenSignal]] = {}
         self.is_given = bool(document.get(TABLE))
@@ -155,7 +160,9 @@ class EcusSection:
             return
         self.devices[name], self.signals[name] = device, []
         if kind is SIGNAL_TABLE:
-            self.signals[name] = read_signals(table, signals, self._axes, self._problems)
+            file = device[DBC_KEY.name].value
+            dbc = None if file is None else self._base / file
+            self.signals[name] = read_signals(table, signals, self._axes, self._problems, dbc)
         elif signals is not None:
             wrong = f'kind = "{kind.name}" has its own signals; leave them out'
             self._problems.add(signals.place, wrong)

@@ -64,7 +64,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
     buses = BusesSection(document, on_bus | dict(bus_options or {}), problems)
     axes = AxesSection(document, bench, base, problems, default=needs_axis(document))
-    ecus = EcusSection(document, axes, problems)
+    ecus = EcusSection(document, axes, base, problems)
     nodes = NodesSection(document, buses, axes, ecus, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
     failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)

@@ -5,6 +5,7 @@
 >>> bench.signals["axis1.position"]
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -151,7 +152,12 @@ class VirtualBench:
 
         Args:
             duration: how much [s].
+
+        Raises:
+            ValueError: that is negative or not finite.
         """
+        if not 0.0 <= duration < math.inf:
+            raise ValueError(f"duration {duration:g} s: give a finite time, 0 or more")
         self.pump(duration)
 
     def run_until(self, condition: Callable[[], bool], *, timeout: float) -> float:
@@ -166,7 +172,10 @@ class VirtualBench:
 
         Raises:
             WaitTimeoutError: it did not hold in time.
+            ValueError: the time-out is negative or not a number.
         """
+        if not timeout >= 0.0:
+            raise ValueError(f"timeout {timeout:g} s: give a time, 0 or more")
         start = self.now()
         tick = self.config.tick_ns * 1e-9
         last_begin = start + timeout - 0.5 * tick

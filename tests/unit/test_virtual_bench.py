@@ -1,5 +1,7 @@
 """The traces of a bench in virtual time."""
 
+import math
+
 import can
 import pytest
 
@@ -27,6 +29,17 @@ def test_signals_reach_back_as_far_as_asked():
     with VirtualBench(recorded_time=0.005) as bench:
         bench.run(0.02)
         assert bench.signals["time"] == pytest.approx([0.016, 0.017, 0.018, 0.019, 0.020])
+
+
+def test_a_time_that_is_none_is_refused():
+    with VirtualBench() as bench:
+        for duration in (-1.0, math.nan, math.inf):
+            with pytest.raises(ValueError, match="give a finite time, 0 or more"):
+                bench.run(duration)
+        for timeout in (-1.0, math.nan):
+            with pytest.raises(ValueError, match="give a time, 0 or more"):
+                bench.run_until(lambda: True, timeout=timeout)
+        assert bench.now() == 0.0
 
 
 def test_observers_hear_of_each_tick():

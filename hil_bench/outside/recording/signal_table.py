@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
@@ -27,7 +28,13 @@ class SignalTable(np.ndarray[Any, np.dtype[np.void]]):
     """
 
     def __getitem__(self, key: Any) -> Any:  # noqa: ANN401 - as ndarray's
-        """Return rows as a table, and a field as a plain array."""
+        """Return rows as a table, and a field as a plain array.
+
+        Raises:
+            ValueError: there is no such field; it names the nearest.
+        """
+        if isinstance(key, str) and key not in (names := self.dtype.names or ()):
+            raise ValueError(f"no signal {quote(key)}; the nearest is {find_nearest(key, names)}")
         found = super().__getitem__(key)
         if isinstance(found, SignalTable) and found.dtype.names is None:
             return found.view(np.ndarray)

@@ -59,7 +59,11 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
 from hil_bench.plants.hydraulic_cylinder.model.models import Model, largest_stable_step
 from hil_bench.plants.hydraulic_cylinder.model.options import EndStop, PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
-from hil_bench.plants.hydraulic_cylinder.model.reduced_order import check_delay, check_reduced_model
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import (
+    check_delay,
+    check_reduced_model,
+    check_reduced_rest,
+)
 from hil_bench.plants.hydraulic_cylinder.model.stepping import LOAD_LIMIT, Solver, shortcoming
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_positive
 from hil_bench.plants.hydraulic_cylinder.quantities import LOAD, POSITION
@@ -234,6 +238,7 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
     if record.model is Model.REDUCED:
         check_reduced_model(record.parameters, record.options)
         check_delay(record.spool_delay)
+        check_reduced_rest(record.parameters, record.options, record.position)
     elif record.spool_delay:
         raise ParameterError(
             f'delay = {record.spool_delay:g} s: only for model = "reduced"', "delay"

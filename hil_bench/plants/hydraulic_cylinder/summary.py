@@ -8,7 +8,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.reduced_order import balanced_reduced_state
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import (
     SteadyMotion,
     state_of_rest,
@@ -146,7 +148,11 @@ def _note(motion: SteadyMotion) -> str:
 def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
     p = axis.parameters
     load = axis.options.load_at(axis.position)
-    rest = state_of_rest(p, axis.options, axis.position)
+    rest = (
+        balanced_reduced_state(p, x=axis.position, F_L=load)
+        if axis.model is Model.REDUCED
+        else state_of_rest(p, axis.options, axis.position)
+    )
     yield Fact("pressure A at rest", BAR.from_si(rest.P_A), "bar", "at the start of a run")
     yield Fact("pressure B at rest", BAR.from_si(rest.P_B), "bar")
     unit = axis.options.supply

@@ -57,6 +57,8 @@ ONE_VALUE = [
     ("[plant.axis1]\nend_stop = 1", "plant.axis1.end_stop: 1 is not a truth value; give true or false"),
     ('[bench]\nstep_us = 100\n[plant.axis1]\nsolver = "forward-euler"\nbulk_modulus_mpa = 1000', 'plant.axis1.solver: "forward-euler" is unstable with these parameters at step_us = 100; give solver = "linearly-implicit-midpoint" or bench.step_us = 14'),
     ('[plant.axis1]\nmodel = "reduced"\ntank_pressure_bar = 5', "plant.axis1.tank_pressure_bar: P_T = 500000 Pa; must be 0, for eqs. (14), (15) have no tank pressure"),
+    # (P_S - 2 P_floor) times the mean area, (10 + 0.20265) MPa * 48.5 cm²
+    ('[plant.axis1]\nmodel = "reduced"\nload_n = 50000', "plant.axis1.load_n: load at the start = 50000 N; must be within 49482.9 N, which the supply can hold in the reduced model"),
     ('[plant.axis1]\nmodel = "reduced"\nfriction = "lugre"', "plant.axis1.friction: the reduced model has no place for bristles; the full-order model is right"),
     ('[plant.axis1]\nmodel = "reduced"\nsupply = "unit"', "plant.axis1.supply: the reduced model has no place for supply_unit; the full-order model is right"),
     ('[plant.axis1]\nmodel = "reduced"\nspool_delay_ms = 5000', "plant.axis1.spool_delay_ms: delay = 5 s; must be 1 s or less"),

@@ -7,7 +7,12 @@ from pathlib import Path
 import pytest
 
 from hil_bench.errors import ConfigError
-from hil_bench.machine.conformance.evidence.pack import MANIFEST, verify_pack, write_pack
+from hil_bench.machine.conformance.evidence.pack import (
+    MANIFEST,
+    check_folder,
+    verify_pack,
+    write_pack,
+)
 
 FILES = {"index.html": b"<p>", "evidence.json": b"{}", "inputs/bench.toml": b"[bench]\n"}
 
@@ -80,6 +85,15 @@ def test_a_manifest_opens_nothing_outside_the_pack(pack, tmp_path):
     content["files"]["../secret"] = hashlib.sha256(b"x").hexdigest()
     (pack / MANIFEST).write_text(json.dumps(content))
     assert verify_pack(pack) == ["../secret: is missing"]
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_checks(monkeypatch, tmp_path):
+    def refuse(_path):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "mkdir", refuse)
+    with pytest.raises(ConfigError, match=r"pack: cannot be written: Permission denied"):
+        check_folder(tmp_path / "pack")
 
 
 def test_an_empty_folder_becomes_the_pack(tmp_path):

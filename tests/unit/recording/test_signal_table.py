@@ -28,6 +28,11 @@ def test_a_field_is_a_plain_array_and_rows_are_a_table(table: SignalTable) -> No
     assert table.units == {"time": "s", "a.P_A": "Pa", "<b>": "-"}
 
 
+def test_a_name_that_no_signal_has_is_refused_with_the_nearest(table: SignalTable) -> None:
+    with pytest.raises(ValueError, match=r'^no signal "a\.P_a"; the nearest is a\.P_A$'):
+        table["a.P_a"]
+
+
 def test_pandas_gets_columns_units_and_time_as_index(table: SignalTable) -> None:
     frame = table.to_pandas()
 

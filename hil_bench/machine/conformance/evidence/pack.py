@@ -22,7 +22,7 @@ def check_folder(folder: Path) -> None:
     """Refuse a folder that a pack cannot become.
 
     Raises:
-        ConfigError: it is not empty, no folder, or its parent is not there.
+        ConfigError: it is not empty, no folder, or nothing can be made beside it.
     """
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise ConfigError(f"{folder}: is no folder; give the name of a new one")
@@ -30,6 +30,10 @@ def check_folder(folder: Path) -> None:
         raise ConfigError(f"{folder}: is not empty; give the name of a new folder")
     if not folder.absolute().parent.is_dir():
         raise ConfigError(f"{folder}: there is no folder {folder.absolute().parent}")
+    with about_file(folder):
+        partial = _partial(folder.absolute())
+        partial.mkdir()
+        partial.rmdir()
 
 
 def write_pack(folder: Path, files: Mapping[str, bytes]) -> str:
@@ -43,7 +47,7 @@ def write_pack(folder: Path, files: Mapping[str, bytes]) -> str:
     """
     check_folder(folder)
     whole = folder.absolute()
-    partial = whole.with_name(f".{whole.name}.{os.getpid()}.partial")
+    partial = _partial(whole)
     manifest = _manifest(files)
     with about_file(folder), _removed_unless_renamed(partial):
         for name, content in {**files, MANIFEST: manifest}.items():
@@ -54,6 +58,11 @@ def write_pack(folder: Path, files: Mapping[str, bytes]) -> str:
             whole.rmdir()  # empty, or this fails
         partial.rename(whole)
     return hashlib.sha256(manifest).hexdigest()
+
+
+def _partial(whole: Path) -> Path:
+    """Return the folder that becomes the pack once it is whole."""
+    return whole.with_name(f".{whole.name}.{os.getpid()}.partial")
 
 
 @contextlib.contextmanager

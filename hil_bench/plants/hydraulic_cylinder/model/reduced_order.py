@@ -267,6 +267,29 @@ def check_delay(delay: float) -> None:
         raise ParameterError(f"delay = {delay:g} s: must be {LONGEST_DELAY:g} s or less", "delay")
 
 
+def check_reduced_rest(parameters: PlantParameters, options: PlantOptions, x: float) -> None:
+    """Refuse a load that the supply cannot hold, for both pressures add up to it, eq. (15).
+
+    Args:
+        parameters: of the plant.
+        options: of the plant.
+        x: piston position at the start [m].
+
+    Raises:
+        ParameterError: one of the pressures would be below the cavitation floor.
+    """
+    floor, load = options.cavitation_floor, options.load_at(x)
+    if floor is None:
+        return
+    largest = (parameters.P_S - 2.0 * floor) * parameters.mean_area
+    if abs(load) > largest:
+        raise ParameterError(
+            f"load at the start = {load:g} N: must be within {largest:g} N, which the supply can "
+            "hold in the reduced model",
+            "load_force",
+        )
+
+
 def _motion(state: PlantState) -> Motion:
     """Return what the kernels move on."""
     return state.x, state.v, state.P_A - state.P_B, state.V_CB - state.V_CA

@@ -30,14 +30,17 @@ from hil_bench.machine.identification.choice import (
     Choice,
     choose,
     find_sensors,
+    with_filters,
     with_hysteresis,
 )
 from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
 from hil_bench.machine.identification.identify import Identification, identify
+from hil_bench.machine.identification.logger import look_through
 from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord, join_records
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.machine.identification.signs import settle_signs
+from hil_bench.machine.identification.unknowns import Sensors
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.foreign_table import read_columns
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -127,11 +130,10 @@ def run(args: argparse.Namespace) -> int:
     make_directory(args.output)
     chains = _find_chains(config, axis)
     sensors = find_sensors(*chains)
-    settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
-    choice = choose(settings, sensors, args.fix, args.free)
+    choice = _choose(args, config, axis, sensors)
     asked = Question(config, files.bench, axis, choice.names, sensors, chains, None)
     if files.recordings:
-        found = _fit(args, asked, choice, files.recordings)
+        found, asked = _fit(args, asked, files.recordings)
         asked = asked._replace(knowledge=Knowledge.of(found))
         is_right = is_explained(found)
     else:
@@ -156,20 +158,30 @@ class Files(NamedTuple):
     result: Path | None
 
 
+def _choose(
+    args: argparse.Namespace, config: BenchConfig, axis: CylinderConfig, sensors: Sensors
+) -> Choice:
+    settings = [one for one in config.settings if one.table == f"plant.{axis.name}"]
+    return choose(settings, sensors, args.fix, args.free)
+
+
 def _fit(
-    args: argparse.Namespace, asked: Question, choice: Choice, recordings: Sequence[Path]
-) -> Identification:
-    """Return what recordings tell.
+    args: argparse.Namespace, asked: Question, recordings: Sequence[Path]
+) -> tuple[Identification, Question]:
+    """Return what recordings tell, and the question as they have changed it.
 
     Raises:
         ConfigError: they cannot serve, or tell nothing.
     """
     record = _read_records(args, recordings, asked.axis, asked.config.full_scale(asked.axis))
+    sensors = with_filters(asked.sensors, record.filters, args.fix)
+    choice = _choose(args, asked.config, asked.axis, sensors)
+    asked = asked._replace(names=choice.names, sensors=sensors)
     record = with_hysteresis(record, *asked.chains)
     held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
     record = replace(record, notes=(*record.notes, *held))
     try:
-        return _identify(args, asked, record)
+        return _identify(args, asked, record), asked
     except ConfigError as error:
         raise ConfigError(f"{_names(recordings)}: {error}") from None
 
@@ -251,10 +263,11 @@ def _read_record(
     if columns is None:
         if path.suffix.lower() == ".mat":
             raise ConfigError("name its columns in --columns or with --map")
-        return AxisRecord.of(read_recording(path), axis.name, full_opening, path.name)
+        recording = read_recording(path)
+        return look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
     mapped = columns.of(path.name)
     recording = map_columns(read_columns(path), mapped, axis.name)
-    record = AxisRecord.of(recording, axis.name, full_opening, path.name)
+    record = look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 
 

@@ -93,6 +93,30 @@ def find_sensors(position: ChainParameters | None, pressure: ChainParameters | N
     return Sensors(*_late(position), *_late(pressure))
 
 
+def with_filters(
+    sensors: Sensors, filters: tuple[float, float, float], fix: Sequence[str]
+) -> Sensors:
+    """Return sensors with the lags that their noise shows, where none is configured or held.
+
+    Args:
+        sensors: as configured.
+        filters: time constant behind the noise of position, P_A and P_B, 0 for none [s].
+        fix: keys that the user holds.
+    """
+    pressures = [lag for lag in filters[1:] if lag]
+    found = {
+        "position_lag": filters[0],
+        "pressure_lag": sum(pressures) / len(pressures) if pressures else 0.0,
+    }
+    return sensors._replace(
+        **{
+            name: lag
+            for name, lag in found.items()
+            if lag and not getattr(sensors, name) and KEYS[name].name not in fix
+        }
+    )
+
+
 def with_hysteresis(
     record: AxisRecord, position: ChainParameters | None, pressure: ChainParameters | None
 ) -> AxisRecord:

@@ -275,7 +275,7 @@ def _judge(polish: Polish, optimum: Optimum) -> Fit:
     """Return a fit with how far it can be trusted."""
     count = len(optimum.residuals)
     signals = optimum.residuals[:, :-4].reshape(count, -1, 3)
-    values = polish.shooting.has.sum(axis=0) * polish.shooting.counted
+    values = polish.shooting.is_there.sum(axis=(0, 1))
     freedom = int(values.sum()) - 4 * count - len(optimum.variables)
     is_there = np.ones(optimum.residuals.shape, dtype=np.bool_)
     is_there[:, :-4] = polish.shooting.is_there.reshape(count, -1)

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from hil_bench.machine.identification.record import AxisRecord
 
+_SMOOTHED = 4  # rows on each side of which a start is smoothed
 _KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
 
 
@@ -47,5 +48,9 @@ def cut_pieces(
     starts = np.concatenate(
         [np.arange(part.start, part.stop - length, length, dtype=np.int64) for part in parts]
     )
+    if record.clipped is not None:
+        # A piece that starts where a sensor shows nothing has no start.
+        near = starts[:, np.newaxis] + np.arange(-_SMOOTHED, _SMOOTHED + 1)
+        starts = starts[~record.clipped[np.clip(near, 0, len(record) - 1)].any(axis=(1, 2))]
     reach = [np.abs(record.measured[row : row + length + 1, 0]).max() for row in starts]
     return Pieces(starts[np.array(reach, dtype=np.float64) < stroke_end - _KEPT_OFF], length)

@@ -22,7 +22,9 @@ PRESSURES = ("P_A", "P_B")
 SIGNALS = ("position", *PRESSURES)
 """Quantities that the model is held against, in the order of every array of them."""
 
-_FLOORS = (0.3e-6, 1e3, 1e3)  # [m], [Pa]: below these nothing is gained
+FLOORS = (0.3e-6, 1e3, 1e3)
+"""Noise of `SIGNALS` below which nothing is gained [m], [Pa]."""
+
 _SHORTEST = 3.0  # [s]
 _SLOWEST = 0.01  # [s] between rows: above, the pressures' oscillation is not seen
 _UNEVEN = 0.2  # of a row: a step that is off by more is a gap
@@ -74,6 +76,9 @@ class AxisRecord:
             has the signal.
         sessions: the recordings, one after the other.
         notes: what was found out about the columns.
+        clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3); None
+            for none.
+        filters: time constant of the filter behind each signal's noise, 0 for none [s].
     """
 
     axis: str
@@ -87,6 +92,8 @@ class AxisRecord:
     noise: Values
     sessions: tuple[Session, ...] = ()
     notes: tuple[str, ...] = ()
+    clipped: npt.NDArray[np.bool_] | None = None
+    filters: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not self.sessions:
@@ -112,6 +119,36 @@ class AxisRecord:
         has = np.array([session.has for session in self.sessions], dtype=np.bool_)
         return np.asarray(has[self.session_of(rows)])
 
+    def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """Return which values of `SIGNALS` are measured and not clipped, shape (*rows.shape, 3)."""
+        counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
+        return counts if self.clipped is None else counts & ~self.clipped[rows]
+
+    def split_at(self, rows: Sequence[int]) -> Self:
+        """Return the record with gaps in time behind some rows.
+
+        Raises:
+            ConfigError: hardly anything is long enough between them.
+        """
+        edges = sorted({row + 1 for row in rows})
+        stretches = [
+            range(*pair)
+            for part in self.stretches
+            for pair in itertools.pairwise(
+                [part.start, *(edge for edge in edges if edge in part), part.stop]
+            )
+        ]
+        least = _least_rows(self.interval)
+        kept = tuple(part for part in stretches if len(part) >= least)
+        span = self.interval * sum(map(len, kept))
+        if span < _SHORTEST - 2.0 * self.interval:
+            raise ConfigError(
+                f"the recording lacks rows in {len(edges)} places behind an even column of time, "
+                f"the first at {self.times[edges[0] - 1]:g} s; {span:.3g} s of it are whole for "
+                f"{_LEAST_STRETCH:g} s and more, {_SHORTEST:g} s are needed"
+            )
+        return replace(self, stretches=kept)
+
     @property
     def fitted(self) -> list[range]:
         """The rows for the fit, by stretch."""
@@ -134,7 +171,7 @@ class AxisRecord:
 
     def with_noise(self, noise: Values) -> Self:
         """Return the record with a noise that is known better, above the floors."""
-        return replace(self, noise=np.maximum(noise, _FLOORS))
+        return replace(self, noise=np.maximum(noise, FLOORS))
 
     def rows_in(self, duration: float) -> int:
         """Return how many rows span a duration [s], 10 at least."""
@@ -180,7 +217,7 @@ class AxisRecord:
             noise=np.array(
                 [
                     estimate_noise(values, floor) if there else np.inf
-                    for values, floor, there in zip(measured.T, _FLOORS, has, strict=True)
+                    for values, floor, there in zip(measured.T, FLOORS, has, strict=True)
                 ]
             ),
             sessions=(Session(name, range(len(times)), has),),
@@ -205,6 +242,10 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
             )
     starts = np.cumsum([0, *(len(record) for record in records)]).tolist()
     pairs = list(zip(starts, records, strict=False))
+    clipped = [
+        np.zeros((len(record), 3), dtype=np.bool_) if record.clipped is None else record.clipped
+        for record in records
+    ]
     spools = [
         np.full(len(record), np.nan) if record.spool is None else record.spool for record in records
     ]
@@ -224,6 +265,12 @@ def join_records(records: Sequence[AxisRecord]) -> AxisRecord:
         ),
         notes=tuple(
             f"{record.sessions[0].name}: {note}" for record in records for note in record.notes
+        ),
+        clipped=np.concatenate(clipped) if any(each.any() for each in clipped) else None,
+        filters=(
+            max(record.filters[0] for record in records),
+            max(record.filters[1] for record in records),
+            max(record.filters[2] for record in records),
         ),
     )
 
@@ -251,7 +298,7 @@ def estimate_noise(values: Values, floor: float) -> float:
         values: of the signal.
         floor: at least this, and at least the rounding of the sensor's smallest step.
     """
-    return max(_quiet_noise(values), floor, _rounding(values))
+    return max(quiet_noise(values), floor, _rounding(values))
 
 
 def _rounding(values: Values) -> float:
@@ -268,7 +315,7 @@ def _rounding(values: Values) -> float:
     return float(steps.min()) / math.sqrt(12.0) if is_multiple.mean() > _NEARLY_ALL else 0.0
 
 
-def _quiet_noise(values: Values) -> float:
+def quiet_noise(values: Values) -> float:
     """Return the standard deviation of noise in the quietest tenth of a signal."""
     powers = np.square(np.diff(values, n=_ORDER)) / math.comb(2 * _ORDER, _ORDER)
     blocks = len(powers) // _BLOCK
@@ -335,7 +382,7 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
     steps = np.diff(times)
     gaps = np.flatnonzero(np.abs(steps - interval) > _UNEVEN * interval)
     edges = [0, *(gaps + 1).tolist(), len(times)]
-    least = _LEAST_STRETCH / interval + _SETTLED
+    least = _least_rows(interval)
     stretches = [range(*pair) for pair in itertools.pairwise(edges) if pair[1] - pair[0] >= least]
     span = interval * sum(map(len, stretches))
     if span < _SHORTEST - 2.0 * interval:
@@ -346,6 +393,10 @@ def _find_stretches(times: Values, interval: float) -> tuple[range, ...]:
             f"more, {_SHORTEST:g} s are needed"
         )
     return tuple(stretches)
+
+
+def _least_rows(interval: float) -> float:
+    return _LEAST_STRETCH / interval + _SETTLED
 
 
 def _split(rows: range) -> int:

@@ -118,7 +118,7 @@ class Shooting:
             spread_setpoints(np.repeat(block, self.substeps, axis=1))
             for block in np.split(self.record.setpoints[rows], range(LANES, len(rows), LANES))
         ]
-        self.is_there = np.repeat(self.has[:, np.newaxis], self.pieces.length, axis=1)
+        self.is_there = self.record.counts_at(rows)
         if self.is_behind:
             begin, end = (math.ceil(span / self.record.interval) for span in BLIND)
             self.is_there[:, :begin] = False
@@ -132,11 +132,6 @@ class Shooting:
         self.states = self._smooth.copy()
         self.damping = np.full(len(self.states), _FIRST_DAMPING)
         self.steps = np.tile(_STEPS, (len(self.states), 1))
-
-    @property
-    def counted(self) -> int:
-        """How many rows of a piece count."""
-        return int(self.is_there.any(axis=(0, 2)).sum())
 
     @property
     def starts(self) -> dict[int, Values]:

@@ -1,0 +1,152 @@
+"""Lost rows, clipped channels and filters of a logger: found where they are, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.signal import lfilter
+from support.machine_record import FULL_OPENING, POSITION_NOISE, Machine, random_steps
+
+from hil_bench.errors import ConfigError
+from hil_bench.machine.identification.choice import with_filters
+from hil_bench.machine.identification.logger import (
+    find_clipped,
+    find_filter,
+    find_jumps,
+    look_through,
+)
+from hil_bench.machine.identification.pieces import cut_pieces
+from hil_bench.machine.identification.record import FLOORS, AxisRecord, join_records
+from hil_bench.machine.identification.unknowns import PROMPT
+from hil_bench.outside.recording.channels import Recording
+
+TICK = 1e-3  # [s]
+
+Values = npt.NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    """Of 6 s, a third of them at rest; the piston is struck from one speed to another."""
+    setpoints = random_steps(0.3e-3, 1e-3, 40, 150)
+    for block in range(0, 40, 3):
+        setpoints[150 * block : 150 * (block + 1)] = 0.0
+    return Machine().record(setpoints)
+
+
+def behind_a_filter(values: Values, lag: float) -> Values:
+    fade = np.exp(-TICK / lag)
+    return np.asarray(lfilter([1.0 - fade], [1.0, -fade], values - values[0]) + values[0])
+
+
+def test_a_sound_record_has_nothing(recording: Recording) -> None:
+    record = AxisRecord.of(recording, "axis1", FULL_OPENING)
+
+    looked = look_through(record)
+
+    assert looked.notes == ()
+    assert looked.stretches == record.stretches
+    assert looked.clipped is None
+    assert looked.filters == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("first", "lost"), [(2100, 2), (2500, 12), (4020, 3)])
+def test_lost_rows_are_found_and_counted(recording: Recording, first: int, lost: int) -> None:
+    """While the piston moves with a tenth of a metre a second and more."""
+    position = recording["axis1.position"]
+    speed = np.diff(position)[first - 1]
+    assert abs(speed) > 0.05 * TICK
+
+    (jump,) = find_jumps(np.delete(position, slice(first, first + lost)), POSITION_NOISE)
+
+    assert jump.row == first - 1
+    assert jump.lost == pytest.approx(lost, abs=1)
+    assert jump.way == pytest.approx(lost * speed, rel=0.2)
+
+
+def test_a_fit_does_not_reach_across_lost_rows(recording: Recording) -> None:
+    cut = np.delete(recording, slice(2500, 2512))
+    cut["time"] = TICK * np.arange(len(cut))  # an even column of time hides it
+
+    looked = look_through(AxisRecord.of(cut, "axis1", FULL_OPENING))
+
+    assert [(part.start, part.stop) for part in looked.stretches] == [(0, 2500), (2500, len(cut))]
+    (note,) = looked.notes
+    assert note.startswith(
+        "about 12 rows are missing in 1 place behind an even column of time at 2.499"
+    )
+    assert "s: the position jumps by up to" in note
+
+
+def test_a_record_that_is_full_of_lost_rows_is_refused(recording: Recording) -> None:
+    table = recording.copy()
+    table["axis1.position"] += 1e-3 * (np.arange(len(table)) // 200)  # a jump each 0.2 s
+
+    with pytest.raises(ConfigError, match=r"lacks rows in \d+ places behind an even column"):
+        look_through(AxisRecord.of(table, "axis1", FULL_OPENING))
+
+
+@pytest.mark.parametrize("coarse", [0.0, 1e3])
+def test_a_clipped_channel_is_found_with_its_end(recording: Recording, coarse: float) -> None:
+    values = recording["axis1.P_A"]
+    if coarse:
+        values = coarse * np.rint(values / coarse)
+    end = float(np.quantile(values, 0.9))
+
+    marks, ends = find_clipped(np.minimum(values, end), FLOORS[1])
+
+    assert ends == [end]
+    # A tenth of the rows is beyond; what touches the end for a few rows only is not told apart.
+    assert 0.05 < marks.mean() < 0.12
+
+
+def test_a_column_without_noise_that_rests_at_its_highest_is_not_clipped() -> None:
+    course = np.concatenate([np.linspace(0.0, 0.2, 3000), np.full(1000, 0.2)])
+
+    assert find_clipped(course, FLOORS[0])[1] == []
+
+
+def test_clipped_rows_count_for_nothing(recording: Recording) -> None:
+    table = recording.copy()
+    end = np.quantile(table["axis1.P_A"], 0.9)
+    table["axis1.P_A"] = np.minimum(table["axis1.P_A"], end)
+    record = AxisRecord.of(table, "axis1", FULL_OPENING)
+
+    looked = look_through(record)
+
+    assert looked.clipped is not None
+    rows = np.flatnonzero(looked.clipped[:, 1])
+    assert looked.counts_at(rows).tolist() == [[True, False, True]] * len(rows)
+    assert f"P_A is clipped at {end / 1e5:.4g} bar" in looked.notes[0]
+    assert looked.noise[1] == pytest.approx(5e3, rel=0.3)  # as added; the clipped rows have none
+    pieces = cut_pieces(looked, [range(len(looked))], 50, 0.2)
+    assert not looked.clipped[pieces.rows].any()
+    both = join_records([record, looked])
+    assert both.clipped is not None
+    assert both.clipped.sum() == looked.clipped.sum()
+
+
+@pytest.mark.parametrize("signal", ["position", "P_A"])
+@pytest.mark.parametrize("lag", [2e-3, 5e-3])
+def test_a_filter_of_the_logger_is_found(recording: Recording, signal: str, lag: float) -> None:
+    values = recording[f"axis1.{signal}"]
+
+    assert find_filter(values, TICK) == 0.0
+    # A drift that is taken out of blocks of 64 rows shortens what is found.
+    assert 0.35 * lag < find_filter(behind_a_filter(values, lag), TICK) < 1.3 * lag
+
+
+def test_a_filter_becomes_a_lag_that_is_estimated(recording: Recording) -> None:
+    table = recording.copy()
+    table["axis1.P_A"] = behind_a_filter(table["axis1.P_A"], 3e-3)
+
+    looked = look_through(AxisRecord.of(table, "axis1", FULL_OPENING))
+
+    assert looked.filters[1] > 1e-3
+    assert "first-order filter of about" in looked.notes[0]
+    assert with_filters(PROMPT, looked.filters, ()).pressure_lag == looked.filters[1]
+    assert with_filters(PROMPT, looked.filters, ("pressure_lag_ms",)) == PROMPT
+    configured = PROMPT._replace(pressure_lag=1e-3)
+    assert with_filters(configured, looked.filters, ()) == configured
+    assert replace(looked, filters=(0.0, 0.0, 0.0)).filters == (0.0, 0.0, 0.0)

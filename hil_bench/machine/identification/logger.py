@@ -32,7 +32,7 @@ _BLOCK = 64  # rows, in which a machine at rest shows noise and a drift
 _DEGREE = 2  # of that drift
 _QUIET = 0.1  # of the blocks
 _LEAST_BLOCKS = 40
-_COLOURED = 0.3  # autocorrelation from row to row, from which on noise is filtered
+_COLOURED = (0.3, 0.92)  # autocorrelation of filtered noise from row to row; above, it is motion
 _MOTION = (0.3, 0.05)  # how far the next one may be off that of a first-order filter
 
 
@@ -69,7 +69,7 @@ def look_through(record: AxisRecord) -> AxisRecord:
             share = clipped[:, signal].mean()
             notes.append(f"{name} is clipped at {places}: {share:.1%} of its rows do not count")
             noise[signal] = estimate_noise(values[~clipped[:, signal]], FLOORS[signal])
-        filters[signal] = find_filter(values[~clipped[:, signal]], record.interval)
+        filters[signal] = find_filter(values[~clipped[:, signal]], record.interval, FLOORS[signal])
         if filters[signal]:
             span = MILLISECOND.from_si(filters[signal])
             notes.append(
@@ -165,7 +165,7 @@ def find_clipped(values: Values, floor: float) -> tuple[Marks, list[float]]:
     return marks, ends
 
 
-def find_filter(values: Values, interval: float) -> float:
+def find_filter(values: Values, interval: float, floor: float) -> float:
     """Return the time constant of a first-order filter behind the noise of a channel, 0 for none.
 
     Behind y' = f y + (1 - f) x white noise has the autocorrelations f and f² from row to row and
@@ -175,6 +175,7 @@ def find_filter(values: Values, interval: float) -> float:
     Args:
         values: of each row.
         interval: between two rows [s].
+        floor: noise below which nothing can be said.
 
     Returns:
         The time constant [s].
@@ -188,7 +189,7 @@ def find_filter(values: Values, interval: float) -> float:
     powers = np.square(rest).mean(axis=1)
     quiet = rest[powers <= np.quantile(powers, _QUIET)]
     power = float(np.square(quiet).mean())
-    if power <= 0.0:
+    if power <= floor**2:
         return 0.0
     # A drift that was taken out takes some of the correlation with it.
     lost = (_DEGREE + 1) / _BLOCK
@@ -198,7 +199,7 @@ def find_filter(values: Values, interval: float) -> float:
     )
     share, least = _MOTION
     is_filter = abs(twice - once**2) < share * once * (1.0 - once) + least
-    if not _COLOURED < once < 1.0 or not is_filter:
+    if not _COLOURED[0] < once < _COLOURED[1] or not is_filter:
         return 0.0
     return -interval / math.log(once)
 

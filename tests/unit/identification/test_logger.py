@@ -17,7 +17,7 @@ from hil_bench.machine.identification.logger import (
     look_through,
 )
 from hil_bench.machine.identification.pieces import cut_pieces
-from hil_bench.machine.identification.record import FLOORS, AxisRecord, join_records
+from hil_bench.machine.identification.record import FLOORS, SIGNALS, AxisRecord, join_records
 from hil_bench.machine.identification.unknowns import PROMPT
 from hil_bench.outside.recording.channels import Recording
 
@@ -132,9 +132,20 @@ def test_clipped_rows_count_for_nothing(recording: Recording) -> None:
 def test_a_filter_of_the_logger_is_found(recording: Recording, signal: str, lag: float) -> None:
     values = recording[f"axis1.{signal}"]
 
-    assert find_filter(values, TICK) == 0.0
+    floor = FLOORS[SIGNALS.index(signal)]
+    assert find_filter(values, TICK, floor) == 0.0
     # A drift that is taken out of blocks of 64 rows shortens what is found.
-    assert 0.35 * lag < find_filter(behind_a_filter(values, lag), TICK) < 1.3 * lag
+    assert 0.35 * lag < find_filter(behind_a_filter(values, lag), TICK, floor) < 1.3 * lag
+
+
+def test_motion_without_noise_is_no_filter() -> None:
+    """As `hil-bench run --record` has the plant's own signals."""
+    setpoints = random_steps(0.3e-3, 1e-3, 40, 150)
+    setpoints[:1500] = 0.0
+    recording = Machine().record(setpoints)
+    smooth = np.convolve(recording["axis1.P_A"], np.hanning(40) / np.hanning(40).sum(), "same")
+
+    assert find_filter(smooth, TICK, FLOORS[1]) == 0.0
 
 
 def test_a_filter_becomes_a_lag_that_is_estimated(recording: Recording) -> None:

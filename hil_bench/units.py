@@ -104,6 +104,7 @@ DISPLAY_UNITS: Mapping[str, Unit] = {
     "-": PERCENT,
     "rad": REVOLUTION,
     "rad/s": REVOLUTION_PER_MINUTE,
+    "m³/s": LITRE_PER_MINUTE,
 }
 """In which unit people are shown a quantity, by its SI unit."""
 

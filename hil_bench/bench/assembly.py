@@ -8,6 +8,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import cast
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.compiled import warn_of_edits
@@ -34,7 +35,8 @@ from hil_bench.kinds.registry import KINDS
 from hil_bench.kinds.scripts import build_script
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.outside.transports.embedded import EmbeddedBus
-from hil_bench.plants.plant import PlantGroup
+from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyGroup
+from hil_bench.plants.plant import Plant, PlantGroup
 
 logger = logging.getLogger(__name__)
 
@@ -70,13 +72,15 @@ def build_bench(config: BenchConfig) -> Bench:
     fittings = {node.name: fit_node(node, nodes[node.name], surroundings) for node in config.nodes}
     segments, ecu_fittings = build_segments(config, surroundings)
     parts = fittings | ecu_fittings
-    axes = [build_axis(axis, config.dt, list(parts.values())) for axis in config.axes]
+    supplies = build_supplies(config)
+    plants = build_plants(config, supplies)
+    axes = [build_axis(axis, plants[axis.name], list(parts.values())) for axis in config.axes]
     buses = number_buses(config)
     wiring = build_wiring(config, nodes)
     plugs = wiring.plugs if wiring else {}
     wires = {name: plugs[node] for name, node in nodes.items() if node in plugs}
     faults = Faults(
-        find_fault_points(axes, nodes, parts, buses, wires, segments),
+        find_fault_points(axes, nodes, parts, buses, wires, segments, supplies),
         tick_ns=config.tick_ns,
         seed=config.seed,
     )
@@ -93,8 +97,35 @@ def build_bench(config: BenchConfig) -> Bench:
         sensors=order_sensors(axes, parts, config),
     )
     bench.join(segments)
-    bench.group(group_plants(axes, config))
+    bench.group([*find_fed(config, supplies), *group_plants(axes, config)])
     return bench
+
+
+def find_fed(
+    config: BenchConfig, supplies: Sequence[SupplyGroup]
+) -> list[tuple[tuple[int, ...], PlantGroup]]:
+    """Return the plants on each shared supply, with the numbers of their axes."""
+    numbers = {axis.name: number for number, axis in enumerate(config.axes)}
+    return [(tuple(numbers[axis] for axis in each.axes), each) for each in supplies]
+
+
+def build_supplies(config: BenchConfig) -> list[SupplyGroup]:
+    """Return the supplies that axes share, with the plants of these axes."""
+    by_name = {axis.name: axis for axis in config.axes}
+    return [
+        SupplyGroup(supply, [cast("Fed", by_name[axis]) for axis in supply.axes], config.dt)
+        for supply in config.supplies
+    ]
+
+
+def build_plants(config: BenchConfig, supplies: Sequence[SupplyGroup]) -> dict[str, Plant]:
+    """Return the plant of each axis by its name, those with their own supply and the others."""
+    fed: dict[str, Plant] = {}
+    for supply in supplies:
+        fed |= dict(zip(supply.axes, supply.plants, strict=True))
+    return {
+        axis.name: fed.get(axis.name) or axis.kind.build(axis, config.dt) for axis in config.axes
+    }
 
 
 def number_buses(config: BenchConfig) -> dict[str, int]:
@@ -165,14 +196,14 @@ def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitt
     return replace(fitting, sources=sources, advance=advance if added else fitting.advance)
 
 
-def build_axis(axis: AxisConfig, dt: float, fittings: Sequence[Fitting]) -> Axis:
-    """Return one plant with its drive, its sensors and the objects bound to it."""
+def build_axis(axis: AxisConfig, plant: Plant, fittings: Sequence[Fitting]) -> Axis:
+    """Return a plant with its drive, its sensors and the objects bound to it."""
     drives = [drive for fitting in fittings for drive in fitting.drives]
     sensors = [sensor for fitting in fittings for sensor in fitting.sensors]
     sources = [source for fitting in fittings for source in fitting.sources]
     return Axis(
         name=axis.name,
-        plant=axis.kind.build(axis, dt),
+        plant=plant,
         valve=next(drive.device for drive in drives if drive.axis == axis.name),
         sensors=tuple(sensor for name, sensor in (*sensors, *sources) if name == axis.name),
         quantities=axis.kind.quantities,

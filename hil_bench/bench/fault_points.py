@@ -17,6 +17,7 @@ from hil_bench.devices.faults.effects import (
 from hil_bench.devices.faults.faults import Faults
 from hil_bench.devices.faults.points import FaultPoints
 from hil_bench.devices.faults.wire_point import WirePoint
+from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyGroup
 from hil_bench.plants.quantity import SUPPLY
 
 
@@ -27,12 +28,14 @@ def find_fault_points(
     buses: Mapping[str, int],
     wires: Mapping[str, WirePoint],
     segments: Sequence[Segment] = (),
+    supplies: Sequence[SupplyGroup] = (),
 ) -> FaultPoints:
     """Return the points by the names of nodes and axes.
 
     An object that is bound to the plant is NODE.0x6401.01, or NODE where that has no other. The
     number of each node's bus stands in `buses`, and those on a bus of copper in `wires`. The
     devices of `segments` have lines of their own.
+    `supplies` are those that axes share.
     """
     by_name = {axis.name: axis for axis in axes}
     sensors: dict[str, SensorPoint] = {}
@@ -58,10 +61,15 @@ def find_fault_points(
             for axis in axes
             for influence in axis.influences
             if influence.name == SUPPLY
-        },
+        }
+        | {supply.name: SupplyPoint(supply, supply.lowest) for supply in supplies},
         plants={
             axis.name: DefectPoint(axis.plant, {each.name: each for each in axis.defects}, {})
             for axis in axes
+        }
+        | {
+            supply.name: DefectPoint(supply, {each.name: each for each in supply.defects}, {})
+            for supply in supplies
         },
         nodes=nodes,
         buses=buses,

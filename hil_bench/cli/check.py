@@ -13,7 +13,7 @@ from hil_bench.cli.device_table import read_devices
 from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.summary import facts_of, summary_lines
+from hil_bench.cli.summary import fact_lines, facts_of, facts_of_supply, summary_lines
 from hil_bench.config.settings import Origin
 
 _EXAMPLES = """\
@@ -87,6 +87,9 @@ def _toml_lines(config: BenchConfig) -> Iterator[str]:
     for axis in config.axes:
         if lines := summary_lines(config, axis):
             yield from ("", f"# What {axis.name} can do:", *(f"#   {line}" for line in lines))
+    for supply in config.supplies:
+        facts = fact_lines(facts_of_supply(config, supply))
+        yield from ("", f"# What {supply.name} can give:", *(f"#   {line}" for line in facts))
 
 
 def _line(setting: Setting) -> str:
@@ -95,7 +98,10 @@ def _line(setting: Setting) -> str:
         why = "left to python-can" if setting.table.startswith(_BUS_TABLES) else "none"
         return f"{f'# {name} =':{_COMMENT_COLUMN}}  # {why}"
     if setting.origin is Origin.DATA_SHEET:  # once more as a value it would be given twice
-        return f"{f'# {name} = {setting.value:.6g}':{_COMMENT_COLUMN}}  # {setting.reason}"
+        value = _toml_value(setting.value)
+        if isinstance(setting.value, float):
+            value = f"{setting.value:.6g}"
+        return f"{f'# {name} = {value}':{_COMMENT_COLUMN}}  # {setting.reason}"
     assignment = f"{name} = {_toml_value(setting.value)}"
     return f"{assignment:{_COMMENT_COLUMN}}  # {setting.origin}"
 
@@ -122,6 +128,10 @@ def _json_text(config: BenchConfig, doubts: Sequence[str]) -> str:
     path = str(config.path) if config.path else None
     summary = {
         axis.name: [fact._asdict() for fact in facts_of(config, axis)] for axis in config.axes
+    }
+    summary |= {
+        supply.name: [fact._asdict() for fact in facts_of_supply(config, supply)]
+        for supply in config.supplies
     }
     content = {"path": path, "settings": settings, "summary": summary, "warnings": list(doubts)}
     return json.dumps(content, indent=2, ensure_ascii=False)

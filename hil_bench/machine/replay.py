@@ -23,6 +23,7 @@ from hil_bench.outside.recording.channels import (
     recording_dtype,
 )
 from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_bench.plants.hydraulic_cylinder.configuration import require_own_supply
 from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import Quantity
 
@@ -220,8 +221,9 @@ def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.N
     """Return the `compared` quantities of an axis, a row a row of the recording.
 
     Raises:
-        ConfigError: the recording's time goes back.
+        ConfigError: the recording's time goes back, or the axis shares its supply.
     """
+    require_own_supply(axis, "replay")
     full = config.full_scale(axis)
     quantities = compared(axis)
     plant = _plant_at_start(axis, config.dt, recording, full)

@@ -159,6 +159,10 @@ class PlantKind(ABC, Generic[AxisT]):
         """
         return self
 
+    def supply_of(self, settings: Settings) -> str:
+        """Return the name of the ``[supply.NAME]`` that an axis shares; empty for none."""
+        return ""
+
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the keys of an axis whose defaults fit badly to the rest, and why."""
         yield from ()

@@ -4,7 +4,17 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 
-class Plant(Protocol):
+class Influenced(Protocol):
+    """What something may act on from outside."""
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set what acts on it from outside [SI]; None lets it be what it was.
+
+        Asked for the influences and defects alone that the axis' configuration names.
+        """
+
+
+class Plant(Influenced, Protocol):
     """One plant with one command; its kind says which quantity each output is."""
 
     @property
@@ -16,12 +26,6 @@ class Plant(Protocol):
 
     def go_to(self, values: Mapping[str, float]) -> None:
         """Go on from other values of some quantities [SI], as far as they are plausible."""
-
-    def influence(self, name: str, value: float | None) -> None:
-        """Set what acts on it from outside [SI]; None lets it be what it was.
-
-        Asked for the influences and defects alone that the axis' configuration names.
-        """
 
 
 class PlantGroup(Protocol):

@@ -6,6 +6,7 @@ from typing import Any
 
 from hil_bench.bench.configuration.loop import LoopSection
 from hil_bench.bench.configuration.plausibility import check_possible
+from hil_bench.bench.configuration.supplies import SuppliesSection
 from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Given, Key, Problems, Settings, read_table
 from hil_bench.config.values import describe, text
@@ -31,11 +32,13 @@ class AxesSection:
     Args:
         document: the file.
         loop: with the step of the plants' solvers.
+        supplies: those that axes share.
         folder: that relative paths in the file start from.
         problems: where problems are noted.
         default: whether a file without a plant has one default axis; else it has none.
 
     Attributes:
+        supplies: as passed in.
         axes: the table of each axis by its name; one of a kind that is not there is left out.
         records: those of the axes that make physical sense; known once it is resolved.
     """
@@ -44,14 +47,15 @@ class AxesSection:
         self,
         document: Document,
         loop: LoopSection,
+        supplies: SuppliesSection,
         folder: Path,
         problems: Problems,
         *,
         default: bool,
     ) -> None:
-        self.axes = _read_axes(document, folder, problems, default=default)
+        self.axes = _read_axes(document, supplies, folder, problems, default=default)
         self.records: tuple[AxisConfig, ...] = ()
-        self._loop, self._problems = loop, problems
+        self._loop, self._problems, self.supplies = loop, problems, supplies
 
     def resolve(self) -> None:
         """Make the records, and note values that nature does not allow."""
@@ -62,6 +66,7 @@ class AxesSection:
                 axis.kind.configure(name, axis.settings, self._loop.step_us, self._problems)
             )
         self.records = tuple(record for record in records if record is not None)
+        self.supplies.connect(self.records)
 
     def build(self) -> dict[str, Any]:
         """Return the records of the axes."""
@@ -73,7 +78,12 @@ class AxesSection:
 
 
 def _read_axes(
-    document: Document, folder: Path, problems: Problems, *, default: bool
+    document: Document,
+    supplies: SuppliesSection,
+    folder: Path,
+    problems: Problems,
+    *,
+    default: bool,
 ) -> dict[str, AxisSettings]:
     sections = read_named_sections(document, "plant", problems)
     if default and not sections:
@@ -90,7 +100,7 @@ def _read_axes(
             said = read_table(table, told, (KIND_KEY,), problems) if told else {}
             settings = read_table(table, given, kind.keys, problems)
             if len(settings) == len(kind.keys):
-                settings = kind.derive(settings, problems)
+                settings = kind.derive(supplies.lend(name, kind, settings), problems)
                 special = kind.specialise(settings, folder, problems)
                 if special is None:
                     problems.raise_any()  # without its quantities nothing else can be checked

@@ -83,7 +83,7 @@ class FaultsSection:
         document: the file.
         overrides: tables of the command line.
         nodes: whose devices may have faults.
-        axes: whose plants may.
+        axes: whose plants may, and the supplies that they share.
         buses: those that are of copper may.
         ecus: J1939 devices, which may.
         problems: where problems are noted.
@@ -102,15 +102,19 @@ class FaultsSection:
         self._ecus = ecus
         self._faults = _read_faults(document, overrides, problems)
         self._nodes, self._axes, self._problems = nodes, axes, problems
-        self._buses = buses
+        self._buses, self._supplies = buses, axes.supplies
 
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
         targets = _find_targets(self._nodes.nodes, self._axes.axes, self._nodes.bindings)
         targets = _add_ecus(targets, self._ecus)
+        lowest = self._supplies.lowest_bar
+        targets = targets._replace(
+            axes={**targets.axes, **lowest}, plants=[*targets.plants, *lowest]
+        )
         _check_faults(self._faults, targets, self._problems)
         self._check_wires()
-        _check_defects(self._faults, self._axes.records, self._problems)
+        _check_defects(self._faults, self._axes.records, self._supplies.defects, self._problems)
 
     def _check_wires(self) -> None:
         """Note faults of copper on a bus that takes no time."""
@@ -218,10 +222,13 @@ def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: P
 
 
 def _check_defects(
-    faults: Sequence[Settings], axes: Sequence[AxisConfig], problems: Problems
+    faults: Sequence[Settings],
+    axes: Sequence[AxisConfig],
+    supplies: Mapping[str, set[str]],
+    problems: Problems,
 ) -> None:
-    """Note faults of a plant that its axis cannot have."""
-    known = {axis.name: {defect.name for defect in axis.defects} for axis in axes}
+    """Note faults of a plant, or of a supply, that it cannot have."""
+    known = {axis.name: {defect.name for defect in axis.defects} for axis in axes} | dict(supplies)
     for fault in faults:
         kind, target = fault["kind"].value, fault["target"].value
         if kind in DEFECT_KINDS and target in known:

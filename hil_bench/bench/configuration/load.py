@@ -15,6 +15,7 @@ from hil_bench.bench.configuration.modbus import ModbusSection
 from hil_bench.bench.configuration.nodes import needs_axis
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import BenchConfig
+from hil_bench.bench.configuration.supplies import SuppliesSection
 from hil_bench.config.document import check_tables, merge, read_document
 from hil_bench.config.sections import build_sections
 from hil_bench.config.settings import Problems
@@ -63,12 +64,14 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
     on_bus = {"interface": interface, "channel": channel, "bitrate": bitrate}
     bench = LoopSection(document, {"seed": seed, **(loop or {})}, problems)
     buses = BusesSection(document, on_bus | dict(bus_options or {}), problems)
-    axes = AxesSection(document, bench, base, problems, default=needs_axis(document))
+    supplies = SuppliesSection(document, bench, problems)
+    axes = AxesSection(document, bench, supplies, base, problems, default=needs_axis(document))
     ecus = EcusSection(document, axes, base, problems)
     nodes = NodesSection(document, buses, axes, ecus, base, problems)
     served = ModbusSection(document, nodes.nodes, base, problems, wanted=modbus)
     failing = FaultsSection(document, faults, nodes, axes, buses, ecus, problems)
-    found = build_sections((bench, buses, axes, ecus, nodes, served, failing), problems)
+    sections = (bench, buses, supplies, axes, ecus, nodes, served, failing)
+    found = build_sections(sections, problems)
     warn_of_nodes(nodes.nodes)
     return BenchConfig(path=file, **found)
 

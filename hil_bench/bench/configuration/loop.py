@@ -43,6 +43,12 @@ class LoopSection:
         step: int = self.settings["step_us"].value
         return step
 
+    @property
+    def steps_per_tick(self) -> int:
+        """Plant steps in one tick."""
+        tick_us: int = self.settings["tick_us"].value
+        return max(tick_us // self.step_us, 1)
+
     def resolve(self) -> None:
         """Note ticks that are no multiples of steps, and a processor that no policy can have."""
         bench, problems = self.settings, self._problems

@@ -7,6 +7,7 @@ from typing import Any, Final
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.settings import Origin, Problems, Setting, Settings, quote_name
 from hil_bench.plants.kind import PlantKind, Range
+from hil_bench.plants.registry import DEFAULT_PLANT
 
 Kind = PlantKind[Any]
 
@@ -50,8 +51,9 @@ def find_doubts(config: BenchConfig) -> list[str]:
     """Return what of a configuration is hard to believe, a line each."""
     source = str(config.path) if config.path else "built-in bench"
     kinds = {f"plant.{axis.name}": axis.kind for axis in config.axes}
+    supplies = {f"supply.{supply.name}": DEFAULT_PLANT for supply in config.supplies}
     return [
-        *_unusual(source, kinds, config.settings),
+        *_unusual(source, kinds | supplies, config.settings),
         *_left_over(source, kinds, config.settings),
         *_unresolved(source, config),
     ]

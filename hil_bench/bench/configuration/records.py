@@ -14,6 +14,7 @@ from hil_bench.outside.modbus.register_map import Holes, RegisterMap
 from hil_bench.outside.modbus.server_config import ServerConfig
 from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.outside.wire.config import WireConfig
+from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.kind import AxisConfig
 
 FIRST_BUS = "bus"
@@ -121,6 +122,7 @@ class BenchConfig:
         settings: every value as a person writes it, with its origin.
         realtime: how the loop runs where it is paced.
         ecus: the J1939 devices, in the order of the file.
+        supplies: those that several axes share, in the order of the file.
     """
 
     path: Path | None
@@ -137,6 +139,7 @@ class BenchConfig:
     faults: tuple[FaultConfig, ...] = ()
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
     ecus: tuple[EcuConfig, ...] = ()
+    supplies: tuple[SupplyConfig, ...] = ()
 
     @property
     def buses(self) -> dict[str, BusConfig]:

@@ -47,7 +47,7 @@ def missing_defect(name: str) -> str:
     if name == "load_loss":
         return "has no load to lose; give it load_n or load_mass_kg, a motor load_torque_n_m"
     if name in {"pump_loss", "relief_sag", "gas_loss"}:
-        return 'has a constant supply pressure; give it supply = "unit"'
+        return 'has no supply unit of its own; give it supply = "unit", or name the shared supply'
     return "cannot be worn: that takes a full-order cylinder and the bench's own solver"
 
 

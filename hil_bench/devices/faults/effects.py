@@ -9,7 +9,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.devices.faults.line import Babble, Line, Meeting, silence
 from hil_bench.devices.faults.sensor_stages import SensorStage
 from hil_bench.devices.faults.signal_path import SignalPath, Stage
-from hil_bench.plants.plant import Plant
+from hil_bench.plants.plant import Influenced
 from hil_bench.plants.quantity import SUPPLY, Influence
 
 _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
@@ -54,27 +54,27 @@ class SpoolPoint(NamedTuple):
 
 
 class SupplyPoint(NamedTuple):
-    """Where a fault gets at the supply of an axis.
+    """Where a fault gets at the supply of an axis, or at one that axes share.
 
     Attributes:
-        plant: of the axis.
+        plant: of the axis; the supply that is shared.
         lowest: the least pressure at which the supply can be held [Pa].
     """
 
-    plant: Plant
+    plant: Influenced
     lowest: float
 
 
 class DefectPoint(NamedTuple):
-    """Where a fault gets at the plant of an axis.
+    """Where a fault gets at the plant of an axis, or at a supply that axes share.
 
     Attributes:
-        plant: of the axis.
+        plant: of the axis; the supply that is shared.
         known: what may be worn or broken, by name.
         amounts: by the name of a defect, what each fault adds to it now; the plant has the sum.
     """
 
-    plant: Plant
+    plant: Influenced
     known: Mapping[str, Influence]
     amounts: dict[str, dict[object, float]]
 
@@ -162,7 +162,7 @@ class SupplyEffect:
         holds: what is called before each tick of the plants.
     """
 
-    def __init__(self, plant: Plant, pressure: float, holds: list[Callable[[], None]]) -> None:
+    def __init__(self, plant: Influenced, pressure: float, holds: list[Callable[[], None]]) -> None:
         self._plant, self._pressure, self._holds = plant, pressure, holds
 
     def begin(self, now: int) -> None:  # noqa: ARG002 - of the protocol

@@ -16,8 +16,8 @@ class FaultPoints:
     Attributes:
         sensors: nodes that measure.
         valves: nodes that command a spool.
-        supplies: axes with a supply.
-        plants: axes, with what may be worn or broken there.
+        supplies: axes with a supply, and the supplies that axes share.
+        plants: axes and shared supplies, with what may be worn or broken there.
         nodes: nodes on the bus.
         buses: the number of the bus of each node; without it all are on bus 0.
         wires: nodes whose bus is of copper.

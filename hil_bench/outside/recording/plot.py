@@ -1,8 +1,8 @@
 """A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
 
 The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, ``.P_A``,
-``.P_B``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out. Each
-panel is in the display unit that belongs to its channels' SI unit.
+``.P_B``, ``.P_S``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out.
+Each panel is in the display unit that belongs to its channels' SI unit.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
-from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, STYLE
+from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
-from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
 from hil_bench.units import Unit, display_unit
 
 if TYPE_CHECKING:
@@ -66,7 +66,11 @@ _PANELS = (
     _Panel("Angle", (_Curve("angle", "actual", BLUE),), share=1.0, measured="rad"),
     _Panel(
         "Pressure",
-        (_Curve(P_A, "$P_A$", ORANGE), _Curve(P_B, "$P_B$", GREEN)),
+        (
+            _Curve(P_A, "$P_A$", ORANGE),
+            _Curve(P_B, "$P_B$", GREEN),
+            _Curve(P_S, "$P_S$", PURPLE),
+        ),
         share=1.0,
         measured="Pa",
     ),

@@ -83,11 +83,12 @@ _DEFECTS = (
     Influence("dry_friction", "N", 0.0, LOAD_LIMIT),
 )
 _LOAD_DEFECTS = (Influence("load_loss", "-", 0.0, 1.0),)
-_SUPPLY_DEFECTS = (
+SUPPLY_DEFECTS = (
     Influence("pump_loss", "-", 0.0, 1.0),
     Influence("relief_sag", "Pa", 0.0, _SUPPLY_LIMIT),
     Influence("gas_loss", "-", 0.0, 1.0),
 )
+"""What may be worn or broken at a supply unit."""
 
 _PHYSICAL_KEYS = {
     key.field or key.name: key.name
@@ -110,6 +111,7 @@ _PHYSICAL_KEYS = {
 } | {
     "bristles": "friction",
     "supply_unit": "supply",
+    "supply": "supply",
     "lands": "flow_saturation",
     "the cushion": "cushion_a_length_mm",
     **{key.name: key.name for keys in CUSHION_KEYS.values() for key in keys},
@@ -140,6 +142,7 @@ class CylinderConfig(AxisConfig):
         solver: the integration method.
         position: piston position at the start, from mid-stroke, positive when extending [m].
         spool_delay: what stands for the spool's lag in the reduced model [s].
+        is_fed: whether it shares its supply with others; the options then have the whole unit.
     """
 
     model: Model
@@ -148,6 +151,16 @@ class CylinderConfig(AxisConfig):
     solver: Solver
     position: float
     spool_delay: float
+    is_fed: bool = False
+
+    @property
+    def cylinder(self) -> "CylinderConfig":
+        """What the axis is to the equations: itself."""
+        return self
+
+    def fed_by(self, unit: SupplyUnit) -> "CylinderConfig":
+        """Return the axis with another supply unit."""
+        return replace(self, options=replace(self.options, supply=unit))
 
     @property
     def full_scale(self) -> float:
@@ -170,7 +183,7 @@ class CylinderConfig(AxisConfig):
         return (
             *_DEFECTS,
             *(_LOAD_DEFECTS if self.options.loads else ()),
-            *(_SUPPLY_DEFECTS if self.options.supply is not None else ()),
+            *(() if self.options.supply is None or self.is_fed else SUPPLY_DEFECTS),
         )
 
     def limits(self, quantity: str) -> tuple[float, float]:
@@ -210,6 +223,18 @@ def require_cylinder(axis: AxisConfig, who: str) -> CylinderConfig:
     return axis
 
 
+def require_own_supply(axis: AxisConfig, who: str) -> None:
+    """Refuse an axis that shares its supply with others.
+
+    Raises:
+        ConfigError: it does, and `who` runs its plant alone.
+    """
+    cylinder = getattr(axis, "cylinder", None)
+    if isinstance(cylinder, CylinderConfig) and cylinder.is_fed:
+        wrong = f"shares its supply with other axes, and {who} runs it alone"
+        raise ConfigError(f'plant.{axis.name}: {wrong}; give it supply = "unit"')
+
+
 def full_opening_mm(axis: Settings) -> float:
     """Return the spool position [mm] from which on the orifices of an axis are fully open.
 
@@ -234,6 +259,7 @@ def _build_axis(kind: PlantKind["CylinderConfig"], name: str, axis: Settings) ->
         solver=axis["solver"].value,
         position=convert(axis, (axis["position_mm"].key,))["position"],
         spool_delay=convert(axis, (DELAY_KEY,))["delay"],
+        is_fed=axis["supply"].value not in set(Supply),
     )
     if record.model is Model.REDUCED:
         check_reduced_model(record.parameters, record.options)
@@ -274,7 +300,7 @@ def hydraulic_options(axis: Settings) -> dict[str, Any]:
     lands = MeteringLands(**convert(axis, LAND_KEYS))
     if lands != MeteringLands():
         options["lands"] = lands
-    if axis["supply"].value is Supply.UNIT:
+    if axis["supply"].value is not Supply.CONSTANT:
         options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
     return options
 
@@ -327,14 +353,22 @@ def _build_pump(axis: Settings) -> VariablePump | None:
     Raises:
         ParameterError: the supply has no pump.
     """
-    control = axis["pump_control"].value
-    if control is PumpControl.FIXED:
-        return None
-    if axis["supply"].value is not Supply.UNIT:
+    if (
+        axis["pump_control"].value is not PumpControl.FIXED
+        and axis["supply"].value is Supply.CONSTANT
+    ):
         raise ParameterError(
             'a constant supply has no pump: give supply = "unit" too', "pump_control"
         )
-    return VariablePump(senses_load=control is PumpControl.LOAD, **convert(axis, PUMP_KEYS))
+    return variable_pump(axis)
+
+
+def variable_pump(settings: Settings) -> VariablePump | None:
+    """Return how the pump of a supply swivels; None where it does not."""
+    control = settings["pump_control"].value
+    if control is PumpControl.FIXED:
+        return None
+    return VariablePump(senses_load=control is PumpControl.LOAD, **convert(settings, PUMP_KEYS))
 
 
 def _build_loads(axis: Settings) -> tuple[Load, ...]:

@@ -88,6 +88,11 @@ class _Cylinder(PlantModel):
 class FullOrderCylinder(FullOrderPlant, _Cylinder):
     """The full-order model on a bench."""
 
+    @property
+    def model(self) -> "FullOrderCylinder":
+        """What solves the equations: itself."""
+        return self
+
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on as `step` does, but ask less of an input that is within the limits."""
         load = self.load
@@ -108,32 +113,35 @@ class LinedCylinder:
 
     Args:
         model: it.
+
+    Attributes:
+        model: as passed in.
     """
 
     def __init__(self, model: FullOrderCylinder) -> None:
-        self._model = model
+        self.model = model
         self._has_a = model.options.line_a is not None
         self._has_b = model.options.line_b is not None
 
     @property
     def output(self) -> Sequence[float]:
         """The model's output and the pressures at the valve's ends of the lines [Pa]."""
-        return self._see(self._model.output)
+        return self._see(self.model.output)
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the model on under a spool set-point [m]."""
-        return self._see(self._model.drive(command, steps))
+        return self._see(self.model.drive(command, steps))
 
     def go_to(self, values: Mapping[str, float]) -> None:
         """Go on from other values; the waves in the lines go on as they are."""
-        self._model.go_to(values)
+        self.model.go_to(values)
 
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on the model."""
-        self._model.influence(name, value)
+        self.model.influence(name, value)
 
     def _see(self, seen: Sequence[float]) -> Sequence[float]:
-        at_a, at_b = self._model.valve_pressures
+        at_a, at_b = self.model.valve_pressures
         if self._has_a and self._has_b:
             return (*seen, at_a, at_b)
         return (*seen, at_a if self._has_a else at_b)

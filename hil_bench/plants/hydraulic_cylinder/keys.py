@@ -6,8 +6,10 @@
 from enum import StrEnum
 
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, number, points
+from hil_bench.config.values import boolean, choice, describe, number, points
+from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS, LineModel
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS as DISPLACEMENT_KEYS
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
@@ -51,6 +53,20 @@ class Supply(StrEnum):
 
     CONSTANT = "constant"
     UNIT = "unit"
+
+
+def supply(value: object) -> str:
+    """Return what stands behind port P: a `Supply`, or the name of a ``[supply.NAME]``.
+
+    Raises:
+        ConfigError: the value is no name.
+    """
+    if value in set(Supply):
+        return Supply(str(value))
+    if isinstance(value, str) and value:
+        return value
+    right = 'give "constant", "unit" or the name of a [supply.NAME]'
+    raise ConfigError(f"{describe(value)} is no supply; {right}")
 
 
 class PumpControl(StrEnum):
@@ -182,6 +198,10 @@ PUMP_KEYS = (
     _quantity("pump_leakage_l_min_bar", 0.012, LITRE_PER_MINUTE_BAR, "leakage"),
 )
 
+SUPPLY_KEY = Key("supply", supply, Supply.CONSTANT)
+
+CONTROL_KEY = Key("pump_control", choice(PumpControl), PumpControl.FIXED)
+
 SUPPLY_KEYS = (
     _quantity("pump_flow_l_min", 60.0, LITRE_PER_MINUTE, "pump_flow"),
     _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
@@ -210,6 +230,20 @@ LOAD_KEYS = (*CONSTANT_LOAD_KEYS, *SPRING_KEYS, *SLOPE_KEYS, SERIES_KEY)
 
 DELAY_KEY = _quantity("spool_delay_ms", 0.0, MILLISECOND, "delay")
 
+_TANK_KEYS = tuple(
+    key for key in PARAMETER_KEYS if key.name in {"supply_pressure_bar", "tank_pressure_bar"}
+)
+
+SHARED_KEYS = (
+    *DISPLACEMENT_KEYS,
+    *_TANK_KEYS,
+    _quantity("bulk_modulus_mpa", 1400.0, MEGAPASCAL, "modulus"),
+    *SUPPLY_KEYS,
+    CONTROL_KEY,
+    *PUMP_KEYS,
+)
+"""Of a supply that several axes share; all but the modulus of its oil are an axis' too."""
+
 AXIS_KEYS = (
     Key("model", choice(Model), Model.FULL_ORDER),
     *DATA_SHEET_KEYS,
@@ -234,9 +268,9 @@ AXIS_KEYS = (
     Key("counterbalance", choice(Lines), Lines.NONE),
     *COUNTERBALANCE_KEYS,
     *COUNTERBALANCE_RATING,
-    Key("supply", choice(Supply), Supply.CONSTANT),
+    SUPPLY_KEY,
     *SUPPLY_KEYS,
-    Key("pump_control", choice(PumpControl), PumpControl.FIXED),
+    CONTROL_KEY,
     *PUMP_KEYS,
     *LOAD_KEYS,
     _quantity("position_mm", 0.0, MILLIMETRE, "position"),

@@ -15,7 +15,11 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
-from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES, quantities_with_lines
+from hil_bench.plants.hydraulic_cylinder.quantities import (
+    QUANTITIES,
+    quantities_with_lines,
+    with_supply,
+)
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
@@ -49,10 +53,14 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     def specialise(
         self, settings: Settings, folder: Path, problems: Problems
     ) -> "HydraulicCylinder":
-        """Return the kind with the pressures at the valve, of an axis with waves in its lines."""
-        if settings["line_model"].value is LineModel.VOLUME:
-            return self
-        return LinedKind("".join(s for s in "ab" if settings[f"line_{s}_length_m"].value))
+        """Return the kind with the pressures at the valve, and with those of a shared supply."""
+        quantities = self.quantities
+        if settings["line_model"].value is not LineModel.VOLUME:
+            sides = "".join(s for s in "ab" if settings[f"line_{s}_length_m"].value)
+            quantities = quantities_with_lines(sides)
+        if self.supply_of(settings):
+            quantities = with_supply(quantities)
+        return self if quantities is self.quantities else SpecialCylinder(quantities)
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis that are still Table I's beside data sheets of others."""
@@ -81,15 +89,15 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         return find_unresolved(axis, tick_us, step_us)
 
 
-class LinedKind(HydraulicCylinder):
-    """A cylinder with waves in its lines.
+class SpecialCylinder(HydraulicCylinder):
+    """A cylinder with waves in its lines, or with a shared supply.
 
     Args:
-        sides: which lines there are: "a", "b" or "ab".
+        quantities: what can be seen of it.
     """
 
-    def __init__(self, sides: str) -> None:
-        self.quantities = quantities_with_lines(sides)
+    def __init__(self, quantities: tuple[Quantity, ...]) -> None:
+        self.quantities = quantities
 
 
 HYDRAULIC_CYLINDER: Final = HydraulicCylinder()

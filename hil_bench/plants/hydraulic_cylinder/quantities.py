@@ -1,5 +1,6 @@
 """The quantities of the cylinder, in the paper's symbols where it has some."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.model.state import PlantOutput
@@ -71,6 +72,18 @@ def quantities_with_lines(sides: str) -> tuple[Quantity, ...]:
         Quantity(f"P_{side.upper()}_valve", "Pa", first + place) for place, side in enumerate(sides)
     )
     return (*QUANTITIES, *at_valve)
+
+
+P_S: Final = "P_S"
+"""Pressure of a supply that several axes share [Pa]."""
+Q_S: Final = "Q_S"
+"""What an axis draws from it, on average over a tick [m³/s]."""
+
+
+def with_supply(quantities: Sequence[Quantity]) -> tuple[Quantity, ...]:
+    """Return the quantities of a plant that shares its supply: P_S and Q_S come last."""
+    first = 1 + max(each.output for each in quantities if each.output is not None)
+    return (*quantities, Quantity(P_S, "Pa", first), Quantity(Q_S, "m³/s", first + 1))
 
 
 LOAD: Final = "load"

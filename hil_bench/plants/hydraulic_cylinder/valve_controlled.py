@@ -6,6 +6,7 @@ from typing import Final
 
 from hil_bench.config.settings import Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
+from hil_bench.plants.hydraulic_cylinder.keys import SUPPLY_KEY, Supply
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
 from hil_bench.plants.kind import AxisT, PlantKind
 from hil_bench.units import MILLIMETRE
@@ -32,3 +33,8 @@ class ValveControlled(PlantKind[AxisT]):
     def lowest_supply_bar(self, settings: Settings) -> float:
         """Return the pressure of the tank [bar]."""
         return float(settings["tank_pressure_bar"].value)
+
+    def supply_of(self, settings: Settings) -> str:
+        """Return the name of the supply that an axis shares; empty for one of its own."""
+        value = settings[SUPPLY_KEY.name].value
+        return "" if value in set(Supply) else str(value)

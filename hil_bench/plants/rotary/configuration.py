@@ -12,7 +12,7 @@ velocity, is as small a share of a motor's speed as of a piston's, whatever its 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from hil_bench.config.settings import Problems, Settings, convert
@@ -22,6 +22,8 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
     explain_refusal,
     hydraulic_options,
 )
+from hil_bench.plants.hydraulic_cylinder.keys import Supply
+from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -67,6 +69,10 @@ class RotaryConfig(AxisConfig):
     displacement: float
     angle: float
     cylinder: CylinderConfig
+
+    def fed_by(self, unit: SupplyUnit) -> "RotaryConfig":
+        """Return the axis with another supply unit."""
+        return replace(self, cylinder=self.cylinder.fed_by(unit))
 
     @property
     def lever(self) -> float:
@@ -157,6 +163,7 @@ def _build_cylinder(
         solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
         position=0.0,
         spool_delay=0.0,
+        is_fed=axis["supply"].value not in set(Supply),
     )
 
 

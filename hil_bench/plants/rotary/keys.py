@@ -6,7 +6,7 @@
 from typing import Final
 
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, number, points
+from hil_bench.config.values import boolean, number, points
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import (
     CYLINDER_KEYS,
     OIL_KEYS,
@@ -20,8 +20,8 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     LAND_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
+    SUPPLY_KEY,
     SUPPLY_KEYS,
-    Supply,
 )
 from hil_bench.units import (
     BAR,
@@ -139,7 +139,7 @@ ROTARY_KEYS: Final = (
     *AIR_KEYS,
     *LAND_KEYS,
     COMPENSATOR_KEY,
-    Key("supply", choice(Supply), Supply.CONSTANT),
+    SUPPLY_KEY,
     *SUPPLY_KEYS,
     *LOAD_KEYS,
     SERIES_KEY,

@@ -1,12 +1,15 @@
 """The hydraulic motor as a kind of plant."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
+from hil_bench.plants.hydraulic_cylinder.quantities import with_supply
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
+from hil_bench.plants.quantity import Quantity
 from hil_bench.plants.rotary.configuration import RotaryConfig, configure
 from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
@@ -21,7 +24,7 @@ class Rotary(ValveControlled[RotaryConfig]):
 
     name = "rotary"
     keys = ROTARY_KEYS
-    quantities = QUANTITIES
+    quantities: tuple[Quantity, ...] = QUANTITIES
     usual = USUAL
     possible = POSSIBLE
     default_nodes = MappingProxyType(
@@ -37,6 +40,10 @@ class Rotary(ValveControlled[RotaryConfig]):
     def derive(self, settings: Settings, problems: Problems) -> Settings:
         """Return the settings of an axis with what its data sheets determine."""
         return apply_data_sheet(settings, problems)
+
+    def specialise(self, settings: Settings, folder: Path, problems: Problems) -> "Rotary":
+        """Return the kind with what is seen of a shared supply, of a motor that has one."""
+        return FedRotary() if self.supply_of(settings) else self
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis of which the file says nothing."""
@@ -55,6 +62,12 @@ class Rotary(ValveControlled[RotaryConfig]):
     def find_doubts(self, axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:
         """Yield the oscillations that neither tick nor step resolves."""
         return find_unresolved(axis, tick_us, step_us)
+
+
+class FedRotary(Rotary):
+    """A motor with a shared supply."""
+
+    quantities = with_supply(QUANTITIES)
 
 
 ROTARY: Final = Rotary()

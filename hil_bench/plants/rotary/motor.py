@@ -22,6 +22,9 @@ class HydraulicMotor:
         axis: its record.
         dt: step [s].
         start: quantities to begin with [SI]; what is missing is as at rest.
+
+    Attributes:
+        model: the cylinder that it is to the equations.
     """
 
     def __init__(self, axis: RotaryConfig, dt: float, start: Mapping[str, float]) -> None:
@@ -36,10 +39,10 @@ class HydraulicMotor:
         )
         angle = start.get(ANGLE.name, axis.angle)
         state = balanced_state(parameters, x=angle * self._lever, mean_pressure=mean, F_L=load)
-        self._model = FullOrderCylinder(
+        self.model = FullOrderCylinder(
             parameters, options=options, solver=cylinder.solver, dt=dt, state=state
         )
-        self._output = self._see(self._model.output)
+        self._output = self._see(self.model.output)
         if start:
             self.go_to(start)
 
@@ -50,12 +53,12 @@ class HydraulicMotor:
 
     def drive(self, command: float, steps: int) -> MotorOutput:
         """Move the motor on under a spool set-point [m]."""
-        self._output = self._see(self._model.drive(command, steps))
+        self._output = self._see(self.model.drive(command, steps))
         return self._output
 
     def go_to(self, values: Mapping[str, float]) -> None:
         """Go on from other values, above the cavitation floor."""
-        r, model = self._lever, self._model
+        r, model = self._lever, self.model
         x = values[ANGLE.name] * r if ANGLE.name in values else model.state.x
         model.go_to({name: values[name] for name in (P_A, P_B) if name in values})
         state = model.state._replace(x=x)
@@ -70,7 +73,7 @@ class HydraulicMotor:
         """Set the load [N m], P_S [Pa] or a defect; the load is a force at the lever."""
         if name == LOAD and value is not None:
             value /= self._lever
-        self._model.influence(name, value)
+        self.model.influence(name, value)
 
     def _see(self, seen: Sequence[float]) -> MotorOutput:
         x, v, pressure_a, pressure_b, nu, _, flow_a, flow_b = seen

@@ -13,11 +13,11 @@ _NAMES = tuple(key.name for key in PUMP_KEYS)
 
 
 def derive_pump(sheet: Sheet) -> Iterator[Derived]:
-    """Yield the flow Q = V n eta of a pump."""
+    """Yield the flow Q = V n eta of a pump; in a table of its own a supply always has one."""
     given = sheet.given(_NAMES)
     if not given:
         return
-    if sheet.settings["supply"].value is not Supply.UNIT:
+    if "supply" in sheet.settings and sheet.settings["supply"].value is Supply.CONSTANT:
         right = 'give supply = "unit"'
         sheet.refuse(given[0], f"the supply pressure is constant, whatever the pump; {right}")
         return

@@ -96,7 +96,7 @@ def pack_defective(
         C_LB=options.C_LB + defects.leakage_b,
         air=_aerate(options.air, defects.entrained_air),
         lands=_round_off(options.lands, defects.null_opening),
-        supply=None if options.supply is None else _wear_supply(options.supply, defects),
+        supply=None if options.supply is None else wear_supply(options.supply, defects),
         loads=tuple(_lighten(load, 1.0 - defects.load_loss) for load in options.loads),
     )
     row = list(pack_extended(worn, changed, dt))
@@ -121,7 +121,8 @@ def _round_off(lands: MeteringLands | None, more: float) -> MeteringLands | None
     return replace(lands, null_opening=lands.null_opening + more)
 
 
-def _wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:
+def wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:
+    """Return a unit with what its pump and its accumulator have lost."""
     return replace(
         unit,
         pump_flow=unit.pump_flow * (1.0 - defects.pump_loss),

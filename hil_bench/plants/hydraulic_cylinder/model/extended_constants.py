@@ -57,8 +57,8 @@ _EXTENSION = ROW
 LINES = _EXTENSION + 45
 SERIES = LINES + 8
 
-RELIEF_PRESSURE = _EXTENSION + 11
-"""Place of the relief valve's setting in the row: the third of the supply's constants."""
+PUMP_FLOW, RELIEF_PRESSURE = _EXTENSION + 10, _EXTENSION + 11
+"""Places of the pump's flow and the relief valve's setting in the row."""
 
 
 class ExtensionState(NamedTuple):
@@ -91,13 +91,13 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
         (0.0, 1.0) if options.air is None else (options.air.ratio, options.air.air_exponent),
         _bristle_constants(options),
         _load_constants(options),
-        supply_constants(parameters, options),
+        supply_constants(options.supply, parameters.E),
         land_constants(options.lands),
         edge_constants(parameters, options),
         (math.inf if options.compensator_margin is None else options.compensator_margin,),
         _cushion_constants(parameters, options),
         _counterbalance_constants(parameters, options.counterbalance),
-        _pump_constants(options.supply),
+        pump_constants(options.supply),
     )
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
@@ -130,13 +130,17 @@ def _load_constants(options: PlantOptions) -> LoadConstants:
     return force, stiffness, pull / stiffness if springs else 0.0
 
 
-def supply_constants(parameters: PlantParameters, options: PlantOptions) -> SupplyConstants:
-    """Return the constants of the supply unit; all zero for a constant P_S."""
-    unit = options.supply
+def supply_constants(unit: SupplyUnit | None, E: float) -> SupplyConstants:
+    """Return the constants of the supply unit; all zero for a constant P_S.
+
+    Args:
+        unit: it.
+        E: bulk modulus of the oil in its line [Pa].
+    """
     if unit is None:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     return (
-        unit.line_volume / parameters.E,
+        unit.line_volume / E,
         unit.pump_flow,
         unit.relief_pressure,
         unit.relief_gradient,
@@ -193,7 +197,7 @@ def _counterbalance_constants(
     )
 
 
-def _pump_constants(unit: SupplyUnit | None) -> PumpConstants:
+def pump_constants(unit: SupplyUnit | None) -> PumpConstants:
     """Return the constants of a pump that swivels; 0 first for one of constant flow."""
     pump = None if unit is None else unit.variable
     if unit is None or pump is None:

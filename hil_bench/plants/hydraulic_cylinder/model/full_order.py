@@ -15,7 +15,9 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    PUMP_FLOW,
     ExtensionState,
+    edge_constants,
     pack_extended,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
@@ -25,6 +27,7 @@ from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, make_row, r
 from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import advance_lined_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.pump import sensed_pressure
 from hil_bench.plants.hydraulic_cylinder.model.runge_kutta import advance_runge_kutta
 from hil_bench.plants.hydraulic_cylinder.model.state import (
     PlantInput,
@@ -188,6 +191,17 @@ class FullOrderPlant:
             self._state[SUPPLY] = pressure
         else:
             self._constants[ORIFICE_P_S] = pressure
+
+    def feed(self, pressure: float, flow: float) -> None:
+        """Let the plant's supply unit go on from a pressure [Pa] with a flow of its pump [m³/s]."""
+        self._state[SUPPLY] = pressure
+        self._constants[PUMP_FLOW] = flow
+
+    @property
+    def sensed_pressure(self) -> float:
+        """Pressure that the plant shows to a load-sensing pump [Pa]."""
+        edges = edge_constants(self.parameters, self.options)
+        return sensed_pressure(self.seen[4], self.valve_pressures, self.parameters.P_T, edges)
 
     @property
     def defects(self) -> Defects:

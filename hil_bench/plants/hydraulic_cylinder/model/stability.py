@@ -92,7 +92,7 @@ def find_modes(parameters: PlantParameters, options: PlantOptions) -> Modes:
     matrices = np.array(list(_cylinder_matrices(parameters, options)))
     modes = np.concatenate([np.linalg.eigvals(matrices).ravel(), _spool_modes(parameters)])
     if options.supply is not None:
-        supply = supply_constants(parameters, options)
+        supply = supply_constants(options.supply, parameters.E)
         relief = options.supply
         rate = relief.relief_gradient / supply_compliance(relief.relief_pressure, supply)
         modes = np.append(modes, -rate)

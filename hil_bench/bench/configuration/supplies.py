@@ -1,0 +1,146 @@
+"""The tables ``[supply.NAME]``: supplies that several axes share."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from hil_bench.bench.configuration.loop import LoopSection
+from hil_bench.bench.configuration.plausibility import check_possible
+from hil_bench.config.document import Document, read_named_sections
+from hil_bench.config.settings import Origin, Problems, Settings, convert, read_table
+from hil_bench.config.values import quote
+from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.configuration import explain_refusal, variable_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
+from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Sheet
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
+from hil_bench.plants.hydraulic_cylinder.keys import (
+    SHARED_KEYS,
+    SUPPLY_KEY,
+    SUPPLY_KEYS,
+)
+from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
+from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, find_exchange
+from hil_bench.plants.kind import AxisConfig, PlantKind
+from hil_bench.plants.registry import DEFAULT_PLANT
+
+TABLE = "supply"
+
+_OWN = "bulk_modulus_mpa"
+"""The one key of a supply that an axis has for itself."""
+
+
+class SuppliesSection:
+    """The supplies that axes share.
+
+    Args:
+        document: the file.
+        loop: with the tick and the step of the plants' solvers.
+        problems: where problems are noted.
+    """
+
+    def __init__(self, document: Document, loop: LoopSection, problems: Problems) -> None:
+        self._loop, self._problems = loop, problems
+        self._supplies: dict[str, Settings] = {}
+        for name, given in read_named_sections(document, TABLE, problems).items():
+            settings = read_table(f"{TABLE}.{name}", given, SHARED_KEYS, problems)
+            if len(settings) == len(SHARED_KEYS):
+                sheet = Sheet(settings, problems)
+                derived = list(sheet.take(derive_pump(sheet)))
+                settings |= {each.key: fill(settings, each) for each in derived}
+            self._supplies[name] = settings
+        self._fed: dict[str, list[str]] = {name: [] for name in self._supplies}
+        self._records: list[SupplyConfig] = []
+
+    def lend(self, axis: str, kind: PlantKind[Any], settings: Settings) -> Settings:
+        """Return the settings of an axis with those of the supply that it names.
+
+        What it says of a supply that is not its own is noted.
+        """
+        name = kind.supply_of(settings)
+        if not name:
+            return settings
+        table, problems = f"plant.{axis}", self._problems
+        if name not in self._supplies:
+            known = ['"constant"', '"unit"', *map(quote, self._supplies)]
+            wrong = f"{quote(name)} is unknown; give {', '.join(known[:-1])} or {known[-1]}"
+            problems.add(problems.place(table, SUPPLY_KEY.name), wrong)
+            return settings
+        self._fed[name].append(axis)
+        lent = {}
+        for key in SHARED_KEYS:
+            if key.name == _OWN or key.name not in settings:
+                continue
+            if settings[key.name].origin is not Origin.DEFAULT:
+                right = f"give it in [{TABLE}.{name}]"
+                problems.add(problems.place(table, key.name), f"belongs to the supply; {right}")
+            given = self._supplies[name].get(key.name)
+            if given is not None and key not in PUMP_KEYS:
+                reason = f"from {TABLE}.{name}"
+                lent[key.name] = settings[key.name]._replace(
+                    value=given.value, origin=Origin.DATA_SHEET, reason=reason
+                )
+        return settings | lent
+
+    def connect(self, axes: Sequence[AxisConfig]) -> None:
+        """Make the records, with the axes that the supplies feed, and note what makes no sense."""
+        by_name = {axis.name: axis for axis in axes}
+        for name, settings in self._supplies.items():
+            check_possible(settings, DEFAULT_PLANT, self._problems)
+            place = self._problems.place(f"{TABLE}.{name}")
+            if not self._fed[name]:
+                right = f'give an axis supply = "{name}"'
+                self._problems.add(place, f"no axis draws from it; {right}")
+            if name in by_name:
+                self._problems.add(place, "is the name of an axis; give another name")
+            fed = [by_name[axis] for axis in self._fed[name] if axis in by_name]
+            self._connect(name, settings, [axis for axis in fed if isinstance(axis, Fed)])
+
+    def _connect(self, name: str, settings: Settings, axes: Sequence[Fed]) -> None:
+        for axis in axes:
+            if axis.cylinder.solver is not Solver.LINEARLY_IMPLICIT_MIDPOINT:
+                place = self._problems.place(f"plant.{axis.name}", "solver")
+                right = f'give solver = "{Solver.LINEARLY_IMPLICIT_MIDPOINT.value}"'
+                self._problems.add(place, f"cannot share a supply; {right}")
+                return
+        try:
+            record = _build_record(name, settings, axes)
+            if axes:
+                dt, steps = self._loop.step_us * 1e-6, self._loop.steps_per_tick
+                record = record.exchanged(find_exchange(record, axes, dt, steps))
+        except ParameterError as error:
+            explain_refusal(f"{TABLE}.{name}", error, self._problems)
+            return
+        self._records.append(record)
+
+    def resolve(self) -> None:
+        """Do nothing: the axes connect the supplies."""
+
+    def build(self) -> dict[str, Any]:
+        """Return the records of the supplies."""
+        return {"supplies": tuple(self._records)}
+
+    def tables(self) -> Iterable[Settings]:
+        """Return the table of each supply."""
+        return self._supplies.values()
+
+    @property
+    def defects(self) -> Mapping[str, set[str]]:
+        """What may be worn or broken at each supply, by its name."""
+        return {each.name: {defect.name for defect in each.defects} for each in self._records}
+
+    @property
+    def lowest_bar(self) -> dict[str, float]:
+        """The pressure of each supply's tank [bar]."""
+        return {
+            name: float(settings["tank_pressure_bar"].value)
+            for name, settings in self._supplies.items()
+        }
+
+
+def _build_record(name: str, settings: Settings, axes: Sequence[Fed]) -> SupplyConfig:
+    unit = SupplyUnit(**convert(settings, SUPPLY_KEYS), variable=variable_pump(settings))
+    keys = (settings[each].key for each in (_OWN, "supply_pressure_bar", "tank_pressure_bar"))
+    modulus, pressure, tank = convert(settings, tuple(keys)).values()
+    return SupplyConfig(name, unit, modulus, pressure, tank, tuple(axis.name for axis in axes))

@@ -1,0 +1,263 @@
+"""One supply for several axes: its record, and how it and its axes are built and moved on."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, cast, runtime_checkable
+
+from hil_bench.plants.hydraulic_cylinder.configuration import SUPPLY_DEFECTS, CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
+from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
+from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
+from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
+    SharedSupply,
+    exchange_steps,
+    full_draw,
+    share_unit,
+    stored_oil,
+)
+from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
+from hil_bench.plants.hydraulic_cylinder.quantities import P_S
+from hil_bench.plants.kind import AxisConfig, Fact, PlantKind
+from hil_bench.plants.quantity import SUPPLY, Influence
+from hil_bench.units import BAR, LITRE, LITRE_PER_MINUTE
+
+_ANY_FLOW = 1e3  # [m³/s]
+
+
+@runtime_checkable
+class Fed(Protocol):
+    """The record of an axis that a valve feeds.
+
+    Attributes:
+        name: of the axis.
+        kind: of its plant.
+        cylinder: what it is to the equations.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 - above
+    @property
+    def kind(self) -> PlantKind[Any]: ...  # noqa: D102 - above
+    @property
+    def cylinder(self) -> CylinderConfig: ...  # noqa: D102 - above
+
+    def fed_by(self, unit: SupplyUnit) -> AxisConfig:
+        """Return the axis with another supply unit."""
+
+
+class Hydraulic(Protocol):
+    """The plant of an axis that can share a supply.
+
+    Attributes:
+        model: the cylinder that it is to the equations.
+    """
+
+    @property
+    def model(self) -> FullOrderCylinder: ...  # noqa: D102 - above
+
+    @property
+    def output(self) -> Sequence[float]:
+        """The present outputs in SI."""
+
+    def drive(self, command: float, steps: int) -> Sequence[float]:
+        """Move the plant on."""
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from other values."""
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set what acts on it from outside."""
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyConfig:
+    """A supply unit that several axes share.
+
+    Attributes:
+        name: as in ``[supply.NAME]``.
+        unit: pump, relief valve, line and accumulator.
+        modulus: bulk modulus of the oil in its line [Pa].
+        pressure: P_S at the start [Pa].
+        tank: P_T [Pa].
+        axes: names of the axes that it feeds, in the order of the file.
+        exchange: steps of the solver from exchange to exchange between the axes.
+    """
+
+    name: str
+    unit: SupplyUnit
+    modulus: float
+    pressure: float
+    tank: float
+    axes: tuple[str, ...]
+    exchange: int = 1
+
+    def exchanged(self, steps: int) -> "SupplyConfig":
+        """Return the record with another time from exchange to exchange."""
+        return replace(self, exchange=steps)
+
+    @property
+    def defects(self) -> tuple[Influence, ...]:
+        """What may be worn or broken at it."""
+        return SUPPLY_DEFECTS
+
+
+def find_exchange(supply: SupplyConfig, axes: Sequence[Fed], dt: float, steps: int) -> int:
+    """Return the steps from exchange to exchange; `ParameterError` where one step is too long.
+
+    Args:
+        supply: it.
+        axes: those that it feeds.
+        dt: step [s].
+        steps: of a tick.
+    """
+    return exchange_steps(supply.unit, supply.modulus, _draws(supply, axes), dt, steps)
+
+
+def _draws(supply: SupplyConfig, axes: Sequence[Fed]) -> list[float]:
+    cylinders = (axis.cylinder for axis in axes)
+    pressure = supply.unit.relief_pressure
+    return [full_draw(each.parameters, each.options, pressure) for each in cylinders]
+
+
+def summarise_supply(supply: SupplyConfig, axes: Sequence[Fed], dt: float) -> Iterator[Fact]:
+    """Yield what an engineer checks first of a shared supply.
+
+    Args:
+        supply: it.
+        axes: those that it feeds.
+        dt: step [s].
+    """
+    unit = supply.unit
+    wanted = math.fsum(_wanted(unit, axis.cylinder) for axis in axes)
+    lacking = wanted - unit.pump_flow
+    yield Fact("flow of the pump", LITRE_PER_MINUTE.from_si(unit.pump_flow), "l/min")
+    note = "more than the pump gives" if lacking > 0.0 else "the pump gives it"
+    yield Fact("flow of all axes at top speed", LITRE_PER_MINUTE.from_si(wanted), "l/min", note)
+    yield Fact("pressure at rest", BAR.from_si(_pressure_at_rest(supply)), "bar", "no axis draws")
+    if unit.accumulator_volume:
+        constants = supply_constants(unit, supply.modulus)
+        oil = stored_oil(unit.relief_pressure, constants)
+        oil -= stored_oil(unit.precharge_pressure, constants)
+        note = "from the relief valve's pressure to the precharge"
+        yield Fact("oil in the accumulator", LITRE.from_si(oil), "l", note)
+        if lacking > 0.0:
+            note = "all axes at top speed"
+            yield Fact("  which lasts", oil / lacking, "s", note)
+    share = " and ".join(axis.name for axis in axes)
+    yield Fact("exchange of the shares", supply.exchange * dt * 1e6, "us", f"between {share}")
+
+
+def _wanted(unit: SupplyUnit, axis: CylinderConfig) -> float:
+    """Return what an axis draws at its top speed from a pump that gives all that is drawn."""
+    options = replace(axis.options, supply=replace(unit, pump_flow=_ANY_FLOW))
+    return max(
+        steady_motion(axis.parameters, options, extends=extends).supply_flow
+        for extends in (True, False)
+    )
+
+
+def _pressure_at_rest(supply: SupplyConfig) -> float:
+    unit = supply.unit
+    if unit.variable is None:
+        return unit.relief_pressure + unit.pump_flow / unit.relief_gradient
+    if unit.variable.senses_load:
+        return min(supply.tank + unit.variable.margin, unit.relief_pressure)
+    return unit.relief_pressure
+
+
+class Consumer:
+    """The plant of an axis that shares its supply.
+
+    Args:
+        plant: of the axis, with its share of the supply.
+        group: which it belongs to.
+        number: its place there.
+    """
+
+    def __init__(self, plant: Hydraulic, group: "SupplyGroup", number: int) -> None:
+        self.plant, self._group, self._number = plant, group, number
+
+    @property
+    def output(self) -> Sequence[float]:
+        """The plant's output, P_S [Pa] and what the plant draws [m³/s]."""
+        supply = self._group.supply
+        return (*self.plant.output, supply.pressure, supply.drawn[self._number])
+
+    def drive(self, command: float, steps: int) -> Sequence[float]:
+        """Move the plant on by itself, with its share of the supply alone."""
+        self.plant.drive(command, steps)
+        return self.output
+
+    def go_to(self, values: Mapping[str, float]) -> None:
+        """Go on from other values."""
+        self.plant.go_to(values)
+        if P_S in values:
+            self._group.supply.pressure = values[P_S]
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set what acts on the plant; its supply pressure is that of all."""
+        if name == SUPPLY:
+            self._group.influence(name, value)
+        else:
+            self.plant.influence(name, value)
+
+
+class SupplyGroup:
+    """A shared supply and the plants of its axes, which move on together.
+
+    Args:
+        config: of the supply.
+        axes: those that it feeds.
+        dt: step [s].
+
+    Attributes:
+        name: of the supply.
+        axes: names of the axes.
+        supply: the unit.
+        plants: of the axes, in their order.
+        lowest: the least pressure at which the supply can be held [Pa].
+        defects: what may be worn or broken at it.
+    """
+
+    def __init__(self, config: SupplyConfig, axes: Sequence[Fed], dt: float) -> None:
+        self.name, self.axes = config.name, config.axes
+        self.lowest, self.defects = config.tank, config.defects
+        draws = _draws(config, axes)
+        shares = [draw / math.fsum(draws) for draw in draws]
+        self._movers = [
+            _build(config, axis, share, dt) for axis, share in zip(axes, shares, strict=True)
+        ]
+        self.supply = SharedSupply(
+            config.unit,
+            config.modulus,
+            config.pressure,
+            config.tank,
+            [(each.model, each) for each in self._movers],
+            shares,
+            config.exchange,
+        )
+        self.plants = tuple(Consumer(each, self, i) for i, each in enumerate(self._movers))
+        self._defects = Defects()
+
+    def drive(self, commands: Sequence[float], steps: int) -> Sequence[Sequence[float]]:
+        """Move all plants on by `steps` steps under constant commands [SI]."""
+        self.supply.drive(commands, steps)
+        return [plant.output for plant in self.plants]
+
+    def influence(self, name: str, value: float | None) -> None:
+        """Set P_S [Pa] or a defect of the unit; let go, it fills up."""
+        if name != SUPPLY:
+            amount = 0.0 if value is None else value
+            self._defects = replace(self._defects, **{name: amount})
+            self.supply.wear(self._defects)
+            for each in self._movers:
+                each.influence(name, amount)
+        elif value is not None:
+            self.supply.pressure = value
+
+
+def _build(config: SupplyConfig, axis: Fed, share: float, dt: float) -> Hydraulic:
+    unit = share_unit(config.unit, share, config.modulus, axis.cylinder.parameters.E)
+    return cast("Hydraulic", axis.kind.build(axis.fed_by(unit), dt))

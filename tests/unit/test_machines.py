@@ -4,6 +4,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hil_bench.bench.configuration import load_config
@@ -11,6 +12,8 @@ from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.summary import facts_of
+from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.run import PlayOptions, play, prepare
 
 MACHINES = Path(__file__).parents[2] / "examples" / "machines"
 
@@ -54,6 +57,7 @@ VARIANTS = {
     "servo": ("band_percent=12", "SV-1"),
     "boom": ("leak_l_min_bar=0.1", "BO-1"),
     "drum": ("leak_l_min_bar=0.1", "DR-2"),
+    "crane": ("jib_share=1.0", "CR-1"),
 }
 
 
@@ -93,6 +97,20 @@ def test_a_load_that_runs_ahead_of_a_small_pump_cavitates():
     held = speed**2 * p.A_B**3 / (p.K * p.alpha) ** 2
     assert force - p.F_c - p.sigma * speed == pytest.approx(held, rel=1e-3)
     assert found["pressure A extending"] == pytest.approx(-1.01325)
+
+
+@pytest.mark.long  # five seconds of bench time
+def test_the_boom_of_the_crane_gets_what_the_jib_leaves():
+    """docs/machines.md: 74.5 l/min less 40 l/min of the jib and 0.7 l/min that the pump leaks."""
+    scenario = load_scenario(MACHINES / "crane.scenario.toml")
+    options = PlayOptions(keeps_evidence=True)
+    signals = play(prepare(scenario, {"jib_share": 1.0}), options).evidence.signals
+    at = int(np.searchsorted(signals["time"], 4.1))
+    leaked = 0.012 * signals["boom.P_S"][at] * 1e-5
+    left = 45e-3 * 1800 * 0.92 - 40.0 - leaked
+    assert signals["jib.Q_S"][at] * 6e4 == pytest.approx(40.0, rel=1e-3)
+    assert signals["boom.Q_S"][at] * 6e4 == pytest.approx(left, rel=5e-3)
+    assert leaked == pytest.approx(0.72, abs=0.01)
 
 
 @pytest.mark.long  # ten seconds of bench time for each machine

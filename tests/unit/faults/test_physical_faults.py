@@ -215,8 +215,8 @@ def test_a_weak_solenoid_reaches_a_share_of_the_stroke(travel, reached):
     ("begin", "said"),
     [
         (lambda f: f.drop_load("axis1"), "axis1 has no load to lose; give it load_n"),
-        (lambda f: f.wear_pump("axis1", 0.5), "axis1 has a constant supply pressure; give it sup"),
-        (lambda f: f.lose_gas("axis1"), "axis1 has a constant supply pressure"),
+        (lambda f: f.wear_pump("axis1", 0.5), "axis1 has no supply unit of its own; give it sup"),
+        (lambda f: f.lose_gas("axis1"), "axis1 has no supply unit of its own"),
         (lambda f: f.leak("axis1", 1.0), "leak = 1 is out of range; give a number from 0 to 8.3"),
         (lambda f: f.leak("axis1", -1e-12), "leak = -1e-12 is out of range"),
         (lambda f: f.leak("axis1", math.nan), "leak = nan is out of range"),

@@ -34,7 +34,7 @@ def test_the_oil_of_a_side_is_turned_squeezed_or_leaked(motor: Motor, leak: floa
     came = integral([row[Q_A] for row in rows])
     turned = D * (rows[-1][ANGLE] - rows[0][ANGLE])
     squeezed = V / E * (rows[-1][P_A] - rows[0][P_A])
-    void = plant._model.state.V_CA  # the braking inertia pulls a cavity, which is no oil
+    void = plant.model.state.V_CA  # the braking inertia pulls a cavity, which is no oil
     leaked = integral([C * (row[P_A] - row[P_B]) + 0.5 * C * row[P_A] for row in rows])
     displaced = D * sum(abs(b[ANGLE] - a[ANGLE]) for a, b in itertools.pairwise(rows))
     assert came == pytest.approx(turned + squeezed + leaked - void, abs=1e-4 * displaced)
@@ -52,7 +52,7 @@ def test_the_energy_of_the_ports_is_found_again(motor: Motor) -> None:
         load_torque_n_m=20,
     )
     rows = run(plant, [0.1, 0.2, 0.3, 0.4, 0.5, 0.5, 0.4, 0.4])
-    assert plant._model.state.V_CA == plant._model.state.V_CB == 0.0
+    assert plant.model.state.V_CA == plant.model.state.V_CB == 0.0
     r, p = config.lever, config.cylinder.parameters
     gain = config.cylinder.options.tanh_gain
     curve = (p.F_c, p.F_s - p.F_c, p.sigma, math.log(p.chi), p.delta, gain)

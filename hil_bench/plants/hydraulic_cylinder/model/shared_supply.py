@@ -21,6 +21,7 @@ them unstable; a flow that changes is off by the square of the time between two 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from inspect import unwrap
 from typing import Protocol
 
 from hil_bench.errors import ParameterError
@@ -50,8 +51,12 @@ pressure, where a plant begins to draw all that its open valve passes ..."""
 COARSE = 0.5
 """... and the change that is refused."""
 
+# From Python, a call of a compiled kernel with its tuples takes ten times as long as these.
+_supply_compliance, _relief_flow = unwrap(supply_compliance), unwrap(relief_flow)
+_swivel = unwrap(swivel)
+
 _ROUNDS = 60
-_CLOSE = 1e-6  # [Pa]
+_CLOSE = 10.0  # [Pa], a step of Newton's method after which it is off by 1e-5 Pa
 
 
 class Mover(Protocol):
@@ -129,9 +134,9 @@ class SharedSupply:
         """Move the plants on with their shares, then let the shares meet."""
         time, P_S, constants = steps * self._dt, self.pressure, self._constants
         sensed = self.sensed_pressure if self._senses else 0.0
-        given = swivel(self.flow, P_S, sensed, 0.5 * time, self._pump, constants)
+        given = _swivel(self.flow, P_S, sensed, 0.5 * time, self._pump, constants)
         if self._leakage:
-            capacity = supply_compliance(P_S, constants) + time * self._leakage
+            capacity = _supply_compliance(P_S, constants) + time * self._leakage
             leaked = self._leakage * (P_S - self._tank)
             given -= leaked * (1.0 - time * self._leakage / capacity)
         spare = given - sum(self._draws)
@@ -147,11 +152,11 @@ class SharedSupply:
         met = meet(pressures, self._shares, constants)
         held = stored_oil(P_S, constants)
         for number, (share, pressure) in enumerate(zip(self._shares, pressures, strict=True)):
-            relieved = relief_flow(0.5 * (P_S + pressure), constants)
+            relieved = _relief_flow(0.5 * (P_S + pressure), constants)
             gained = (stored_oil(pressure, constants) - held) / time
             self._draws[number] = flows[number] - share * (relieved + gained)
         sensed = self.sensed_pressure if self._senses else 0.0
-        self.flow = swivel(self.flow, 0.5 * (P_S + met), sensed, time, self._pump, constants)
+        self.flow = _swivel(self.flow, 0.5 * (P_S + met), sensed, time, self._pump, constants)
         self.pressure = met
 
 
@@ -176,13 +181,13 @@ def meet(pressures: Sequence[float], shares: Sequence[float], supply: SupplyCons
     if len(pressures) == 1 or low == high:
         return pressures[0]
     parts = tuple(zip(shares, pressures, strict=True))
-    weights = [share * supply_compliance(P, supply) for share, P in parts]
+    weights = [share * _supply_compliance(P, supply) for share, P in parts]
     met = sum(w * P for w, P in zip(weights, pressures, strict=True)) / sum(weights)
     held = sum(share * stored_oil(P, supply) for share, P in parts)
     for _ in range(_ROUNDS if supply[4] else 0):  # Newton's method, kept between the pressures
         excess = stored_oil(met, supply) - held
         low, high = (low, met) if excess > 0.0 else (met, high)
-        guess = met - excess / supply_compliance(met, supply)
+        guess = met - excess / _supply_compliance(met, supply)
         guess = guess if low <= guess <= high else 0.5 * (low + high)
         if abs(guess - met) < _CLOSE:
             return guess
@@ -243,7 +248,7 @@ def exchange_steps(
         ParameterError: one step changes it by more than `COARSE`.
     """
     constants, P_R = supply_constants(unit, modulus), unit.relief_pressure
-    rate = math.fsum(draws) / supply_compliance(P_R, constants)  # [Pa/s]
+    rate = math.fsum(draws) / _supply_compliance(P_R, constants)  # [Pa/s]
     if rate * dt > COARSE * P_R:
         most = dt * math.fsum(draws) / (COARSE * P_R) * modulus
         raise ParameterError(

@@ -112,7 +112,7 @@ def deviations(unit, reference, exchange):
     return pressure * 1e-5, way * 1e6
 
 
-@pytest.mark.slow  # Runge-Kutta of thirteen states in Python
+@pytest.mark.long  # Runge-Kutta of thirteen states in Python
 def test_the_plants_move_as_one_system_of_equations(paper_rates):
     """docs/plant.md has these limits: the error of the coupling, a line without an accumulator."""
     reference = together(paper_rates, LINE, 120)

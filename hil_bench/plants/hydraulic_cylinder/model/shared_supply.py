@@ -19,7 +19,7 @@ them unstable; a flow that changes is off by the square of the time between two 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from inspect import unwrap
 from typing import Protocol
@@ -52,8 +52,9 @@ COARSE = 0.5
 """... and the change that is refused."""
 
 # From Python, a call of a compiled kernel with its tuples takes ten times as long as these.
-_supply_compliance, _relief_flow = unwrap(supply_compliance), unwrap(relief_flow)
-_swivel = unwrap(swivel)
+_supply_compliance: Callable[..., float] = unwrap(supply_compliance)
+_relief_flow: Callable[..., float] = unwrap(relief_flow)
+_swivel: Callable[..., float] = unwrap(swivel)
 
 _ROUNDS = 60
 _CLOSE = 10.0  # [Pa], a step of Newton's method after which it is off by 1e-5 Pa

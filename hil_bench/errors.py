@@ -20,7 +20,9 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 """
 
 import contextlib
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 from hil_bench.canopen_device.errors import (
     ConfigError,
@@ -106,3 +108,24 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise ConfigError("; ".join(filter(None, (f"{path}: {what}: {reason}", right)))) from None
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Have a file written whole, or left as it was.
+
+    Args:
+        path: the file; a device, a pipe or a link is written where it is.
+
+    Yields:
+        The file to write, which takes its place at the end of the block.
+    """
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        yield path
+        return
+    partial = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

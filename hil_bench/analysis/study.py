@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hil_bench.analysis.errors import require_extra
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, whole_file
 from hil_bench.figure_style import STYLE
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.outside.recording.files import RecordingFile
@@ -107,7 +107,7 @@ def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
         for suffix, metadata in _METADATA.items():
             path = stem.with_name(f"{stem.name}.{suffix}")
             options: dict[str, Any] = {"dpi": 150, "metadata": dict(metadata)}
-            with about_file(path, right="give a directory of yours"):
-                figure.savefig(path, **options)
+            with about_file(path, right="give a directory of yours"), whole_file(path) as file:
+                figure.savefig(file, **options)
             files.append(path)
     return files

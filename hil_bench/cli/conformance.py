@@ -16,7 +16,7 @@ from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.results import add_json_argument
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.machine.conformance import report
 from hil_bench.machine.conformance.check import Impact
 from hil_bench.machine.conformance.device import DeviceUnderTest
@@ -211,8 +211,8 @@ def _tell(
     text = report.markdown(
         results, device=device, allowed=allowed, eds=check_eds(eds), command=_command(args)
     )
-    with about_file(f"--report {args.report}"):
-        args.report.write_text(text, encoding="utf-8", errors="backslashreplace")
+    with about_file(f"--report {args.report}"), whole_file(args.report) as file:
+        file.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def _command(args: argparse.Namespace) -> str | None:

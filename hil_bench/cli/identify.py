@@ -21,7 +21,7 @@ from hil_bench.cli.identify_design import (
 )
 from hil_bench.cli.results import add_json_argument
 from hil_bench.devices.measurement.parameters import ChainParameters
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.kinds.motion_sensor import MotionConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.machine.design.knowledge import Knowledge, read_knowledge
@@ -318,5 +318,6 @@ def _write(directory: Path, found: Identification, source: str) -> list[Path]:
     parameters = directory / "parameters.toml"
     with about_file(parameters, right="give a directory of yours"):
         text = to_toml(found, source)
-        parameters.write_text(text, encoding="utf-8", errors="backslashreplace")
+        with whole_file(parameters) as file:
+            file.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [parameters, *write_figure(lambda: draw_trial(found), directory / "trial")]

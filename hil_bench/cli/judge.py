@@ -60,9 +60,9 @@ def run(args: argparse.Namespace) -> int:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     found = {path: each.findings for path, each in judged.items()}
     content = {str(path): finding_content(findings) for path, findings in found.items()}
+    print_results(args, _lines(found), content)
     if args.report:
         write_report(args, f"Judgement by {args.requirements}", chapters)
-    print_results(args, _lines(found), content)
     return exit_code_for(each.judgement.outcome for findings in found.values() for each in findings)
 
 

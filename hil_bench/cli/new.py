@@ -14,7 +14,7 @@ from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.cli.summary import facts_of, summary_lines
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.plants.hydraulic_cylinder.data_sheet.catalogue import catalogue_lines
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import OILS
 from hil_bench.plants.hydraulic_cylinder.data_sheet.wording import (
@@ -194,8 +194,9 @@ def run(args: argparse.Namespace) -> int:
     data = collect_data(vars(args), ask=_ask if sys.stdin.isatty() else None)
     text = bench_text(data)
     load_config(tables=_tables(data))  # what is wrong is said before a file is there
-    with about_file(args.file, right="give a file in a directory of yours"):
-        args.file.write_text(text, encoding="utf-8")
+    right = "give a file in a directory of yours"
+    with about_file(args.file, right=right), whole_file(args.file) as file:
+        file.write_text(text, encoding="utf-8")
     config = load_config(args.file)
     (axis,) = config.axes
     doubts = find_doubts(config)

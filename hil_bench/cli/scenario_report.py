@@ -16,7 +16,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.eyes.frame_words import meaning_of
 from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording
@@ -98,8 +98,8 @@ def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapte
         ),
     }
     for path, text in texts.items():
-        with about_file(path):
-            path.write_text(text, encoding="utf-8", errors="backslashreplace")
+        with about_file(path), whole_file(path) as file:
+            file.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def run_chapter(

@@ -27,6 +27,7 @@ from hil_bench.cli.verdicts import (
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.frame_text import FrameText
+from hil_bench.scenario.report.content import Chapter
 from hil_bench.scenario.results import (
     ScenarioResult,
     play_for_result,
@@ -91,15 +92,18 @@ def run(args: argparse.Namespace) -> int:
     check_report_argument(args)
     given = dict(read_parameter(text) for text in args.given)
     paths = _find_all(args.paths)
+    chapters: list[Chapter] = []
     if is_on_machine(args):
         results = play_on_machine(args, paths, given)
     else:
-        results = _test_virtually(args, paths, given)
-    if args.junit:
-        write_junit(results, args.junit)
+        results, chapters = _test_virtually(args, paths, given)
     print_results(
         args, result_lines(results), {result.path: result_content(result) for result in results}
     )
+    if args.junit:
+        write_junit(results, args.junit)
+    if chapters:
+        write_report(args, "Test report", chapters)
     if any(result.is_interrupted for result in results):
         return ExitCode.INTERRUPTED
     return exit_code_for(set().union(*(result.outcomes for result in results)))
@@ -107,13 +111,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _test_virtually(
     args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
-) -> list[ScenarioResult]:
-    """Play scenarios on the virtual bench, and write the report where one is asked for."""
+) -> tuple[list[ScenarioResult], list[Chapter]]:
+    """Play scenarios on the virtual bench; the chapters are for a report, if one is asked for."""
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     reader = FrameText if args.report else None
     options = PlayOptions(args.stop_at_failure, keeps_evidence=bool(args.report), reader=reader)
     results: list[ScenarioResult] = []
-    chapters = []
+    chapters: list[Chapter] = []
     with watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
         for each in chosen:
             show_results(view, results, len(chosen), str(each.scenario.path))
@@ -122,9 +126,7 @@ def _test_virtually(
                 chapters.append(run_chapter(each, result, args.given))
             results.append(replace(result, evidence=None))  # it is large
         show_results(view, results, len(chosen))
-    if args.report:
-        write_report(args, "Test report", chapters)
-    return results
+    return results, chapters
 
 
 def _find_all(paths: Sequence[Path]) -> list[Path]:

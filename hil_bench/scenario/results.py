@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hil_bench.errors import HilBenchError, about_file
+from hil_bench.errors import HilBenchError, about_file, whole_file
 from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.judgement import Judgement, RequirementOutcome
 from hil_bench.scenario.prepared import PreparedScenario
@@ -105,8 +105,8 @@ def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
     for result in results:
         _add_suite(root, result)
     ET.indent(root)
-    with about_file(path):
-        ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+    with about_file(path), whole_file(path) as file:
+        ET.ElementTree(root).write(file, encoding="utf-8", xml_declaration=True)
 
 
 def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, whole_file
 from hil_bench.scenario.csv_form import TIME
 from hil_bench.scenario.records import (
     Amount,
@@ -25,8 +25,8 @@ from hil_bench.scenario.records import (
 def write_scenario(scenario: Scenario, path: Path) -> None:
     """Write a scenario to a file, by its suffix CSV or TOML; a `ConfigError` where it cannot be."""
     text = to_csv(scenario) if path.suffix.lower() == ".csv" else to_toml(scenario)
-    with about_file(path):
-        path.write_text(text, encoding="utf-8")
+    with about_file(path), whole_file(path) as file:
+        file.write_text(text, encoding="utf-8")
 
 
 def to_toml(scenario: Scenario) -> str:

@@ -92,7 +92,7 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
         FaultKind.DROP_SUPPLY: (
             Key(
                 "pressure_bar",
-                number(BAR, low=-_LARGEST, high=_LARGEST),
+                number(BAR, low=-1.0, high=1e4),
                 None,
                 BAR,
                 "pressure",

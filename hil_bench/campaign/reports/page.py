@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil_bench.campaign.identity import program_identity
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, whole_file
 from hil_bench.outside.page import render_page
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ def write_page(path: Path, template: str, content: Mapping[str, object]) -> None
         content: what it names.
     """
     text = render_page(__package__, template, {"program": program_identity(), **content})
-    with about_file(path):
-        path.write_text(text, encoding="utf-8")
+    with about_file(path), whole_file(path) as file:
+        file.write_text(text, encoding="utf-8")
 
 
 def svg_of(figure: "Figure") -> str:

@@ -81,6 +81,7 @@ if TYPE_CHECKING:
 
 _SHORTEST_LAG = 1e-6
 _LONGEST_LAG = 1e6
+_HIGHEST_SUPPLY = 1e9  # [Pa], ten times that of a water jet cutter
 _MOST_FRAMES = 1000
 
 
@@ -200,7 +201,7 @@ class Faults(PhysicalFaults):
     def drop_supply(self, axis: str, pressure: float, **when: Unpack[When]) -> Fault:
         """Hold the supply pressure of an axis at `pressure` [Pa], not below that of the tank."""
         point = find("axis", axis, self._points.supplies)
-        bounded("pressure", pressure, low=point.lowest)
+        bounded("pressure", pressure, low=point.lowest, high=_HIGHEST_SUPPLY)
         effect = SupplyEffect(point.plant, pressure, self.holds)
         return self.add(FaultKind.DROP_SUPPLY, axis, effect, when)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, whole_file
 from hil_bench.machine.commissioning.identity import NodeDescription
 from hil_bench.machine.commissioning.measures import Diagnosis, Measure, StepResult, Verdict
 from hil_bench.machine.commissioning.report_plots import plot_step
@@ -72,7 +72,8 @@ def write_report(directory: Path, found: Commissioning, head: ReportHead) -> lis
     paths = [directory / name for name in files]
     with about_file(directory):
         for path, text in zip(paths, files.values(), strict=True):
-            path.write_text(text, encoding="utf-8", errors="backslashreplace")
+            with whole_file(path) as file:
+                file.write_text(text, encoding="utf-8", errors="backslashreplace")
     return [*paths, *pictures.values()]
 
 

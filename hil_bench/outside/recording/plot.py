@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, whole_file
 from hil_bench.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STYLE
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S
@@ -136,7 +136,8 @@ def save_figure(draw: Callable[[], "Figure"], path: Path) -> None:
     def draw_and_write() -> "Figure":
         figure = draw()
         try:
-            figure.savefig(path, dpi=150)
+            with whole_file(path) as file:
+                figure.savefig(file, dpi=150)
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise ConfigError(f"{path}: cannot be written: {reason}; give a .png file") from None

@@ -86,6 +86,14 @@ def test_a_failure_stands_in_the_junit_file(tmp_path):
     assert suite.find("testcase/failure").get("message").startswith("failed: first violated at 0 s")
 
 
+def test_verdicts_are_printed_though_a_file_of_them_cannot_be_written(tmp_path, capsys):
+    path = scenario(tmp_path, "always axis1.P_A < 250 bar")
+    assert main(["test", path, "--junit", str(tmp_path / "no" / "j.xml")]) == ExitCode.USAGE
+    found = capsys.readouterr()
+    assert found.out.splitlines()[1].startswith("  R1  passed")
+    assert "j.xml: cannot be written: No such file or directory" in found.err
+
+
 def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
     path = scenario(
         tmp_path, "always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'

@@ -23,7 +23,7 @@ def faults():
         ("slow", ("axis1", 0.1), 'there is no sensor or valve "axis1"; give one of pressure_a, pressure_b, position, valve'),
         ("silence", ("axis1",), 'there is no node "axis1"; give one of valve, pressure_a, pressure_b, position'),
         ("drop_supply", ("valve", 1e5), 'there is no axis "valve"; give one of axis1'),
-        ("drop_supply", ("axis1", -1e5), "pressure = -100000 is out of range; give a number from 0 to 1e+15"),
+        ("drop_supply", ("axis1", -1e5), "pressure = -100000 is out of range; give a number from 0 to 1e+09"),
         ("offset", ("position", float("nan")), "amount = nan is out of range; give a number from -1e+15 to 1e+15"),
         ("noise", ("position", -1.0), "rms = -1 is out of range; give a number from 0 to 1e+15"),
         ("slow", ("position", 0.0), "time_constant = 0 is out of range; give a number from 1e-06 to 1e+06"),

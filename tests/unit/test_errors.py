@@ -1,0 +1,51 @@
+"""Files that are written whole, or not at all."""
+
+import contextlib
+import errno
+import os
+
+import pytest
+
+from hil_bench.errors import ConfigError, about_file, whole_file
+
+
+def fill_the_disk(path):
+    path.write_text("half")
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("before", [None, "before"])
+def test_a_file_that_cannot_be_written_to_its_end_is_left_as_it_was(tmp_path, before):
+    path = tmp_path / "bench.toml"
+    if before is not None:
+        path.write_text(before)
+    wrong = r"bench\.toml: cannot be written: No space left on device$"
+    with pytest.raises(ConfigError, match=wrong), about_file(path), whole_file(path) as file:
+        fill_the_disk(file)
+    assert [each.read_text() for each in tmp_path.iterdir()] == ([before] if before else [])
+
+
+def test_an_interruption_leaves_nothing_behind(tmp_path):
+    with contextlib.suppress(KeyboardInterrupt), whole_file(tmp_path / "plot.png") as file:
+        file.write_text("half")
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_whole_file_takes_the_place_of_the_old_one(tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text("before")
+    with whole_file(path) as file:
+        assert file.suffix == ".html"  # which says the format of a picture
+        file.write_text("after")
+        assert path.read_text() == "before"
+    assert [each.read_text() for each in tmp_path.iterdir()] == ["after"]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    target, link = tmp_path / "target.txt", tmp_path / "link.txt"
+    link.symlink_to(target)
+    with whole_file(link) as file:
+        file.write_text("x")
+    assert link.is_symlink()
+    assert target.read_text() == "x"

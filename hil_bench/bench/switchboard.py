@@ -10,6 +10,7 @@ two ticks.
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hil_bench.bench.wiring import Wiring
 from hil_bench.canopen_device.agenda import Agenda
@@ -128,15 +129,16 @@ class Switchboard:
         """
         for deliver in self._deliveries:
             deliver(now)
-        routes = self.routes
+        table = self._table
+        time: Any = now  # made an object once for all handlers
         for frame in (*self._heard, *frames) if self._heard else frames:
             can_id, _, _, is_extended, bus = frame
-            handlers = None if is_extended else routes.get(can_id | bus << BUS_SHIFT)
-            if handlers is None:
+            address = can_id | bus << BUS_SHIFT
+            if is_extended or address >= len(table) or not table[address]:
                 self._receive_other(frame, now)
                 continue
-            for handle in handlers:
-                handle(frame, now)
+            for handle in table[address]:
+                handle(frame, time)
         if now >= self._agenda.due:
             for port in ports:
                 port.node.expire(now)
@@ -164,18 +166,23 @@ class Switchboard:
             for port in ports:
                 port.node.serve(now, port.emit)
             self._look_ahead(ports)
+        if not self._sent:
+            if self._heard:
+                self._heard = []
+            return []
         sent = self._sent.copy()
         self._sent.clear()
-        self._heard = self._overheard_of(sent) if sent else []
+        self._heard = self._overheard_of(sent)
         return sent
 
     def _overheard_of(self, sent: Sequence[Frame]) -> list[Frame]:
         """Return those frames of our nodes that another one listens to."""
-        overheard = self._overheard
+        marks = self._marks
         found = []
         for frame in sent:
             can_id, _, _, _, bus = frame
-            if can_id | bus << BUS_SHIFT in overheard:
+            address = can_id | bus << BUS_SHIFT
+            if address < len(marks) and marks[address]:
                 found.append(frame)
         return found
 
@@ -245,6 +252,9 @@ class Switchboard:
         self._overheard = frozenset(
             address for address, handlers in routes.items() if len(handlers) > 1
         )
+        end = max([0, *self.routes]) + 1
+        self._table = [self.routes.get(address, ()) for address in range(end)]
+        self._marks = bytes(address in self._overheard for address in range(end))
         self._timeless = frozenset(requests - self._overheard)
 
 
@@ -253,6 +263,6 @@ def _numbered(emit: Emit, bus: int) -> Emit:
 
     def number(frame: Frame) -> None:
         can_id, data, is_remote, is_extended, _ = frame
-        emit(make_frame((can_id, data, is_remote, is_extended, bus)))
+        emit(make_frame(Frame, (can_id, data, is_remote, is_extended, bus)))
 
     return number

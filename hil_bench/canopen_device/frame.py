@@ -1,7 +1,6 @@
 """The CAN frame as the devices see it: a value, free of any bus library."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Final, NamedTuple
 
 
@@ -26,10 +25,10 @@ class Frame(NamedTuple):
     bus: int = 0
 
 
-make_frame: Final[Callable[[tuple[int, bytes, bool, bool, int]], Frame]] = partial(
-    tuple.__new__, Frame
+make_frame: Final[Callable[[type[Frame], tuple[int, bytes, bool, bool, int]], Frame]] = (
+    tuple.__new__
 )
-"""Return the frame of these five fields: as `Frame` does, but quicker."""
+"""Return the frame of these five fields, `make_frame(Frame, fields)`: quicker than `Frame`."""
 
 
 Emit = Callable[[Frame], None]

@@ -105,7 +105,7 @@ class SdoServer:
         if answer is None:
             self._enqueue(frame)
         elif answer:
-            self._answers.append(make_frame((self.response_id, answer, False, False, 0)))
+            self._answers.append(make_frame(Frame, (self.response_id, answer, False, False, 0)))
             self._node_agenda.bring_forward(0)
 
     def reset(self) -> None:
@@ -123,7 +123,7 @@ class SdoServer:
         while self._queue:
             answer = self._answer(self._queue.popleft(), now)
             if answer is not None:
-                emit(make_frame((response_id, answer, False, False, 0)))
+                emit(make_frame(Frame, (response_id, answer, False, False, 0)))
         transfer = self._transfer
         if transfer is None:
             return NEVER
@@ -149,7 +149,7 @@ class SdoServer:
         response_id = self.response_id
         try:
             for data in transfer.proceed(now):
-                emit(make_frame((response_id, data, False, False, 0)))
+                emit(make_frame(Frame, (response_id, data, False, False, 0)))
         except SdoAbort as abort:
             emit(Frame(response_id, self._abort(transfer.target, abort.code)))
 

@@ -126,7 +126,8 @@ class Tpdo:
 
     def transmit(self, now: int, emit: Emit) -> None:
         """Send it with the present values; a type 252 with its sample, where it was asked for."""
-        if self.can_id is None or self._mapping is None:
+        can_id: Any = self.can_id  # as the object that it is: nothing here computes with it
+        if can_id is None or self._mapping is None:
             return
         self.due = NEVER
         self._has_event = False
@@ -140,8 +141,8 @@ class Tpdo:
         self._is_requested = False
         if data is not None:
             if self._seal is not None:
-                data = self._seal.close(self.can_id, data)
-            emit(make_frame((self.can_id, data, False, False, 0)))
+                data = self._seal.close(can_id, data)
+            emit(make_frame(Frame, (can_id, data, False, False, 0)))
         if self._is_event_driven:
             self._inhibited_until = now + self._inhibit_time
             if self._event_time:

@@ -13,7 +13,7 @@ set this device has the process value alone.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 from hil_bench.canopen_device.datatypes import INTEGER16, INTEGER24, INTEGER32, DataType
 from hil_bench.canopen_device.object_dictionary import ObjectDictionary, Variable
@@ -62,9 +62,12 @@ class IntegerFaces:
     def show(self, value: float, decimals: int) -> None:
         """Show a finite value; `decimals` is a power of ten."""
         scaled = nearest(value * decimals)
+        shown: Any = scaled  # made an object once for all formats
         for face in self._faces:
-            is_held = face.lowest <= scaled <= face.highest
-            face.variable.value = scaled if is_held else face.lowest
+            if face.lowest <= scaled <= face.highest:
+                face.variable.value = shown
+            else:
+                face.variable.value = face.lowest
 
     def show_none(self) -> None:
         """Show that there is no value."""

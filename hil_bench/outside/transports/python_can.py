@@ -24,7 +24,7 @@ def frame_of(message: can.Message) -> Frame | None:
         return None
     data = b"" if message.is_remote_frame else bytes(message.data)
     return make_frame(
-        (message.arbitration_id, data, message.is_remote_frame, message.is_extended_id, 0)
+        Frame, (message.arbitration_id, data, message.is_remote_frame, message.is_extended_id, 0)
     )
 
 

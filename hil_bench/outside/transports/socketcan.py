@@ -92,7 +92,9 @@ def unpack_frame(raw: bytes) -> Frame | None:
     is_extended = can_id & _EFF_FLAG != 0
     is_remote = can_id & _RTR_FLAG != 0
     masked = can_id & (_EFF_MASK if is_extended else _SFF_MASK)
-    return make_frame((masked, b"" if is_remote else data[:length], is_remote, is_extended, 0))
+    return make_frame(
+        Frame, (masked, b"" if is_remote else data[:length], is_remote, is_extended, 0)
+    )
 
 
 def pack_filters(can_ids: Iterable[int]) -> bytes:

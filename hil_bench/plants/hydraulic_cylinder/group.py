@@ -1,5 +1,6 @@
 """Cylinders of a bench that one call moves on."""
 
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeGuard, cast
 
@@ -67,14 +68,16 @@ class SideBySide:
     def __init__(self, cylinders: Sequence[FullOrderCylinder], leave: Callable[[], None]) -> None:
         self._cylinders = tuple(cylinders)
         count = len(cylinders)
-        self._commands = np.zeros(2 * count)
+        commands = np.zeros(2 * count)
+        self._commands = commands.data
+        self._write = struct.Struct(f"={2 * count}d").pack_into
         self._seen = np.zeros((count, SEEN))
         states, constants = np.empty((count, STATE)), np.empty((count, ROW))
         for cylinder, state, row in zip(cylinders, states, constants, strict=True):
             cylinder.move_rows(cast("Floats", state), cast("Floats", row), leave)
         self._move: Callable[..., int] = ready(move_group)
         self._rows: Any = (
-            self._commands,
+            commands,
             states.reshape(-1),
             constants.reshape(-1),
             self._seen.reshape(-1),
@@ -89,7 +92,7 @@ class SideBySide:
         A command that is not finite and a solver that has diverged are refused.
         """
         cylinders = self._cylinders
-        self._commands[:] = [*commands, *[cylinder.load for cylinder in cylinders]]
+        self._write(self._commands, 0, *commands, *[cylinder.load for cylinder in cylinders])
         moved: int = self._move(*self._rows, steps)
         if moved == NONE_MOVED:
             return [

@@ -34,7 +34,11 @@ from hil_bench.machine.identification.choice import (
     with_hysteresis,
 )
 from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
-from hil_bench.machine.identification.identify import Identification, identify
+from hil_bench.machine.identification.identify import (
+    Identification,
+    check_options,
+    identify,
+)
 from hil_bench.machine.identification.logger import look_through
 from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord, join_records
@@ -127,6 +131,7 @@ def run(args: argparse.Namespace) -> int:
     axis = find_cylinder(config, args.axis, "identification")
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
+    check_options(axis.options)
     make_directory(args.output)
     chains = _find_chains(config, axis)
     sensors = find_sensors(*chains)

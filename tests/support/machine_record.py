@@ -27,6 +27,7 @@ class Machine:
     """A machine with sensors: of `parameters`, driven by a new set-point each `tick` [s]."""
 
     parameters: PlantParameters = field(default_factory=paper_parameters)
+    options: PlantOptions = field(default_factory=PlantOptions.bench)
     state: PlantState | None = None
     tick: float = 1e-3
     step: float = 1e-4
@@ -39,7 +40,7 @@ class Machine:
         every = round(self.tick / self.step)
         setup = Setup(
             parameters=self.parameters,
-            options=PlantOptions.bench(),
+            options=self.options,
             solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
             dt=self.step,
             state=self.state,

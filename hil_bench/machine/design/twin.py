@@ -66,7 +66,7 @@ class Twin:
             options=self.options,
             solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
             dt=self.interval / every,
-            state=balanced_state(self.parameters, x=position),
+            state=balanced_state(self.parameters, x=position, F_L=self.options.load_at(position)),
         )
         states = np.empty((len(setpoints), 4))
         for row, u in enumerate((setpoints * self.full_opening).tolist()):

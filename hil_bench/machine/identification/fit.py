@@ -151,7 +151,7 @@ class Fitter:
             pieces,
             max(1, round(self.record.interval / self.step / stage.coarse)),
             self.record.noise * stage.blur,
-            smooth_states(self.record, known, is_behind=self.is_behind),
+            smooth_states(self.record, known, is_behind=self.is_behind, load=self.options.load_at),
             KNEE if stage.name == FINE.name else np.inf,
             self.is_behind,
         )

@@ -23,6 +23,7 @@ from hil_bench.machine.identification.unknowns import (
     check_names,
 )
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model.extended_batch import states_without_start
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
 
 Values = npt.NDArray[np.float64]
@@ -128,7 +129,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         seed: of the random generator.
         report: takes a few words after each piece of work.
     """
-    _check_options(options)
+    check_options(options)
     check_names(names)
     pieces = trial_pieces(record, known.h)
     spool = fit_spool(record, known)
@@ -260,14 +261,16 @@ def _estimates(
     return estimates
 
 
-def _check_options(options: PlantOptions) -> None:
-    """Refuse what the batches of plants cannot do.
+def check_options(options: PlantOptions) -> None:
+    """Refuse what a start of six states does not determine.
 
     Raises:
-        ConfigError: an extension is on.
+        ConfigError: such an extension is on.
     """
-    if options.is_extended:
+    hidden = states_without_start(options)
+    if hidden:
+        what = " and ".join([", ".join(hidden[:-1]), hidden[-1]] if len(hidden) > 1 else hidden)
         raise ConfigError(
-            "identification has the model of the paper only; switch off entrained air, LuGre "
-            "friction, the supply unit, external leakage and loads of this axis"
+            f"identification cannot carry {what} of this axis, whose states at the start of a "
+            "piece no recording shows; switch that off"
         )

@@ -31,6 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model.batch import (
     spread_setpoints,
 )
 from hil_bench.plants.hydraulic_cylinder.model.cuts import OPEN
+from hil_bench.plants.hydraulic_cylinder.model.extended_batch import run_extended_starts
 
 Values = npt.NDArray[np.float64]
 Marks = npt.NDArray[np.bool_]
@@ -343,7 +344,8 @@ class Shooting:
     ) -> Values:
         """Return what a plant shows in the pieces of a block, as `run_starts` does."""
         starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
-        return run_starts(
+        run = run_extended_starts if self.options.is_extended else run_starts
+        return run(
             (parameters, self.options),
             starts,
             self._setpoints[block],

@@ -1,5 +1,6 @@
 """The states of a record by Savitzky-Golay filters: where the pieces' starts begin."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,11 @@ _VAGUE = 1e6  # [Pa], of a pressure that follows from the other one and the moti
 
 
 def smooth_states(
-    record: AxisRecord, known: PlantParameters, *, is_behind: bool = False
+    record: AxisRecord,
+    known: PlantParameters,
+    *,
+    is_behind: bool = False,
+    load: Callable[[float], float] = lambda _: 0.0,
 ) -> tuple[Values, Values]:
     """Return position, velocity and both pressures of each row by Savitzky-Golay filters.
 
@@ -30,6 +35,7 @@ def smooth_states(
         record: the measurement.
         known: areas, mass and friction.
         is_behind: whether the sensors are, so that they show states of a while ago.
+        load: on the rod at a position [m], in [N].
 
     Returns:
         States, shape (rows, 4) [m, m/s, Pa, Pa], and how uncertain they are, of the same shape.
@@ -59,7 +65,7 @@ def smooth_states(
             spreads[:, state] += _LATE * np.abs(late)
     lacking = ~record.has_at(np.arange(len(record)))[:, 1:]
     if lacking.any():
-        force = _force(record, states[:, 1], known)
+        force = _force(record, states[:, 1], known) + np.array([*map(load, states[:, 0])])
         P_A, P_B = states[:, 2].copy(), states[:, 3].copy()  # noqa: N806 - the paper's symbols
         from_other = np.column_stack(
             [(known.A_B * P_B + force) / known.A_A, (known.A_A * P_A - force) / known.A_B]

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
@@ -10,6 +11,7 @@ from hil_bench.cli.eyes_arguments import (
     add_filter_arguments,
     add_log_arguments,
     check_nodes,
+    known_ecus,
     known_nodes,
     print_losses,
 )
@@ -18,12 +20,14 @@ from hil_bench.cli.sight_lines import SightLines
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.channels import PdoChannels
 from hil_bench.eyes.decoder import Decoder
-from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
 from hil_bench.outside.recording.inline_recorder import InlineRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 from hil_bench.outside.recording.recorder import RecordingPlan
+
+if TYPE_CHECKING:
+    from hil_bench.eyes.known_node import PdoOwner
 
 _EXAMPLES = """\
 examples:
@@ -71,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     """
     _check_outputs(args)
     left_out = LeftOut()
-    decoder = Decoder(_nodes(args))
+    decoder = _decoder(args)
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
     if args.output is None and args.dbc is None:
@@ -127,16 +131,17 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
         if not channels.channels:
             right = "give bench.toml or --eds N=FILE"
             raise ConfigError(f"{args.log}: no PDO of a known node with values; {right}")
-        rows = _record(args.output, channels, Decoder(_nodes(args)), frames)
+        rows = _record(args.output, channels, _decoder(args), frames)
         written.append(f"{rows} rows, {len(channels.channels)} channels: {args.output}")
     if not args.quiet:
         print("\n".join(written))
     return len(frames)
 
 
-def _nodes(args: argparse.Namespace) -> list[KnownNode]:
-    """Return the nodes as they are at power-on: a decoder changes those that it has."""
-    return known_nodes(args, load_bench_config(args))
+def _decoder(args: argparse.Namespace) -> Decoder:
+    """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
+    config = load_bench_config(args)
+    return Decoder(known_nodes(args, config), known_ecus(args, config))
 
 
 def _record(path: Path, channels: PdoChannels, decoder: Decoder, frames: list[LoggedFrame]) -> int:

@@ -5,7 +5,12 @@ from collections.abc import Iterator
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import add_log_arguments, known_nodes, print_losses
+from hil_bench.cli.eyes_arguments import (
+    add_log_arguments,
+    known_ecus,
+    known_nodes,
+    print_losses,
+)
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.explain.explain import Explanation, explain
@@ -47,7 +52,10 @@ def run(args: argparse.Namespace) -> int:
     left_out = LeftOut()
     bitrate = config.bus.bitrate or USUAL_BITRATE
     found = explain(
-        read_frames(args.log, left_out, errors=True), known_nodes(args, config), bitrate
+        read_frames(args.log, left_out, errors=True),
+        known_nodes(args, config),
+        bitrate,
+        known_ecus(args, config),
     )
     if not found.frames:
         raise ConfigError(f"{args.log}: has no frames to explain")

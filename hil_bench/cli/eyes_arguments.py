@@ -11,6 +11,7 @@ from hil_bench.bench.configuration.load import CONFIG_VARIABLE
 from hil_bench.cli.arguments import add_bench_arguments
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.known_ecu import KnownEcu, ecus_of
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.eyes.nodes import merge_nodes, node_of_eds, nodes_of
 from hil_bench.eyes.sight import Service
@@ -91,13 +92,19 @@ def known_nodes(args: argparse.Namespace, config: BenchConfig) -> list[KnownNode
     return merge_nodes(nodes_of(config) if is_named else (), map(node_of_eds, args.eds))
 
 
+def known_ecus(args: argparse.Namespace, config: BenchConfig) -> list[KnownEcu]:
+    """Return the J1939 devices of the bench that the command line names; see `known_nodes`."""
+    is_named = args.config is not None or CONFIG_VARIABLE in os.environ
+    return list(ecus_of(config)) if is_named else []
+
+
 def check_nodes(names: Sequence[str], decoder: Decoder) -> None:
     """Refuse a --node that is neither a node-ID nor the name of a known node.
 
     Raises:
         ConfigError: it says which names there are.
     """
-    known = sorted(node.name for node in decoder.nodes.values())
+    known = sorted([*(node.name for node in decoder.nodes.values()), *decoder.ecus])
     for name in names:
         if not name.isdecimal() and name not in known:
             right = f"a node-ID or one of {', '.join(known)}" if known else "a node-ID"

@@ -9,6 +9,7 @@ from hil_bench.cli.eyes_arguments import (
     add_filter_arguments,
     add_listening_arguments,
     check_nodes,
+    known_ecus,
     known_nodes,
 )
 from hil_bench.cli.listening import (
@@ -55,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     """Listen until the time is over or somebody interrupts."""
     check_duration(args)
     config = seen_from_bus(args, load_bench_config(args))
-    decoder = Decoder(known_nodes(args, config))
+    decoder = Decoder(known_nodes(args, config), known_ecus(args, config))
     check_nodes(args.node, decoder)
     lines, bits, last = SightLines(args), 0.0, 0
     with open_listener(config.bus) as listener:

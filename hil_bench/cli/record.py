@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import add_listening_arguments, known_nodes
+from hil_bench.cli.eyes_arguments import add_listening_arguments, known_ecus, known_nodes
 from hil_bench.cli.listening import (
     add_duration_argument,
     check_duration,
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     check_duration(args)
     check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
-    decoder = Decoder(known_nodes(args, config))
+    decoder = Decoder(known_nodes(args, config), known_ecus(args, config))
     channels = PdoChannels(owner for owners in decoder.pdos.values() for owner in owners)
     if args.file.suffix.lower() == ".csv" and not channels.channels:
         right = "give bench.toml or --eds N=FILE, or record .mf4 or .log"

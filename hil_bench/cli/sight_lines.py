@@ -6,8 +6,10 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 
+from hil_bench.devices.j1939.identifier import DM1
 from hil_bench.eyes.codes import is_error_reset
-from hil_bench.eyes.sight import Service, Sight
+from hil_bench.eyes.j1939 import trouble_codes
+from hil_bench.eyes.sight import J1939Message, Service, Sight
 
 _COLOURS = {
     Service.NMT: 36,
@@ -17,6 +19,7 @@ _COLOURS = {
     Service.SYNC: 90,
     Service.TIME: 90,
     Service.LSS: 35,
+    Service.J1939: 34,
     Service.OTHER: 35,
 }
 _PROBLEM = 31
@@ -86,7 +89,15 @@ class SightLines:
 def is_problem(sight: Sight) -> bool:
     """Return whether a sight tells of something wrong."""
     code = sight.emcy_code
-    return bool(sight.problem) if code is None else not is_error_reset(code)
+    if code is not None:
+        return not is_error_reset(code)
+    return bool(sight.problem) or _has_trouble(sight.message)
+
+
+def _has_trouble(message: J1939Message | None) -> bool:
+    if message is None or message.group != DM1:
+        return False
+    return bool(trouble_codes(message.data or b""))
 
 
 def _as_json(sight: Sight) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bus_view import BusView
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.cli.eyes_arguments import known_nodes
+from hil_bench.cli.eyes_arguments import known_ecus, known_nodes
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.listening import open_listener
 from hil_bench.cli.network_arguments import seen_from_bus
@@ -49,7 +49,7 @@ def watch_bus(args: argparse.Namespace, console: "Console") -> int:
 
     config = seen_from_bus(args, load_bench_config(args))
     bitrate = config.bus.bitrate or USUAL_BITRATE
-    state = BusState(Decoder(known_nodes(args, config)), bitrate)
+    state = BusState(Decoder(known_nodes(args, config), known_ecus(args, config)), bitrate)
     with open_listener(config.bus) as listener, interruption() as interrupted:
         view = BusView(bitrate, listener, state)
         moments = hear(listener, state, monotonic)

@@ -196,7 +196,7 @@ class BusState:
         stream.frame = frame
         stream.count += 1
         stream.times.append(self.now)
-        if sight is not None and sight.service not in _TO_ANYBODY:
+        if sight is not None and sight.service not in _TO_ANYBODY and not frame.is_extended:
             if sight.service not in _NAMED_BY_IDENTIFIER:
                 stream.name = sight.name
             if sight.service is not Service.SDO:

@@ -26,6 +26,8 @@ from hil_bench.eyes.frame_sights import (
     unknown_pdo_sight,
 )
 from hil_bench.eyes.identifiers import function_of
+from hil_bench.eyes.j1939_bus import J1939Reader
+from hil_bench.eyes.known_ecu import KnownEcu
 from hil_bench.eyes.known_node import KnownNode, PdoOwner
 from hil_bench.eyes.sight import Service, Sight
 from hil_bench.eyes.transfers import SdoChannel, Transfer
@@ -51,18 +53,20 @@ class Decoder:
 
     Args:
         nodes: those that are known beforehand.
+        ecus: the J1939 devices that are.
 
     Attributes:
         nodes: all nodes by bus and node-ID; one that is heard for the first time comes to them.
         pdos: the PDOs of each bus and identifier, as the nodes have them now.
     """
 
-    def __init__(self, nodes: Iterable[KnownNode] = ()) -> None:
+    def __init__(self, nodes: Iterable[KnownNode] = (), ecus: Iterable[KnownEcu] = ()) -> None:
         self.nodes = {(node.bus, node.node_id): node for node in nodes}
         self.pdos: dict[_Key, list[PdoOwner]] = {}
         self._channels: dict[tuple[int, int], SdoChannel] = {}
         self._routes: dict[_Key, _Handler] = {}
         self._last_frames: dict[tuple[int, int], Frame] = {}
+        self._j1939 = J1939Reader(ecus)
         self._look_at = 0
         self._owned: dict[KnownNode, list[Pdo]] = {}
         self._route(self.nodes.values())
@@ -74,7 +78,8 @@ class Decoder:
         if frame.can_id >= ERROR_FLAG and not frame.is_extended:
             return [*sights, error_sight(logged)]
         if frame.is_extended:
-            return [*sights, extended_sight(logged)]
+            read = self._j1939.take(logged)
+            return [*sights, *([extended_sight(logged)] if read is None else read)]
         key = frame.can_id | frame.bus << BUS_SHIFT
         handler = self._routes.get(key)
         if handler is None:
@@ -84,23 +89,28 @@ class Decoder:
         return sights
 
     def expire(self, now: int) -> list[Sight]:
-        """Return the SDO transfers that nobody has continued for a second [ns]."""
+        """Return the transfers that nobody has continued for a second [ns]."""
         self._look_at = now + _LOOK
-        return [
+        return self._j1939.expire(now) + [
             self._end(self._node(*key), transfer, now, self._last_frames[key])
             for key, channel in self._channels.items()
             if (transfer := channel.expire(now)) is not None
         ]
 
     def finish(self) -> list[Sight]:
-        """Return the SDO transfers that the end has interrupted."""
-        found = []
+        """Return the transfers that the end has interrupted."""
+        found = self._j1939.finish()
         for key, channel in self._channels.items():
             transfer, channel.current = channel.current, None
             if transfer is not None:
                 node, frame = self._node(*key), self._last_frames[key]
                 found.append(self._end(node, transfer, transfer.end, frame))
         return found
+
+    @property
+    def ecus(self) -> list[str]:
+        """Names of the J1939 devices that are known beforehand."""
+        return self._j1939.names
 
     def owners(self, frame: Frame) -> list[PdoOwner]:
         """Return whose PDO a frame is: who sends it, or else who receives it."""

@@ -8,9 +8,17 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final
 
+from hil_bench.devices.j1939.auxiliary_valve import (
+    COMMAND,
+    ESTIMATED_FLOW,
+    FLOW,
+    FLOW_COMMAND,
+    ExitReason,
+)
 from hil_bench.devices.j1939.identifier import (
     ACKNOWLEDGEMENT,
     ADDRESS_CLAIMED,
+    COMPONENT,
     DM1,
     DM2,
     GLOBAL,
@@ -20,6 +28,10 @@ from hil_bench.devices.j1939.identifier import (
     split,
 )
 
+_VALVE_STATES: Final = {0: "block", 1: "extend", 2: "retract", 3: "float", 14: "error"}
+_EXIT_REASONS: Final = {
+    int(reason): reason.name.lower().replace("timeout", "time-out") for reason in ExitReason
+}
 _DIAGNOSES: Final = (DM1, DM2)
 
 _GROUPS: Final[Mapping[int, str]] = MappingProxyType(
@@ -87,8 +99,23 @@ def describe(can_id: int, data: bytes) -> str:
     way = f"from {_address(source)}" + (
         "" if destination == GLOBAL else f" to {_address(destination)}"
     )
-    content = _CONTENTS[group](data) if group in _CONTENTS else ""
+    content = content_of(group, data)
     return f"{words}, {way}" + (f": {content}" if content else "")
+
+
+def content_of(group: int, data: bytes) -> str:
+    """Return what the data of a message say; empty where that is not known here."""
+    return _CONTENTS[group](data) if group in _CONTENTS else ""
+
+
+def trouble_codes(data: bytes) -> list[tuple[int, int]]:
+    """Return SPN and FMI of each code of a DM1 or DM2, by the conversion method of version 4."""
+    records = [data[at : at + 4] for at in range(2, len(data) - 3, 4)]
+    return [
+        (each[0] | each[1] << 8 | each[2] >> 5 << 16, each[2] & 0x1F)
+        for each in records
+        if any(each[:3])
+    ]
 
 
 def _address(address: int) -> str:
@@ -137,7 +164,7 @@ def _transport(data: bytes) -> str:
 
 
 def _diagnosis(data: bytes) -> str:
-    """Return the lamps and the first trouble code, by the conversion method of version 4."""
+    """Return the lamps and the trouble codes."""
     if len(data) < 6:
         return ""
     lamps = [
@@ -145,9 +172,29 @@ def _diagnosis(data: bytes) -> str:
         for shift, lamp in ((6, "malfunction"), (4, "stop"), (2, "warning"), (0, "protect"))
         if data[0] >> shift & 3 == 1
     ]
-    number = data[2] | data[3] << 8 | data[4] >> 5 << 16
     lit = f"lamp {' and '.join(lamps)}" if lamps else "no lamp"
-    return f"{lit}, SPN {number} FMI {data[4] & 0x1F}" if number else f"{lit}, no trouble code"
+    codes = [f"SPN {spn} FMI {fmi}" for spn, fmi in trouble_codes(data)]
+    return ", ".join([lit, *codes]) if codes else f"{lit}, no trouble code"
+
+
+def _component(data: bytes) -> str:
+    return ascii(data.decode("latin-1"))
+
+
+def _valve_command(data: bytes) -> str:
+    if len(data) < 3:
+        return ""
+    state = _VALVE_STATES.get(data[2] & 0xF, "reserved")
+    return f"{state} {FLOW_COMMAND.value(data):.4g} %"
+
+
+def _valve_flow(data: bytes) -> str:
+    if len(data) < 5:
+        return ""
+    reason = data[4] & 0x3F
+    why = f", obeys no command: {_EXIT_REASONS.get(reason, f'reason {reason}')}" if reason else ""
+    state = _VALVE_STATES.get(data[2] & 0xF, "reserved")
+    return f"{state}, flow {FLOW.value(data):.4g} %{why}"
 
 
 _CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
@@ -156,6 +203,9 @@ _CONTENTS: Final[Mapping[int, Callable[[bytes], str]]] = MappingProxyType(
         ACKNOWLEDGEMENT: _acknowledge,
         ADDRESS_CLAIMED: _claim,
         TRANSPORT_CONNECTION: _transport,
+        COMPONENT: _component,
         **dict.fromkeys(_DIAGNOSES, _diagnosis),
+        **dict.fromkeys(range(COMMAND, COMMAND + 16), _valve_command),
+        **dict.fromkeys(range(ESTIMATED_FLOW, ESTIMATED_FLOW + 16), _valve_flow),
     }
 )

@@ -21,7 +21,26 @@ class Service(StrEnum):
     SDO = "sdo"
     HEARTBEAT = "heartbeat"
     LSS = "lss"
+    J1939 = "j1939"
     OTHER = "other"
+
+
+class J1939Message(NamedTuple):
+    """A message of SAE J1939, in one frame or put together from several.
+
+    Attributes:
+        group: its PGN.
+        source: address of the sender.
+        destination: address of the receiver; 255 for all.
+        data: what it carries; None where it did not arrive.
+        begin: when its first frame came [ns].
+    """
+
+    group: int
+    source: int
+    destination: int
+    data: bytes | None
+    begin: int
 
 
 class Sight(NamedTuple):
@@ -38,6 +57,7 @@ class Sight(NamedTuple):
         readings: the values that it carries.
         problem: what is wrong with it; empty for nothing.
         transfer: the SDO transfer that it ends.
+        message: the J1939 message that it is.
     """
 
     now: int
@@ -50,6 +70,7 @@ class Sight(NamedTuple):
     readings: tuple[Reading, ...] = ()
     problem: str = ""
     transfer: Transfer | None = None
+    message: J1939Message | None = None
 
     @property
     def emcy_code(self) -> int | None:

@@ -3,13 +3,16 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from hil_bench.devices.j1939.identifier import NULL
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.explain.bus import EXPLAINED, Emergencies, ErrorFrames, Load, Syncs
 from hil_bench.eyes.explain.finding import Cause, Finding, Watch
 from hil_bench.eyes.explain.heartbeats import Heartbeats
+from hil_bench.eyes.explain.j1939 import Addresses, Cycles, LongTransfers, Requests, TroubleCodes
 from hil_bench.eyes.explain.presence import Presence
 from hil_bench.eyes.explain.process_data import ProcessData
 from hil_bench.eyes.explain.transfers import Transfers
+from hil_bench.eyes.known_ecu import KnownEcu
 from hil_bench.eyes.known_node import KnownNode
 from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 
@@ -34,16 +37,22 @@ class Explanation(NamedTuple):
     load: float
 
 
-def explain(frames: Iterable[LoggedFrame], known: Iterable[KnownNode], bitrate: int) -> Explanation:
+def explain(
+    frames: Iterable[LoggedFrame],
+    known: Iterable[KnownNode],
+    bitrate: int,
+    ecus: Iterable[KnownEcu] = (),
+) -> Explanation:
     """Return what is wrong in a log.
 
     Args:
         frames: of one bus, in the order of time.
         known: the nodes that ought to be there.
         bitrate: of the bus [bit/s].
+        ecus: the J1939 devices that ought to be there.
     """
     nodes = list(known)
-    decoder = Decoder(nodes)
+    decoder = Decoder(nodes, ecus)
     load, presence = Load(bitrate), Presence(decoder, nodes)
     watches: tuple[Watch, ...] = (
         presence,
@@ -53,13 +62,21 @@ def explain(frames: Iterable[LoggedFrame], known: Iterable[KnownNode], bitrate: 
         ErrorFrames(),
         Syncs(),
         Emergencies(),
+        Addresses(),
+        LongTransfers(),
+        Requests(),
+        Cycles(),
+        TroubleCodes(),
     )
+    senders: dict[str, None] = {}
     now = count = 0
     for logged in from_first(frames):
         now, count = logged.now, count + 1
         frame = logged.frame
         load.count(now, len(frame.data), is_extended=frame.is_extended)
         for sight in decoder.take(logged):
+            if sight.message is not None and sight.message.source != NULL:
+                senders[sight.node] = None
             for watch in watches:
                 watch.hear(sight)
     for sight in decoder.finish():
@@ -72,7 +89,7 @@ def explain(frames: Iterable[LoggedFrame], known: Iterable[KnownNode], bitrate: 
         tuple(sorted(_without_echoes(found), key=lambda each: (_ORDER[each.cause], each.begin))),
         count,
         duration,
-        tuple(node.name for _, node in sorted(decoder.nodes.items())),
+        (*(node.name for _, node in sorted(decoder.nodes.items())), *senders),
         load.total / (bitrate * duration) if duration else 0.0,
     )
 

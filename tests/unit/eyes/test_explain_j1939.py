@@ -1,0 +1,279 @@
+"""`explain` on logs of J1939 with a known cause, and on sound ones; each is made by the bench.
+
+The cause is what the function does, so nothing here is taken from what `explain` says.
+"""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil_bench import VirtualBench, load_config
+from hil_bench.canopen_device.frame import Frame
+from hil_bench.eyes.explain.explain import explain
+from hil_bench.eyes.explain.finding import Cause
+from hil_bench.eyes.known_ecu import ecus_of
+from hil_bench.eyes.nodes import nodes_of
+from hil_bench.outside.recording.logged_frame import LoggedFrame
+from hil_drivers import DriverError, Network, PositionSensor
+from hil_drivers.j1939 import AuxiliaryValve, J1939Port, Name
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "j1939.toml"
+BROKEN, SOUND = {}, {}
+MS = 1_000_000
+
+
+class Rig:
+    """The example's bench, and a controller on it."""
+
+    def __init__(self, bench):
+        self.bench, self.faults = bench, bench.faults
+        self.network = Network(bench.bus, clock=bench.now)
+        self.port = J1939Port(self.network, Name(identity=7), 39)
+        self.valve = AuxiliaryValve(self.port, 128)
+
+    def start(self):
+        self.network.pump(0.3)
+        self.port.claim()
+        self.valve.setup()
+        self.valve.spool_setpoint = 0.5
+
+    def say(self, can_id, data):
+        self.network.send_extended(can_id, bytes.fromhex(data))
+
+
+def played(play, tables=None, *, is_known=True):
+    """Return the frames of a run, and what is known of its bench."""
+    config = load_config(EXAMPLE, tables=tables)
+    with VirtualBench(config) as bench:
+        play(Rig(bench))
+        frames = list(bench.frames)
+    return frames, nodes_of(config) if is_known else [], [*ecus_of(config)] if is_known else []
+
+
+def broken(cause, node, **options):
+    def register(play):
+        BROKEN[play.__name__] = cause, node, play, options
+        return play
+
+    return register
+
+
+def sound(play):
+    SOUND[play.__name__] = play
+    return play
+
+
+@broken(
+    Cause.ADDRESS_CLASH,
+    "joystick",
+    tables={"j1939": {"joystick": {"arbitrary_address": False}}},
+)
+def two_devices_with_one_address(rig):
+    """Another device of a smaller NAME has the joystick's address, and that may take no other."""
+    rig.start()
+    rig.say(0x18EEFF13, "01 00 00 00 00 00 00 00")
+    rig.network.pump(1.0)
+
+
+@broken(Cause.ADDRESS_CLASH, "valve")
+def device_that_uses_the_address_of_another(rig):
+    """The joystick was set up wrongly and sends from the valve's address."""
+    rig.start()
+    with rig.faults.readdress("joystick", 128):
+        rig.network.pump(1.0)
+
+
+@broken(Cause.ADDRESS_CLASH, "sensors")
+def device_that_does_not_yield(rig):
+    """Another one claims the sensors' address with a larger NAME, and does not yield."""
+    rig.start()
+    rig.say(0x18EEFF8C, "01 00 00 00 00 00 00 F0")
+    rig.network.pump(2.0)
+
+
+@broken(Cause.J1939_SILENT, "joystick")
+def device_that_dies(rig):
+    """The joystick has no power after 1 s."""
+    rig.start()
+    rig.network.pump(1.0)
+    with rig.faults.silence("joystick"):
+        rig.network.pump(3.5)
+
+
+@broken(Cause.J1939_MISSING, "sensors")
+def message_that_stays_out(rig):
+    """The pressures stay out for 400 ms, the rest goes on."""
+    rig.start()
+    rig.network.pump(1.0)
+    with rig.faults.lose("sensors", can_id=0x18FF108C):
+        rig.network.pump(0.4)
+    rig.network.pump(0.5)
+
+
+@broken(Cause.J1939_MISSING, "valve")
+def dm1_that_is_lost(rig):
+    """A code is active, and the DM1 of each second is lost for five of them."""
+    rig.start()
+    with rig.faults.report("valve", spn=100, fmi=3):
+        rig.network.pump(2.5)
+        with rig.faults.lose("valve", can_id=0x18FECA80):
+            rig.network.pump(5.0)
+        rig.network.pump(1.0)
+
+
+@broken(Cause.J1939_TRANSFER, "valve")
+def dm1_of_several_codes_with_a_lost_packet(rig):
+    """DM1 has two codes, so it comes by BAM, and its packets are lost."""
+    rig.start()
+    with (
+        rig.faults.report("valve", spn=100, fmi=3),
+        rig.faults.report("valve", spn=101, fmi=3),
+        rig.faults.lose("valve", can_id=0x1CEBFF80),
+    ):
+        rig.network.pump(1.5)
+
+
+@broken(Cause.J1939_TRANSFER, "valve")
+def component_whose_receiver_hears_nothing(rig):
+    """The valve announces its component, and the controller's answers are lost."""
+    rig.start()
+    with rig.faults.lose("valve", can_id=0x1CEC8027), pytest.raises(DriverError):
+        rig.valve.component()
+    rig.network.pump(2.0)
+
+
+@broken(Cause.J1939_REQUEST, "address 39")
+def request_of_what_a_device_does_not_have(rig):
+    """The controller asks the valve for engine hours."""
+    rig.start()
+    with pytest.raises(DriverError):
+        rig.valve.request(0xFEE5)
+
+
+@broken(Cause.J1939_REQUEST, "address 39")
+def request_to_a_device_that_is_not_there(rig):
+    """The controller asks address 5."""
+    rig.start()
+    with pytest.raises(DriverError):
+        rig.port.request(0xFEDA, 5)
+    rig.network.pump(0.5)
+
+
+@broken(Cause.TROUBLE_CODE, "valve")
+def controller_that_stops_commanding(rig):
+    """No command for 600 ms, so that the valve reports SPN 1907."""
+    rig.start()
+    rig.network.pump(0.3)
+    rig.valve._due = float("inf")
+    rig.network.pump(0.6)
+
+
+@broken(Cause.TROUBLE_CODE, "joystick")
+def lever_with_a_broken_wire(rig):
+    """The wire of the lever breaks."""
+    rig.start()
+    with rig.faults.break_wire("joystick.x"):
+        rig.network.pump(0.5)
+
+
+@sound
+def motion(rig):
+    """The valve is commanded, and asked for its name and component."""
+    rig.start()
+    rig.valve.component()
+    rig.network.pump(2.0)
+
+
+@sound
+def motion_beside_canopen(rig):
+    """The same with the encoder, on one bus."""
+    rig.network.pump(0.3)
+    sensor = PositionSensor(rig.network, 4)
+    sensor.setup(transmission_type=255, event_timer=0.01)
+    rig.network.start_node(4)
+    rig.start()
+    rig.network.pump(2.0)
+    assert sensor.position > 0.01
+
+
+@sound
+def contention_that_is_settled(rig):
+    """A device wants an address that is taken, and takes another one."""
+    rig.start()
+    rig.say(0x18EEFF13, "05 00 00 00 00 00 00 F0")
+    rig.network.pump(0.01)
+    rig.say(0x18EEFF14, "05 00 00 00 00 00 00 F0")
+    rig.network.pump(2.0)
+
+
+@sound
+def lever_that_moves(rig):
+    """Nobody commands the valve; a second of the joystick."""
+    rig.network.pump(1.0)
+
+
+@sound
+def device_that_is_restarted(rig):
+    """The sensors are off for 100 ms, two of their periods, and claim again."""
+    rig.start()
+    with rig.faults.reset("sensors", duration=0.1):
+        rig.network.pump(0.2)
+    rig.network.pump(1.0)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_the_cause_of_a_broken_log_is_found_first(name):
+    cause, node, play, options = BROKEN[name]
+    frames, nodes, ecus = played(play, **options)
+
+    found = explain(frames, nodes, 1_000_000, ecus).findings
+
+    assert found
+    assert (found[0].cause, found[0].node) == (cause, node), found
+    assert "\n" not in found[0].text
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+@pytest.mark.parametrize("name", SOUND)
+def test_nothing_is_found_in_a_sound_log(name, is_known):
+    frames, nodes, ecus = played(SOUND[name], is_known=is_known)
+
+    assert explain(frames, nodes, 1_000_000, ecus).findings == ()
+
+
+def test_devices_that_are_not_known_count_by_their_addresses():
+    frames, _, _ = played(SOUND["motion"], is_known=False)
+
+    assert "address 128" in explain(frames, [], 1_000_000).nodes
+
+
+J1939_IDS = [0x18EEFF21, 0x18EA2103, 0x1CECFF21, 0x1CEBFF21, 0x1CEC2103, 0x1CEC0321, 0x1CEB2103]
+
+
+@given(
+    st.lists(
+        st.builds(
+            Frame,
+            st.one_of(st.integers(0, (1 << 29) - 1), st.sampled_from([*J1939_IDS, 0x18FECA21])),
+            st.one_of(
+                st.binary(max_size=8),
+                st.builds(
+                    lambda control, size, rest: bytes((control, size, 0, -(-size // 7))) + rest,
+                    st.sampled_from([16, 17, 19, 32, 255]),
+                    st.integers(0, 30),
+                    st.sampled_from([b"\xff\xca\xfe\0", b"\xff\xeb\xfe\0"]),
+                ),
+            ),
+            st.booleans(),
+            is_extended=st.just(True),
+        ),
+        max_size=60,
+    ),
+    st.integers(0, 2000),
+)
+def test_no_frames_make_it_stumble(frames, pause):
+    logged = [LoggedFrame(frame, pause * MS * n, None) for n, frame in enumerate(frames)]
+    config = load_config(EXAMPLE)
+    assert explain(logged, nodes_of(config), 1_000_000, ecus_of(config)).frames == len(frames)

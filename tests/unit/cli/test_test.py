@@ -13,6 +13,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 VARIANTS = {
     "broken_wire": ("checks_sensor=0", "SRS-21"),
     "emergency_stop": ("restarts=1", "SRS-41"),
+    "broken_lever": ("lever_percent=30", "SRS-70"),
     "end_stop": ("speed_mm_s=280", "SRS-51"),
     "heartbeat_loss": ("heartbeat_timeout_ms=0", "SRS-30"),
     "scripted_nodes": ("demand=4000", "IO-3"),

@@ -6,7 +6,7 @@ from pathlib import Path
 from hil_bench.campaign.distributions import Distribution, read_distribution
 from hil_bench.campaign.records import EACH, Campaign
 from hil_bench.campaign.sampling import Sampler
-from hil_bench.config.document import Document, give, read_document
+from hil_bench.config.document import Document, Sort, give, read_document
 from hil_bench.config.settings import Key, Origin, Problems, read_table
 from hil_bench.config.values import choice, describe, find_nearest, integer, number, text
 from hil_bench.errors import ConfigError
@@ -24,10 +24,12 @@ def read_campaign(path: Path) -> Campaign:
 
     Whatever is wrong comes as one `ConfigError`, a line a problem, with line and column.
     """
-    if path.suffix.lower() == ".csv" or path.name.endswith(".scenario.toml"):
+    if path.suffix.lower() == ".csv":
         return Campaign(path, (path,))
-    document = read_document(path)
-    problems = LocatedProblems(str(path), find_spots(path.read_text(encoding="utf-8")))
+    document = read_document(path, Sort.CAMPAIGN, Sort.SCENARIO)
+    if path.name.endswith(".scenario.toml") or "expect" in document:
+        return Campaign(path, (path,))
+    problems = LocatedProblems(str(path), find_spots(path.read_text(encoding="utf-8-sig")))
     head = {name: value for name, value in document.items() if name not in _TABLES}
     for name in [name for name in head if name not in _KEY_NAMES]:
         nearest = find_nearest(name, (*_KEY_NAMES, *_TABLES))

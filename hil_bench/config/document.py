@@ -3,7 +3,9 @@
 import re
 import tomllib
 from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
+from typing import Final
 
 from hil_bench.config.settings import Given, Origin, Problems
 from hil_bench.config.values import describe, find_nearest
@@ -14,12 +16,46 @@ Document = Mapping[str, object]
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
-def read_document(path: Path) -> Document:
+class Sort(StrEnum):
+    """What a TOML file describes."""
+
+    BENCH = "a bench"
+    SCENARIO = "a scenario"
+    CAMPAIGN = "a campaign"
+    PLAN = "a commissioning plan"
+    NETWORK = "a network list"
+    REGISTER_MAP = "a register map"
+
+
+_MARKS: Final = {
+    Sort.BENCH: {"plant", "nodes", "j1939"},
+    Sort.SCENARIO: {"step", "expect"},
+    Sort.CAMPAIGN: {"scenarios"},
+    Sort.PLAN: {"plan", "limits"},
+    Sort.NETWORK: {"slaves"},
+    Sort.REGISTER_MAP: {"coils", "discrete_inputs", "input_registers", "holding_registers"},
+}
+"""Tables and keys that no other sort of file has."""
+
+
+def read_document(path: Path, *wanted: Sort) -> Document:
     """Return the tables of a TOML file.
 
+    Args:
+        path: of the file.
+        wanted: what it may describe.
+
     Raises:
-        ConfigError: the file cannot be read or is no TOML.
+        ConfigError: the file cannot be read, is no TOML, or describes something else.
     """
+    document = _read(path)
+    found = [sort for sort, marks in _MARKS.items() if marks & document.keys()]
+    if wanted and found and not set(wanted) & set(found):
+        raise ConfigError(f"{path}: is {found[0]}; give {' or '.join(wanted)}")
+    return document
+
+
+def _read(path: Path) -> Document:
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from hil_bench.config.document import Document, read_document
+from hil_bench.config.document import Document, Sort, read_document
 from hil_bench.scenario.csv_form import read_csv_document
 from hil_bench.scenario.places import LocatedProblems, find_spots
 from hil_bench.scenario.reading import read_requirements, read_scenario
@@ -37,6 +37,6 @@ def _read(file: Path) -> tuple[Document, LocatedProblems]:
     if file.suffix.lower() == ".csv":
         document, spots = read_csv_document(file)
     else:
-        document = read_document(file)
+        document = read_document(file, Sort.SCENARIO)
         spots = find_spots(file.read_text(encoding="utf-8-sig"))
     return document, LocatedProblems(str(file), spots)

@@ -16,7 +16,7 @@ from hil_bench.bench.configuration.nodes import needs_axis
 from hil_bench.bench.configuration.nodes_section import NodesSection
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.bench.configuration.supplies import SuppliesSection
-from hil_bench.config.document import check_tables, merge, read_document
+from hil_bench.config.document import Sort, check_tables, merge, read_document
 from hil_bench.config.sections import build_sections
 from hil_bench.config.settings import Problems
 
@@ -57,7 +57,7 @@ def load_config(  # noqa: PLR0913 - one for each thing that a command line may s
         tables: tables as the file has them, nested; their keys win over the file's.
     """
     file = _choose_file(path)
-    document = merge(read_document(file) if file else {}, tables or {})
+    document = merge(read_document(file, Sort.BENCH) if file else {}, tables or {})
     problems = Problems(str(file) if file else "built-in bench")
     check_tables(document, TABLES, problems)
     base = file.parent if file else Path()

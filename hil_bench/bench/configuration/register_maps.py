@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hil_bench.config.document import (
     Document,
+    Sort,
     check_tables,
     read_document,
     read_named_sections,
@@ -96,7 +97,7 @@ def load_register_map(path: Path, word_order: WordOrder | None = None) -> Regist
         path: the file.
         word_order: takes the place of the file's where a register has none of its own.
     """
-    document = read_document(path)
+    document = read_document(path, Sort.REGISTER_MAP)
     problems = Problems(str(path))
     check_tables(document, ("device", *Table), problems)
     device = read_table(

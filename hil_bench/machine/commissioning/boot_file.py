@@ -9,6 +9,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.config.document import (
     Document,
+    Sort,
     check_tables,
     read_document,
     read_named_sections,
@@ -68,7 +69,7 @@ def plan_of_bench(config: BenchConfig) -> BootPlan:
 
 def load_boot_plan(path: Path) -> BootPlan:
     """Return the network of a file; every problem of its keys is told at once, a line each."""
-    document = read_document(path)
+    document = read_document(path, Sort.NETWORK)
     problems = Problems(str(path))
     check_tables(document, ("master", "slaves"), problems)
     master = read_table("master", read_section(document, "master", problems), MASTER_KEYS, problems)

@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.config.document import Document, check_tables, read_document, read_section
+from hil_bench.config.document import Document, Sort, check_tables, read_document, read_section
 from hil_bench.config.settings import Problems, convert, read_table
 from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.plan_keys import (
@@ -98,7 +98,7 @@ class CommissioningPlan:
 
 def load_plan(path: Path) -> CommissioningPlan:
     """Return the plan of a file; every problem is told at once, a line each."""
-    document = read_document(path)
+    document = read_document(path, Sort.PLAN)
     problems = Problems(str(path))
     check_tables(document, ("plan", "limits", *StepKind), problems)
     plan = read_table("plan", read_section(document, "plan", problems), PLAN_KEYS, problems)

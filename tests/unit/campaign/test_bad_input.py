@@ -50,6 +50,8 @@ PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0
             "./nowhere: is no program that can be run; build it first",
         ),
         ('scenarios = ["rest.scenario.toml"]\nbenches = ["no.toml"]', REST, "no.toml: cannot be"),
+        ("[nodes.valve]", REST, "campaign.toml: is a bench; give a campaign or a scenario"),
+        (PLAIN, REST, "campaign.toml: no parameter has a range"),  # a scenario of any name
     ],
 )
 def test_a_bad_campaign_is_one_line(campaign, scenario, wrong, tmp_path, capsys):

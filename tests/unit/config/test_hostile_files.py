@@ -98,7 +98,7 @@ def message_of(action: Callable[[], BenchConfig]) -> str:
 @given(document=DOCUMENTS)
 def test_any_toml_is_a_bench_or_a_config_error(document: dict[str, Any]) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(load, "read_document", lambda _path: document)
+        patch.setattr(load, "read_document", lambda _path, _wanted: document)
         message = message_of(lambda: load_config("bench.toml"))
 
     for line in filter(None, message.split("\n")):

@@ -173,6 +173,22 @@ def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write: Wr
     assert load_config(path).tick_ns == 2_000_000
 
 
+@pytest.mark.parametrize(
+    ("content", "sort"),
+    [
+        ('duration_s = 1\n[[expect]]\nid = "R"\n', "a scenario"),
+        ('scenarios = ["a.toml"]\n', "a campaign"),
+        ("[limits]\nspeed_mm_s = 4\n", "a commissioning plan"),
+        ("[slaves.valve]\n", "a network list"),
+        ("[coils.zero]\n", "a register map"),
+    ],
+)
+def test_a_file_of_another_sort_is_one_line(write: Write, content: str, sort: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_config(write(content))
+    assert str(caught.value) == f"bench.toml: is {sort}; give a bench"
+
+
 def test_deeply_nested_toml_is_refused(write: Write) -> None:
     with pytest.raises(ConfigError, match=r"^bench.toml: is not valid TOML: "):
         load_config(write("a = " + "[" * 100_000))

@@ -325,6 +325,7 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
         (HEAD + EXPECT + EXPECT, ':7:7: expect[2].id: "R1" is there twice; give each its own'),
         (HEAD + "step = 3\n" + EXPECT, "step: 3 is no list; write it as [[step]]"),
         (HEAD + "x = [\n", "is not valid TOML"),
+        ("[nodes.valve]\n", "a.scenario.toml: is a bench; give a scenario"),
         (b"\xff\xfe", "is not UTF-8 text"),
     ],
 )

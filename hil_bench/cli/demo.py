@@ -100,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
     config = load_config(args.config, modbus=sensors is SensorBus.MODBUS)
     check_one_bus(config, "demo")
     check_recording_arguments(args)
+    make_directory(args.output)
     session = DemoSession(
         config,
         duration=args.duration,
@@ -108,7 +109,6 @@ def run(args: argparse.Namespace) -> int:
         sensors=sensors,
         recording=recording_wish(args),
     )
-    make_directory(args.output)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
         frames = stack.enter_context(open_frame_file(args.output / "demo.log"))

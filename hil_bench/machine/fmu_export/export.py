@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.machine.fmu_export.inputs import input_starts
 
 _MODULE = "hil_bench_axis"
@@ -54,13 +54,17 @@ def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
         raise ConfigError(f"{path}: is no name of an FMU; give one that ends in .fmu")
     input_starts(axis)  # refuses what is no axis of ours
     searched = list(sys.path)
-    with tempfile.TemporaryDirectory() as folder, about_file(path):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        about_file(path),
+        whole_file(path) as file,
+    ):
         script, bench = Path(folder) / f"{_MODULE}.py", Path(folder) / "bench.toml"
         script.write_text(_SCRIPT, encoding="utf-8")
         bench.write_text("\n".join(_bench_lines(config, axis)) + _VALVE, encoding="utf-8")
         sys.path.insert(0, folder)
         try:
-            FmuBuilder.build_FMU(script, path, [bench], needsExecutionTool="true")
+            FmuBuilder.build_FMU(script, file, [bench], needsExecutionTool="true")
         finally:
             sys.path[:] = searched
             sys.modules.pop(_MODULE, None)

@@ -125,6 +125,13 @@ def test_a_senseless_duration_is_refused(tmp_path, duration, capsys):
     assert not (tmp_path / "none").exists()
 
 
+def test_a_recording_may_be_in_the_output_that_the_demo_makes(tmp_path):
+    output = tmp_path / "results"
+    words = ["--duration", "0.1", "--speed", "max", "--record", str(output / "demo.mf4")]
+    assert main(["demo", *words, "--output", str(output)]) == 0
+    assert (output / "demo.mf4").stat().st_size > 0
+
+
 def test_an_output_that_cannot_be_made_is_refused(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert demo(tmp_path / "file" / "below") == 2

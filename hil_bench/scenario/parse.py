@@ -162,6 +162,9 @@ class _Builder:
         if name in known.shared:
             wrong = f"{quote(name)} is in several tables"
             raise ExpectationError(position, f"{wrong}; give {known.shared[name]}")
+        if any(name in texts for texts in known.states.values()):
+            right = f'write "{name}" with its quotes, and the expectation in single ones'
+            raise ExpectationError(position, f"{name} is a state; {right}")
         right = f"the nearest is {find_nearest(name, known.names)}" if known.names else "none is"
         raise ExpectationError(position, f"{quote(name)} is no signal here; {right}")
 

@@ -112,6 +112,7 @@ def test_reach_adds_up():
         ("eventually within 2 s flag > 0", 1, 1, "write within T A alone"),
         ("valve.state == 2", 1, 1, 'valve.state == "HOLD"'),
         ('valve.state == "HOLDD"', 1, 16, 'valve.state is never "HOLDD"; the nearest is "HOLD"'),
+        ("valve.state == HOLD", 1, 16, 'HOLD is a state; write "HOLD" with its quotes'),
         ('valve.state < "HOLD"', 1, 1, "give == or !="),
         ("rises(valve.state)", 1, 1, 'rises(valve.state == "...")'),
         ("emcy(valv)", 1, 6, '"valv" is no node; the nearest is valve'),

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from hil_bench.bench.assembly import build_supplies
+from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
@@ -16,6 +18,10 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import SharedSupply
 STEPS = 20
 TICKS = 400  # up to half of them out, the rest back
 REPEATS = 31
+NODES = {
+    f"{axis}_valve": {"profile": "valve_408", "axis": axis, "node_id": number}
+    for number, axis in enumerate(("one", "two"), 1)
+}
 P = replace(paper_parameters(), E=1.4e9, m=200.0)
 
 
@@ -54,10 +60,27 @@ def one_supply(axes: int, exchange: int) -> Callable[[int], None]:
     return tick
 
 
+def on_bench(tank: str) -> Callable[[int], None]:
+    """Return what makes a tick of the plants of two axes on one supply, as a bench moves them."""
+    plant = {"supply": "hpu", "bulk_modulus_mpa": 1400, "moving_mass_kg": 200}
+    keys = {"oil": "HLP 46", "tank_volume_l": 100.0} if tank else {}
+    tables = {"supply": {"hpu": keys}, "plant": {"one": plant, "two": plant}, "nodes": NODES}
+    config = load_config(tables=tables)
+    (supply,) = build_supplies(config)
+
+    def tick(number: int) -> None:
+        supply.drive(set_points(number, 2), STEPS)
+
+    return tick
+
+
 def main() -> None:
     """Print a Markdown table."""
     for axes in (2, 4):
         variants = {"a supply unit each": own_supplies(axes)}
+        if axes == len(NODES):
+            variants["on a bench"] = on_bench("")
+            variants["on a bench, with a tank"] = on_bench("tank")
         for exchange in (20, 10, 5, 1):
             name = f"one supply, exchange each {exchange * 50} us"
             variants[name] = one_supply(axes, exchange)

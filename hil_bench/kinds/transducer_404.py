@@ -1,6 +1,6 @@
 """A transducer of CiA 404 with two pressures and a temperature as a kind of device."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -16,6 +16,7 @@ from hil_bench.devices.quantities import pressure_quantities
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.pressure_404 import check_pressure
 from hil_bench.kinds.surroundings import Surroundings
+from hil_bench.plants.hydraulic_cylinder.quantities import T_OIL
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.units import BAR, CELSIUS
 
@@ -31,7 +32,8 @@ class TransducerConfig(NodeConfig):
         source: the pressure that channel 1 measures.
         second_source: the pressure that channel 2 measures.
         span: measuring range of both, start and end [Pa].
-        temperature: of the oil at the transducer, which channel 3 measures [°C].
+        temperature: of the oil at the transducer, which channel 3 measures [°C]; that of the
+            supply's oil takes its place where there is one.
         temperature_span: its measuring range [°C].
         chain: what lies between each pressure and its objects.
     """
@@ -45,7 +47,7 @@ class TransducerConfig(NodeConfig):
 
 
 class TransducerKind(DeviceKind[TransducerConfig]):
-    """A transducer measures two pressures of its axis, and a temperature that stays as it is."""
+    """A transducer measures two pressures of its axis, and the temperature of the oil."""
 
     name = "transducer_404"
     record = TransducerConfig
@@ -96,9 +98,22 @@ class TransducerKind(DeviceKind[TransducerConfig]):
 
             measurement = Measurement(publish, by_name[source], stages, name=name)
             sensors.append((str(config.axis), measurement))
+        advance: Callable[[int], None] | None = None
+        if T_OIL in by_name:
+
+            def show(temperature: float, _now: int) -> None:
+                device.publish(3, temperature)
+
+            oil = Measurement(show, by_name[T_OIL], name=f"{config.name}.3")
+            sensors.append((str(config.axis), oil))
+        else:
+
+            def advance(_now: int) -> None:
+                device.publish(3, config.temperature)
+
         return Fitting(
             sensors=tuple(sensors),
-            advance=lambda _now: device.publish(3, config.temperature),
+            advance=advance,
             registers=partial(pressure_quantities, node.object_dictionary),
         )
 

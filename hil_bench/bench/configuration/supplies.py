@@ -11,6 +11,7 @@ from hil_bench.config.values import quote
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.configuration import explain_refusal, variable_pump
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import find_oil
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
@@ -18,17 +19,21 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     SHARED_KEYS,
     SUPPLY_KEY,
     SUPPLY_KEYS,
+    TANK_KEYS,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.plants.hydraulic_cylinder.supply_group import Fed, SupplyConfig, find_exchange
+from hil_bench.plants.hydraulic_cylinder.tank import TankConfig
 from hil_bench.plants.kind import AxisConfig, PlantKind
 from hil_bench.plants.registry import DEFAULT_PLANT
 
 TABLE = "supply"
 
-_OWN = "bulk_modulus_mpa"
-"""The one key of a supply that an axis has for itself."""
+_OWN = ("bulk_modulus_mpa", "oil")
+"""The keys of a supply that an axis has for itself too."""
+_HEATED = "oil_temperature_c"
+"""What no axis says whose supply has a tank: its values hold at 40 °C."""
 
 
 class SuppliesSection:
@@ -70,7 +75,7 @@ class SuppliesSection:
         self._fed[name].append(axis)
         lent = {}
         for key in SHARED_KEYS:
-            if key.name == _OWN or key.name not in settings:
+            if key.name in _OWN or key.name not in settings:
                 continue
             if settings[key.name].origin is not Origin.DEFAULT:
                 right = f"give it in [{TABLE}.{name}]"
@@ -81,6 +86,10 @@ class SuppliesSection:
                 lent[key.name] = settings[key.name]._replace(
                     value=given.value, origin=Origin.DATA_SHEET, reason=reason
                 )
+        tank = self._supplies[name].get("tank_volume_l")
+        if tank is not None and tank.value is not None and settings[_HEATED].value is not None:
+            right = f"leave it out, and give start_temperature_c in [{TABLE}.{name}]"
+            problems.add(problems.place(table, _HEATED), f"belongs to the supply's tank; {right}")
         return settings | lent
 
     def connect(self, axes: Sequence[AxisConfig]) -> None:
@@ -105,7 +114,8 @@ class SuppliesSection:
                 self._problems.add(place, f"cannot share a supply; {right}")
                 return
         try:
-            record = _build_record(name, settings, axes)
+            tank = self._read_tank(name, settings)
+            record = _build_record(name, settings, axes, tank)
             if axes:
                 dt, steps = self._loop.step_us * 1e-6, self._loop.steps_per_tick
                 record = record.exchanged(find_exchange(record, axes, dt, steps))
@@ -113,6 +123,20 @@ class SuppliesSection:
             explain_refusal(f"{TABLE}.{name}", error, self._problems)
             return
         self._records.append(record)
+
+    def _read_tank(self, name: str, settings: Settings) -> TankConfig | None:
+        """Return the tank of a supply; None for oil that stays as it is."""
+        sheet = Sheet(settings, self._problems)
+        oil = find_oil(sheet) if sheet.has("oil") else None
+        if not sheet.has("tank_volume_l"):
+            return None
+        if oil is None:
+            if not sheet.has("oil"):
+                right = 'give for example oil = "HLP 46"'
+                place = self._problems.place(f"{TABLE}.{name}", "oil")
+                self._problems.add(place, f"missing; tank_volume_l is given and needs it; {right}")
+            return None
+        return TankConfig(**{**convert(settings, TANK_KEYS), "oil": oil})
 
     def resolve(self) -> None:
         """Do nothing: the axes connect the supplies."""
@@ -139,8 +163,20 @@ class SuppliesSection:
         }
 
 
-def _build_record(name: str, settings: Settings, axes: Sequence[Fed]) -> SupplyConfig:
+def _build_record(
+    name: str, settings: Settings, axes: Sequence[Fed], tank: TankConfig | None
+) -> SupplyConfig:
     unit = SupplyUnit(**convert(settings, SUPPLY_KEYS), variable=variable_pump(settings))
-    keys = (settings[each].key for each in (_OWN, "supply_pressure_bar", "tank_pressure_bar"))
-    modulus, pressure, tank = convert(settings, tuple(keys)).values()
-    return SupplyConfig(name, unit, modulus, pressure, tank, tuple(axis.name for axis in axes))
+    names = ("bulk_modulus_mpa", "supply_pressure_bar", "tank_pressure_bar", "start_temperature_c")
+    keys = tuple(settings[each].key for each in names)
+    modulus, pressure, tank_pressure, temperature = convert(settings, keys).values()
+    return SupplyConfig(
+        name,
+        unit,
+        modulus,
+        pressure,
+        tank_pressure,
+        tuple(axis.name for axis in axes),
+        temperature=temperature,
+        tank=tank,
+    )

@@ -6,7 +6,7 @@
 from enum import StrEnum
 
 from hil_bench.config.settings import Key
-from hil_bench.config.values import boolean, choice, describe, number, points
+from hil_bench.config.values import boolean, choice, describe, number, points, text
 from hil_bench.errors import ConfigError
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import DATA_SHEET_KEYS, LineModel
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS as DISPLACEMENT_KEYS
@@ -14,6 +14,7 @@ from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.stepping import Solver
 from hil_bench.units import (
     BAR,
+    CELSIUS,
     CUBIC_CENTIMETRE,
     DEGREE,
     KILOGRAM,
@@ -37,6 +38,7 @@ from hil_bench.units import (
     SECOND_PER_METRE,
     SQUARE_CENTIMETRE,
     SQUARE_MILLIMETRE_PER_SECOND,
+    WATT_PER_KELVIN,
     Unit,
 )
 
@@ -234,6 +236,24 @@ _TANK_KEYS = tuple(
     key for key in PARAMETER_KEYS if key.name in {"supply_pressure_bar", "tank_pressure_bar"}
 )
 
+TANK_KEYS = (
+    Key("oil", text),
+    Key("tank_volume_l", number(LITRE, low=0.1, high=1e6), None, LITRE, "volume"),
+    Key("start_temperature_c", number(CELSIUS, low=-40.0, high=120.0), 40.0, CELSIUS, "start"),
+    Key("ambient_temperature_c", number(CELSIUS, low=-60.0, high=80.0), 20.0, CELSIUS, "ambient"),
+    Key("tank_cooling_w_k", number(low=0.0, high=1e6), 10.0, WATT_PER_KELVIN, "walls"),
+    Key("cooler_w_k", number(low=0.0, high=1e7), 0.0, WATT_PER_KELVIN, "cooler"),
+    Key("cooler_from_c", number(CELSIUS, low=-40.0, high=120.0), 50.0, CELSIUS, "cooled_from"),
+    Key(
+        "pump_efficiency_percent",
+        number(PERCENT, low=10.0, high=100.0),
+        88.0,
+        PERCENT,
+        "efficiency",
+    ),
+)
+"""Of a shared supply, for the temperature of its oil."""
+
 SHARED_KEYS = (
     *DISPLACEMENT_KEYS,
     *_TANK_KEYS,
@@ -241,8 +261,9 @@ SHARED_KEYS = (
     *SUPPLY_KEYS,
     CONTROL_KEY,
     *PUMP_KEYS,
+    *TANK_KEYS,
 )
-"""Of a supply that several axes share; all but the modulus of its oil are an axis' too."""
+"""Of a supply that several axes share."""
 
 AXIS_KEYS = (
     Key("model", choice(Model), Model.FULL_ORDER),

@@ -79,11 +79,19 @@ P_S: Final = "P_S"
 Q_S: Final = "Q_S"
 """What an axis draws from it, on average over a tick [m³/s]."""
 
+T_OIL: Final = "T_oil"
+"""Temperature of the supply's oil [°C]."""
+
 
 def with_supply(quantities: Sequence[Quantity]) -> tuple[Quantity, ...]:
-    """Return the quantities of a plant that shares its supply: P_S and Q_S come last."""
+    """Return the quantities of a plant that shares its supply: those of the supply come last."""
     first = 1 + max(each.output for each in quantities if each.output is not None)
-    return (*quantities, Quantity(P_S, "Pa", first), Quantity(Q_S, "m³/s", first + 1))
+    return (
+        *quantities,
+        Quantity(P_S, "Pa", first),
+        Quantity(Q_S, "m³/s", first + 1),
+        Quantity(T_OIL, "°C", first + 2),
+    )
 
 
 LOAD: Final = "load"

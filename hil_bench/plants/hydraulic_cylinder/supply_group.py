@@ -7,6 +7,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 from hil_bench.plants.hydraulic_cylinder.configuration import SUPPLY_DEFECTS, CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import supply_constants
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
@@ -19,11 +20,14 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S
+from hil_bench.plants.hydraulic_cylinder.tank import Tank, TankConfig
 from hil_bench.plants.kind import AxisConfig, Fact, PlantKind
 from hil_bench.plants.quantity import SUPPLY, Influence
 from hil_bench.units import BAR, LITRE, LITRE_PER_MINUTE
 
 _ANY_FLOW = 1e3  # [m³/s]
+_HOT = 80.0  # [°C], beyond which mineral oil ages fast
+_NOTICED = 0.1  # [K] after which the plants get other constants
 
 
 @runtime_checkable
@@ -80,18 +84,22 @@ class SupplyConfig:
         unit: pump, relief valve, line and accumulator.
         modulus: bulk modulus of the oil in its line [Pa].
         pressure: P_S at the start [Pa].
-        tank: P_T [Pa].
+        tank_pressure: P_T [Pa].
         axes: names of the axes that it feeds, in the order of the file.
         exchange: steps of the solver from exchange to exchange between the axes.
+        temperature: of the oil at the start [°C].
+        tank: of oil whose temperature changes; None for oil that stays as it is.
     """
 
     name: str
     unit: SupplyUnit
     modulus: float
     pressure: float
-    tank: float
+    tank_pressure: float
     axes: tuple[str, ...]
     exchange: int = 1
+    temperature: float = TEMPERATURE_C
+    tank: TankConfig | None = None
 
     def exchanged(self, steps: int) -> "SupplyConfig":
         """Return the record with another time from exchange to exchange."""
@@ -145,6 +153,7 @@ def summarise_supply(supply: SupplyConfig, axes: Sequence[Fed], dt: float) -> It
         if lacking > 0.0:
             note = "all axes at top speed"
             yield Fact("  which lasts", oil / lacking, "s", note)
+    yield from _heat_facts(supply)
     share = " and ".join(axis.name for axis in axes)
     yield Fact("exchange of the shares", supply.exchange * dt * 1e6, "us", f"between {share}")
 
@@ -158,12 +167,28 @@ def _wanted(unit: SupplyUnit, axis: CylinderConfig) -> float:
     )
 
 
+def _heat_facts(supply: SupplyConfig) -> Iterator[Fact]:
+    tank, pressure = supply.tank, _pressure_at_rest(supply)
+    if tank is None:
+        return
+    pump = supply.unit.variable
+    flow = supply.unit.pump_flow if pump is None else pump.leakage * pressure
+    heat = pressure * flow / tank.efficiency
+    yield Fact("heat at rest", heat * 1e-3, "kW", "the pump's power, while no axis draws")
+    rate = heat / tank.capacity * 60.0
+    yield Fact("  by which the oil warms", rate, "K/min", "without cooling")
+    steady = tank.steady(heat)
+    if math.isfinite(steady):
+        note = "hotter than oil stands" if steady > _HOT else "after hours, with its cooling"
+        yield Fact("  and comes to", steady, "°C", note)
+
+
 def _pressure_at_rest(supply: SupplyConfig) -> float:
     unit = supply.unit
     if unit.variable is None:
         return unit.relief_pressure + unit.pump_flow / unit.relief_gradient
     if unit.variable.senses_load:
-        return min(supply.tank + unit.variable.margin, unit.relief_pressure)
+        return min(supply.tank_pressure + unit.variable.margin, unit.relief_pressure)
     return unit.relief_pressure
 
 
@@ -181,9 +206,10 @@ class Consumer:
 
     @property
     def output(self) -> Sequence[float]:
-        """The plant's output, P_S [Pa] and what the plant draws [m³/s]."""
-        supply = self._group.supply
-        return (*self.plant.output, supply.pressure, supply.drawn[self._number])
+        """The plant's output, P_S [Pa], what the plant draws [m³/s] and T_oil [°C]."""
+        group = self._group
+        drawn = group.supply.drawn[self._number]
+        return (*self.plant.output, group.supply.pressure, drawn, group.temperature)
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on by itself, with its share of the supply alone."""
@@ -217,13 +243,14 @@ class SupplyGroup:
         axes: names of the axes.
         supply: the unit.
         plants: of the axes, in their order.
+        tank: the temperature of the oil; None where it stays as it is.
         lowest: the least pressure at which the supply can be held [Pa].
         defects: what may be worn or broken at it.
     """
 
     def __init__(self, config: SupplyConfig, axes: Sequence[Fed], dt: float) -> None:
         self.name, self.axes = config.name, config.axes
-        self.lowest, self.defects = config.tank, config.defects
+        self.lowest, self.defects = config.tank_pressure, config.defects
         draws = _draws(config, axes)
         shares = [draw / math.fsum(draws) for draw in draws]
         self._movers = [
@@ -233,18 +260,49 @@ class SupplyGroup:
             config.unit,
             config.modulus,
             config.pressure,
-            config.tank,
+            config.tank_pressure,
             [(each.model, each) for each in self._movers],
             shares,
             config.exchange,
         )
         self.plants = tuple(Consumer(each, self, i) for i, each in enumerate(self._movers))
         self._defects = Defects()
+        self.tank: Tank | None = None
+        self._temperature = config.temperature
+        self._efficiency = self._packed_at = 1.0
+        if config.tank is not None:
+            self.tank, self._efficiency = Tank(config.tank), config.tank.efficiency
+            self._pack(self.tank)
+
+    @property
+    def temperature(self) -> float:
+        """Of the oil [°C]."""
+        return self._temperature if self.tank is None else self.tank.temperature
 
     def drive(self, commands: Sequence[float], steps: int) -> Sequence[Sequence[float]]:
         """Move all plants on by `steps` steps under constant commands [SI]."""
-        self.supply.drive(commands, steps)
+        if self.tank is None:
+            self.supply.drive(commands, steps)
+        else:
+            self._warm(self.tank, commands, steps)
         return [plant.output for plant in self.plants]
+
+    def _warm(self, tank: Tank, commands: Sequence[float], steps: int) -> None:
+        """Move all plants on, and the oil's temperature with what becomes heat."""
+        supply, models = self.supply, [each.model for each in self._movers]
+        befores, held, pumped = [model.seen for model in models], supply.energy, supply.work
+        supply.drive(commands, steps)
+        passed_on = math.fsum(map(passed_on_by, models, befores)) + supply.energy - held
+        heat = (supply.work - pumped) / self._efficiency - passed_on
+        tank.warm(heat, steps * models[0].dt)
+        if abs(tank.temperature - self._packed_at) >= _NOTICED:
+            self._pack(tank)
+
+    def _pack(self, tank: Tank) -> None:
+        """Let all plants have the oil that the tank has now."""
+        self._packed_at = tank.temperature
+        for each in self._movers:
+            each.model.warm(*tank.oil_now())
 
     def influence(self, name: str, value: float | None) -> None:
         """Set P_S [Pa] or a defect of the unit; let go, it fills up."""
@@ -256,6 +314,20 @@ class SupplyGroup:
                 each.influence(name, amount)
         elif value is not None:
             self.supply.pressure = value
+
+
+def passed_on_by(model: FullOrderCylinder, before: Sequence[float]) -> float:
+    """Return what a plant has done on its load and stored in mass and oil since then [J]."""
+    p, options = model.parameters, model.options
+    x_0, v_0, a_0, b_0, *_ = before
+    x_1, v_1, a_1, b_1, *_ = model.seen
+    x = 0.5 * (x_0 + x_1)
+    load = model.load + (options.load_at(x, model.time) if options.loads else 0.0)
+    within = min(max(x, -p.h), p.h)
+    stored = (p.m + options.load_mass) * (v_1 * v_1 - v_0 * v_0)
+    stored += (p.V_A0 + p.A_A * within) / p.E * (a_1 * a_1 - a_0 * a_0)
+    stored += (p.V_B0 - p.A_B * within) / p.E * (b_1 * b_1 - b_0 * b_0)
+    return load * (x_1 - x_0) + 0.5 * stored
 
 
 def _build(config: SupplyConfig, axis: Fed, share: float, dt: float) -> Hydraulic:

@@ -26,7 +26,7 @@ from hil_bench.config.settings import Key
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.chain_keys import CHAIN_KEYS
 from hil_bench.kinds.registry import KINDS
-from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
+from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS, TANK_KEYS
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
@@ -36,6 +36,7 @@ TABLES = (
     WIRE_KEYS,
     AXIS_KEYS,
     (KIND_KEY,),
+    tuple(key for key in TANK_KEYS if key.name != "oil"),  # as that of an axis
     *map(node_keys, reversed(KINDS.built_in.values())),
     SOURCE_KEYS,
     SINK_KEYS,

@@ -90,7 +90,7 @@ def test_axes_have_the_pressures_of_their_supply(write):
     assert (lift.parameters.P_S, clamp.parameters.P_S) == (150e5, 150e5)
     assert alone.options.supply is None
     names = [[quantity.name for quantity in axis.kind.quantities] for axis in config.axes]
-    assert names[0] == names[1] == [*names[2], "P_S", "Q_S"]
+    assert names[0] == names[1] == [*names[2], "P_S", "Q_S", "T_oil"]
 
 
 def test_check_says_where_the_values_of_an_axis_come_from_and_loads_again(write, capsys, tmp_path):
@@ -238,8 +238,8 @@ node_id = 9
         ),
         (
             "accumulator_volume_l = 2",
-            "accumulator_volume_l = 2\noil = 3",
-            "supply.hpu.oil: unknown key",
+            "accumulator_volume_l = 2\nbore_mm = 3",
+            "supply.hpu.bore_mm: unknown key",
         ),
         (
             "accumulator_volume_l = 2",

@@ -13,7 +13,11 @@ from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_state,
 )
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pack
-from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, pack_defective
+from hil_bench.plants.hydraulic_cylinder.model.defects import (
+    Defects,
+    pack_defective,
+    warmed,
+)
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     PUMP_FLOW,
     ExtensionState,
@@ -133,6 +137,7 @@ class FullOrderPlant:
         kernel = advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
         self._advance = ready(kernel)
         self._defects = Defects()
+        self._oil = 1.0, 1.0
         self._leave: Callable[[], None] | None = None
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
@@ -198,6 +203,11 @@ class FullOrderPlant:
         self._constants[PUMP_FLOW] = flow
 
     @property
+    def time(self) -> float:
+        """That of the load series, of a plant that is extended [s]."""
+        return float(self._state[STEPS]) * self.dt
+
+    @property
     def sensed_pressure(self) -> float:
         """Pressure that the plant shows to a load-sensing pump [Pa]."""
         edges = edge_constants(self.parameters, self.options)
@@ -216,15 +226,33 @@ class FullOrderPlant:
         if defects.needs_extension:
             self._extend()
         self._defects = defects
+        self._pack(P_S)
+
+    def warm(self, viscosity: float, density: float) -> None:
+        """Go on with warmer or colder oil.
+
+        Args:
+            viscosity: kinematic, over that of the parameters.
+            density: over that of the parameters; lines with waves keep theirs.
+        """
+        self._oil = viscosity, density
+        self._pack(self.supply_pressure)
+
+    def _pack(self, P_S: float) -> None:
+        """Take defects and oil into the constants, and go on from P_S [Pa]."""
+        parameters, options = self.parameters, self.options
+        if self._oil != (1.0, 1.0):
+            parameters, options = warmed(parameters, options, *self._oil)
         constants = pack_defective(
-            self.parameters, self.options, self.dt, defects, is_extended=self.is_extended
+            parameters, options, self.dt, self._defects, is_extended=self.is_extended
         )
         if self.is_extended:
             self._constants = make_row(constants)
-        else:  # a group may hold the row
-            for place, value in enumerate(constants):
-                self._constants[place] = value
-        self.supply_pressure = P_S
+            self._state[SUPPLY] = P_S
+            return
+        for place, value in enumerate(constants):  # in place: a group may hold the row
+            self._constants[place] = value
+        self._constants[ORIFICE_P_S] = P_S
 
     def move_rows(self, state: Floats, constants: Floats, leave: Callable[[], None]) -> None:
         """Keep states and constants elsewhere from now on, where others may move them on.

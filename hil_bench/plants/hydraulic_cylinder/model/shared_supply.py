@@ -82,6 +82,7 @@ class SharedSupply:
     Attributes:
         pressure: P_S [Pa]; what is written is where the unit goes on from.
         flow: that of the pump [m³/s].
+        work: what the pump has done on the oil so far [J].
         drawn: what each plant drew in the last `drive`, on average [m³/s].
     """
 
@@ -100,6 +101,7 @@ class SharedSupply:
         self._plants, self._shares = tuple(plants), tuple(shares)
         self._dt, self._exchange_steps = plants[0][0].dt, exchange
         self._draws = [0.0] * len(plants)
+        self.work = 0.0
         self.drawn = [0.0] * len(plants)
         self._leakage = 0.0 if unit.variable is None else unit.variable.leakage
         self._senses = unit.variable is not None and unit.variable.senses_load
@@ -136,6 +138,7 @@ class SharedSupply:
         time, P_S, constants = steps * self._dt, self.pressure, self._constants
         sensed = self.sensed_pressure if self._senses else 0.0
         given = _swivel(self.flow, P_S, sensed, 0.5 * time, self._pump, constants)
+        pumped = time * given
         if self._leakage:
             capacity = _supply_compliance(P_S, constants) + time * self._leakage
             leaked = self._leakage * (P_S - self._tank)
@@ -158,7 +161,21 @@ class SharedSupply:
             self._draws[number] = flows[number] - share * (relieved + gained)
         sensed = self.sensed_pressure if self._senses else 0.0
         self.flow = _swivel(self.flow, 0.5 * (P_S + met), sensed, time, self._pump, constants)
+        self.work += 0.5 * (P_S + met) * pumped
         self.pressure = met
+
+    @property
+    def energy(self) -> float:
+        """What line and accumulator hold beyond that at 0 Pa and the precharge [J]."""
+        line, _, _, _, volume, precharge, n = self._constants
+        held, p = 0.5 * line * self.pressure**2, self.pressure + ATMOSPHERE
+        if not volume or p <= precharge:
+            return held
+        gas = volume * math.exp(math.log(precharge / p) / n)
+        pushed = ATMOSPHERE * (volume - gas)
+        if n == 1.0:
+            return held + precharge * volume * math.log(volume / gas) - pushed
+        return held + (p * gas - precharge * volume) / (n - 1.0) - pushed
 
 
 def stored_oil(P_S: float, supply: SupplyConstants) -> float:

@@ -290,9 +290,9 @@ class SupplyGroup:
     def _warm(self, tank: Tank, commands: Sequence[float], steps: int) -> None:
         """Move all plants on, and the oil's temperature with what becomes heat."""
         supply, models = self.supply, [each.model for each in self._movers]
-        befores, held, pumped = [model.seen for model in models], supply.energy, supply.work
+        earlier, held, pumped = [model.seen for model in models], supply.energy, supply.work
         supply.drive(commands, steps)
-        passed_on = math.fsum(map(passed_on_by, models, befores)) + supply.energy - held
+        passed_on = math.fsum(map(passed_on_by, models, earlier)) + supply.energy - held
         heat = (supply.work - pumped) / self._efficiency - passed_on
         tank.warm(heat, steps * models[0].dt)
         if abs(tank.temperature - self._packed_at) >= _NOTICED:

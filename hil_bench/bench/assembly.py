@@ -76,9 +76,10 @@ def build_bench(config: BenchConfig) -> Bench:
     plants = build_plants(config, supplies)
     axes = [build_axis(axis, plants[axis.name], list(parts.values())) for axis in config.axes]
     buses = number_buses(config)
-    wiring = build_wiring(config, nodes)
+    ecus = {each.name: each.ecu for segment in segments for each in segment.stations}
+    wiring = build_wiring(config, nodes, ecus)
     plugs = wiring.plugs if wiring else {}
-    wires = {name: plugs[node] for name, node in nodes.items() if node in plugs}
+    wires = {name: plugs[each] for name, each in {**nodes, **ecus}.items() if each in plugs}
     faults = Faults(
         find_fault_points(axes, nodes, parts, buses, wires, segments, supplies),
         tick_ns=config.tick_ns,

@@ -81,7 +81,7 @@ class Bench:
         """Plug J1939 devices in."""
         self.segments = tuple(segments)
         for segment in self.segments:
-            segment.join(self._switchboard)
+            segment.join(self._switchboard, self.wiring)
             self._acts.append(segment.advance)
 
     def group(self, groups: Sequence[tuple[Sequence[int], PlantGroup]]) -> None:

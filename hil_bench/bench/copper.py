@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.bench.wiring import Bus, Plug, Wiring
+from hil_bench.bench.wiring import Bus, Device, Plug, Wiring
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.measurement.noise import random_stream
 from hil_bench.outside.transports.bus_load import USUAL_BITRATE
 from hil_bench.outside.wire.attempt import Chance
@@ -21,18 +22,25 @@ _MOST_BABBLE: Final = 1000
 _NS_PER_S: Final = 1_000_000_000
 
 
-def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | None:
-    """Return the buses of copper of a bench; None where it has none."""
+def build_wiring(
+    config: BenchConfig, nodes: Mapping[str, Node], ecus: Mapping[str, Ecu]
+) -> Wiring | None:
+    """Return the buses of copper of a bench; None where it has none.
+
+    Args:
+        config: the bench.
+        nodes: its CANopen nodes by name.
+        ecus: its J1939 devices by name.
+    """
+    devices: Mapping[str, Device] = {**nodes, **ecus}
     buses, plugs = list[Bus](), list[Plug]()
     for number, (name, bus) in enumerate(config.buses.items()):
         if bus.wire is None:
             continue
         controller = make_station(CONTROLLER, bus.wire)
-        stations = {
-            node.name: make_station(node.name, bus.wire)
-            for node in config.nodes
-            if node.bus == name
-        }
+        there = [node.name for node in config.nodes if node.bus == name]
+        there += [ecu.name for ecu in config.ecus if ecu.bus == name]
+        stations = {each: make_station(each, bus.wire) for each in there}
         babbler = Station(_BABBLER, _MOST_BABBLE)
         chance = None
         if bus.wire.bit_error_rate:
@@ -45,7 +53,9 @@ def build_wiring(config: BenchConfig, nodes: Mapping[str, Node]) -> Wiring | Non
             recovery=round(bus.wire.recovery * _NS_PER_S),
         )
         buses.append(Bus(number, wire, controller, babbler))
-        plugs += [Plug(nodes[each], buses[-1], station, wire) for each, station in stations.items()]
+        plugs += [
+            Plug(devices[each], buses[-1], station, wire) for each, station in stations.items()
+        ]
     return Wiring(buses, plugs) if buses else None
 
 

@@ -46,10 +46,21 @@ class Board(Protocol):
         """Hand frames with a 29-bit identifier to `take`; call `begin` before each round."""
 
 
+class Wires(Protocol):
+    """The buses of copper, where there are some."""
+
+    def sender(self, node: Ecu) -> Emit | None:
+        """Return what takes the frames of a device; None where its bus takes no time."""
+
+    def guard(self, node: Ecu, handle: Handler) -> Handler:
+        """Return what takes received frames in place of a device."""
+
+
 class Segment:
     """All J1939 devices of one bus.
 
-    What one of them sends goes to the bus, and in the next round to the others.
+    What one of them sends goes to the bus, and in the next round to the others; on a bus of copper
+    once it has passed.
 
     Args:
         number: of the bus.
@@ -67,11 +78,18 @@ class Segment:
         self._sent: list[tuple[EcuStation, Frame]] = []
         self._heard: list[tuple[EcuStation, Frame]] = []
         self._ways = [(each, each.line.guard(each.ecu.receive)) for each in self.stations]
-        self._emits = [(each, partial(self._emit, each)) for each in self.stations]
+        self._emits: list[tuple[EcuStation, Emit]] = [
+            (each, partial(self._emit, each)) for each in self.stations
+        ]
 
-    def join(self, board: Board) -> None:
-        """Plug the segment in."""
+    def join(self, board: Board, wires: Wires | None = None) -> None:
+        """Plug the segment in, on a bus of copper each device with a CAN controller of its own."""
         self._board = board
+        for place, station in enumerate(self.stations):
+            send = None if wires is None else wires.sender(station.ecu)
+            if wires is not None and send is not None:
+                self._emits[place] = station, send
+                self._ways[place] = station, wires.guard(station.ecu, self._ways[place][1])
         board.host(self.number, self._receive, self._begin)
 
     def start(self, now: int) -> None:

@@ -74,6 +74,7 @@ class WiredBench(Bench):
             wiring.frame_of(passage)
             for passage in passages
             if wiring.is_outside(passage)
+            or wiring.is_extended(passage)
             or address_of(passage.frame.can_id, passage.frame.bus) in overheard
         ]
         wiring.tell_nodes()

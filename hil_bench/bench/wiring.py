@@ -8,11 +8,14 @@ from typing import Final
 from hil_bench.canopen_device.can_errors import CanEvent
 from hil_bench.canopen_device.frame import Emit, Frame, Handler
 from hil_bench.canopen_device.node import Node
+from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.outside.wire.error_frames import broken_frame, event_frame
 from hil_bench.outside.wire.station import Rule, Station
 from hil_bench.outside.wire.wire import ErrorFrame, Passage, Wire
 
 _MOST_ERRORS: Final = 10_000
+
+Device = Node | Ecu
 
 
 @dataclass(slots=True)
@@ -36,17 +39,17 @@ class Bus:
 
 @dataclass(slots=True)
 class Plug:
-    """A node at its bus; where faults get at it.
+    """A node or a J1939 device at its bus; where faults get at it.
 
     Attributes:
-        node: that node.
+        node: that device.
         bus: where it belongs.
         station: its CAN controller.
         wire: what it is connected to: that of its bus, or while its plug is pulled one of its own.
         events: what the CAN controller has to tell the node.
     """
 
-    node: Node
+    node: Device
     bus: Bus
     station: Station
     wire: Wire
@@ -142,6 +145,7 @@ class Wiring:
         self.is_direct = True
         self._wires = [bus.wire for bus in buses]
         self._outside = frozenset(bus.controller for bus in buses)
+        self._extended = frozenset(plug.station for plug in plugs if isinstance(plug.node, Ecu))
         self._deaf: dict[int, frozenset[Station]] = {}
         self._shaken: list[Plug] = []
         stations = {plug.station: plug for plug in plugs}
@@ -220,6 +224,10 @@ class Wiring:
         """Return whether a frame came from outside the bench."""
         return passage.station in self._outside
 
+    def is_extended(self, passage: Passage) -> bool:
+        """Return whether a frame came from a J1939 device of the bench, whose others hear it."""
+        return passage.station in self._extended
+
     def take_errors(self) -> list[tuple[Frame, int]]:
         """Return the error frames, once."""
         errors, self.errors = self.errors, []
@@ -231,11 +239,17 @@ class Wiring:
         return passed
 
     def frame_of(self, passage: Passage) -> Frame:
-        """Return a passed frame for the nodes; those that could not read it will not get it."""
-        if not passage.deaf:
+        """Return a passed frame for the nodes; those that could not read it will not get it.
+
+        Nor will a J1939 device get what it has sent itself.
+        """
+        deaf = passage.deaf
+        if passage.station in self._extended:
+            deaf = frozenset((*deaf, passage.station))
+        if not deaf:
             return passage.frame
         frame = Frame(*passage.frame)  # one of its own, to be known by
-        self._deaf[id(frame)] = passage.deaf
+        self._deaf[id(frame)] = deaf
         return frame
 
     def forget(self) -> None:
@@ -248,11 +262,12 @@ class Wiring:
         shaken, self._shaken = self._shaken, []
         for plug in shaken:
             for event in plug.events:
-                plug.node.take_can_event(event)
+                if isinstance(plug.node, Node):  # J1939 has no message for it
+                    plug.node.take_can_event(event)
             plug.events.clear()
 
-    def sender(self, node: Node) -> Emit | None:
-        """Return what takes the frames of a node; None where its bus takes no time."""
+    def sender(self, node: Device) -> Emit | None:
+        """Return what takes the frames of a device; None where its bus takes no time."""
         plug = self.plugs.get(node)
         if plug is None:
             return None
@@ -265,8 +280,8 @@ class Wiring:
 
         return send
 
-    def guard(self, node: Node, handle: Handler) -> Handler:
-        """Return what takes received frames in place of a handler of a node."""
+    def guard(self, node: Device, handle: Handler) -> Handler:
+        """Return what takes received frames in place of a handler of a device."""
         plug = self.plugs.get(node)
         if plug is None:
             return handle

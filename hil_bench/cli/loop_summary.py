@@ -87,11 +87,11 @@ def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
         + (f", {bus.controller.refused} of the controller lost" if bus.controller.refused else "")
         for number, bus in bench.wiring.buses.items()
     ]
-    for settings, node in zip(config.nodes, bench.nodes, strict=True):
-        plug = bench.wiring.plugs.get(node)
-        if plug is not None and (plug.station.errors or plug.station.refused or plug.station.rec):
-            lines.append(f"          {settings.name}: {can_text(plug.standing())}")
-    return lines
+    return lines + [
+        f"          {plug.station.name}: {can_text(plug.standing())}"
+        for plug in bench.wiring.plugs.values()
+        if plug.station.errors or plug.station.refused or plug.station.rec
+    ]
 
 
 def helper_lines(endings: Sequence[str]) -> list[str]:

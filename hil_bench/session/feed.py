@@ -53,6 +53,7 @@ from hil_bench.session.work_feed import WorkState
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
+    from hil_bench.bench.wiring import Plug
     from hil_bench.devices.faults.schedule import FaultEvent
 
 LOOK = 100_000_000
@@ -197,7 +198,7 @@ class Feed:
             for fault in session.bench.faults.active
         ]
         recording = None if self._recording is None else self._recording.state
-        ecus = {name: _ecu_state(ecu) for name, ecu in session.ecus.items()}
+        ecus = {name: _ecu_state(ecu, plugs.get(ecu.ecu)) for name, ecu in session.ecus.items()}
         state = {"nodes": nodes, "ecus": ecus, "faults": faults, "recording": recording}
         return state if self._work is None else {**state, "work": self._work().content()}
 
@@ -271,9 +272,10 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
 }
 
 
-def _ecu_state(ecu: EcuHandle) -> dict[str, Any]:
+def _ecu_state(ecu: EcuHandle, plug: "Plug | None") -> dict[str, Any]:
     codes = [[code.spn, code.fmi] for code in ecu.trouble_codes]
-    return {"state": ecu.ecu.state.value, "address": ecu.address, "codes": codes}
+    state = {"state": ecu.ecu.state.value, "address": ecu.address, "codes": codes}
+    return state if plug is None else {**state, "can": plug.standing()}
 
 
 def _seconds(time: int | None) -> float | None:

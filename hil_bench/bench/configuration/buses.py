@@ -58,6 +58,7 @@ class BusesSection:
         for bus, wire in self._wires.items():
             if wire is not None:
                 there = [name for name, node in nodes.items() if node["bus"].value == bus]
+                there += [name for name, its in ecus.items() if its == bus]
                 check_wire(wire, there, self._problems)
 
     @property

@@ -120,8 +120,9 @@ class FaultsSection:
         """Note faults of copper on a bus that takes no time."""
         for fault in self._faults:
             node = self._nodes.nodes.get(fault["target"].value)
+            bus = self._ecus.buses.get(fault["target"].value) if node is None else node["bus"].value
             is_of_wire = fault["kind"].value in WIRE_KINDS
-            if is_of_wire and node is not None and node["bus"].value not in self._buses.wired:
+            if is_of_wire and bus is not None and bus not in self._buses.wired:
                 place = self._problems.place(fault["kind"].table, "target")
                 name = fault["target"].value
                 wrong = f"the bus of {name} takes no time; give it [bus.wire]"

@@ -63,6 +63,11 @@ class EcuHandle:
         """The trouble codes that are active, SPN and FMI."""
         return self.ecu.diagnostics.active
 
+    def standing(self) -> dict[str, object]:
+        """Return how it is: state of its address claim, address, codes as SPN and FMI."""
+        codes = [[code.spn, code.fmi] for code in self.trouble_codes]
+        return {"state": self.ecu.state.value, "address": self.address, "codes": codes}
+
     @property
     def values(self) -> Mapping[str, EcuValue]:
         """What it shows, by name."""

@@ -5,7 +5,8 @@ from dataclasses import asdict
 
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.cli.live_words import can_text
+from hil_bench.bench.ecus import EcuTable
+from hil_bench.cli.live_words import can_text, ecu_text
 from hil_bench.outside.realtime.statistics import DurationSummary, TickSummary
 from hil_bench.outside.transports.bus_load import bitrate_text, load_of
 from hil_bench.outside.transports.transport import Transport, TransportCounters
@@ -100,7 +101,7 @@ def helper_lines(endings: Sequence[str]) -> list[str]:
 
 
 def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
-    """Return how each node ended and what it refused, a line a node."""
+    """Return how each node ended and what it refused, then each J1939 device, a line each."""
     lines = []
     for settings, node in zip(config.nodes, bench.nodes, strict=True):
         refused = [
@@ -112,4 +113,5 @@ def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
         lines.append(f"node {node.node_id:<4} {settings.name}: {', '.join((state, *refused))}")
         if node.storage_problem is not None:
             lines.append(f"          {node.storage_problem}")
-    return lines
+    ecus = EcuTable(bench.segments)
+    return lines + [f"J1939     {name}: {ecu_text(ecu.standing())}" for name, ecu in ecus.items()]

@@ -85,6 +85,14 @@ def _common(
             }
             for settings, node in zip(setup.config.nodes, bench.nodes, strict=True)
         ],
+        "ecus": [
+            {
+                "name": name,
+                **ecu.standing(),
+                "can": plugs[ecu.ecu].standing() if ecu.ecu in plugs else None,
+            }
+            for name, ecu in setup.session.ecus.items()
+        ],
         "recording": _recorded(setup.recording),
         "helpers": helpers.lines(),
     }

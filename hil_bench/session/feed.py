@@ -273,9 +273,7 @@ _COMMANDS: Mapping[str, Callable[[Mapping[str, Any]], Command]] = {
 
 
 def _ecu_state(ecu: EcuHandle, plug: "Plug | None") -> dict[str, Any]:
-    codes = [[code.spn, code.fmi] for code in ecu.trouble_codes]
-    state = {"state": ecu.ecu.state.value, "address": ecu.address, "codes": codes}
-    return state if plug is None else {**state, "can": plug.standing()}
+    return ecu.standing() if plug is None else {**ecu.standing(), "can": plug.standing()}
 
 
 def _seconds(time: int | None) -> float | None:

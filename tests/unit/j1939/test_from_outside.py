@@ -11,6 +11,7 @@ import hil_bench
 from hil_bench import VirtualBench, load_config
 from hil_bench.cli import ctl, main
 from hil_bench.cli.feed_side import hello_of
+from hil_bench.cli.loop_summary import node_lines
 from hil_bench.errors import ConfigError
 from hil_bench.panel.fault_table import fault_choices
 from hil_bench.scenario.from_journal import JournalSteps
@@ -123,3 +124,16 @@ def test_the_hello_has_what_each_can_be_asked(loop):
     assert hello["ecus"]["joystick"]["signals"]["x"] == {"unit": "%", "is_settable": True}
     assert hello["ecus"]["valve"]["axis"] == "axis1"
     assert hello["nodes"] == []
+
+
+def test_the_summary_of_a_run_has_a_line_each():
+    with VirtualBench(load_config(BENCH)) as bench:
+        bench.run(0.1)
+        with bench.faults.report("valve", spn=100, fmi=3):
+            bench.run(0.01)
+            lines = node_lines(bench.config, bench.bench)
+
+    assert lines == [
+        "J1939     valve: claimed, address 10, SPN 100 FMI 3",
+        "J1939     joystick: claimed, address 19",
+    ]

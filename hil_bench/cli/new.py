@@ -193,10 +193,13 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{args.file}: is there already; give another name, or --force")
     data = collect_data(vars(args), ask=_ask if sys.stdin.isatty() else None)
     text = bench_text(data)
-    load_config(tables=_tables(data))  # what is wrong is said before a file is there
     right = "give a file in a directory of yours"
     with about_file(args.file, right=right), whole_file(args.file) as file:
         file.write_text(text, encoding="utf-8")
+        try:
+            load_config(file)  # what makes no sense leaves no file
+        except ConfigError as error:
+            raise ConfigError(str(error).replace(str(file), str(args.file))) from None
     config = load_config(args.file)
     (axis,) = config.axes
     doubts = find_doubts(config)
@@ -246,10 +249,6 @@ def bench_text(data: Sequence[Datum]) -> str:
         assignment = f"{datum.key} = {json.dumps(datum.value)}"
         lines.append(f"{assignment:{_COMMENT_COLUMN}}  # {datum.origin}")
     return "\n".join(lines) + "\n" + _NODES.format(span=_span(data))
-
-
-def _tables(data: Sequence[Datum]) -> dict[str, object]:
-    return {"plant": {"axis1": {datum.key: datum.value for datum in data}}}
 
 
 def _span(data: Sequence[Datum]) -> float:

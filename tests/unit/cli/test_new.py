@@ -69,7 +69,7 @@ def test_a_double_rod_has_two_equal_areas():
         (["--valve", "60 l/min @ 5 bar, blue"], '--valve: "blue" is no datum of a valve; give'),
         (["--supply", "much"], '--supply: "much" is out of range; give a number in bar, 1 to 1000'),
         (["--oil", "olive"], '--oil: "olive" is unknown; give one of "HLP 22"'),
-        (["--cylinder", "63/36x0"], "built-in bench:plant.axis1.stroke_mm: 0 is no stroke"),
+        (["--cylinder", "63/36x0"], "bench.toml:plant.axis1.stroke_mm: 0 is no stroke"),
     ],
 )
 def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, capsys, options, said):
@@ -77,6 +77,14 @@ def test_what_makes_no_sense_is_said_and_nothing_written(tmp_path, capsys, optio
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"hil-bench: error: {said}")
     assert not (tmp_path / "bench.toml").exists()
+
+
+def test_the_bench_of_the_environment_is_no_part_of_a_new_one(tmp_path, monkeypatch):
+    other = tmp_path / "other.toml"
+    other.write_text("[plant.axis1]\npiston_area_cm2 = 20\n")  # beside bore_mm: given twice
+    monkeypatch.setenv("HIL_BENCH_CONFIG", str(other))
+    assert main(["new", *PRESS, "-q"]) == 0
+    assert {each.name for each in tmp_path.iterdir()} == {"other.toml", "bench.toml"}
 
 
 def test_what_is_missing_is_named(capsys):

@@ -44,6 +44,7 @@ from hil_bench.machine.identification.plot import draw_trial
 from hil_bench.machine.identification.record import AxisRecord, join_records
 from hil_bench.machine.identification.report import is_explained, summarise, to_json, to_toml
 from hil_bench.machine.identification.signs import settle_signs
+from hil_bench.machine.identification.stops import find_stops
 from hil_bench.machine.identification.unknowns import Sensors
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.foreign_table import read_columns
@@ -181,7 +182,12 @@ def _fit(
     record = _read_records(args, recordings, asked.axis, asked.config.full_scale(asked.axis))
     sensors = with_filters(asked.sensors, record.filters, args.fix)
     choice = _choose(args, asked.config, asked.axis, sensors)
-    asked = asked._replace(names=choice.names, sensors=sensors)
+    names = choice.names
+    if asked.axis.options.end_stop is not None:
+        record = find_stops(record, asked.axis.parameters.h)
+        if record.at_stop is not None and not {"stroke_mm"} & {*args.fix, *args.free}:
+            names = (*names, "h")
+    asked = asked._replace(names=names, sensors=sensors)
     record = with_hysteresis(record, *asked.chains)
     held = (f"held: {key}, {reason}" for key, reason in choice.held.items())
     record = replace(record, notes=(*record.notes, *held))

@@ -73,6 +73,7 @@ def choose(
         setting.key.name: setting.reason
         for setting in settings
         if setting.key.name in unknown
+        and setting.key.name != KEYS["h"].name
         and setting.origin is Origin.DATA_SHEET
         and "typical" not in setting.reason
     }

@@ -125,15 +125,19 @@ class Fitter:
         """Return the pieces of a stage.
 
         Raises:
-            ConfigError: there are too few clear of the end stops.
+            ConfigError: there are too few.
         """
-        pieces = cut_pieces(
-            self.record, self.record.fitted, self.record.rows_in(stage.length), stroke_end
-        )
+        record, length = self.record, self.record.rows_in(stage.length)
+        pieces = cut_pieces(record, record.fitted, length, stroke_end)
+        clear = len(pieces.rows)
+        # What happens at a stop leads nowhere from far off.
+        if stage.name == FINE.name or clear < _FEWEST_PIECES:
+            pieces = cut_pieces(record, record.fitted, length, stroke_end, has_stops=True)
         if len(pieces.rows) < _FEWEST_PIECES:
+            at_stops = len(pieces.rows) - clear
             raise ConfigError(
-                f"the recording has {len(pieces.rows)} pieces of {stage.length:g} s clear of the "
-                f"end stops to fit to; {_FEWEST_PIECES} or more are needed"
+                f"the recording has {clear} pieces of {stage.length:g} s clear of the "
+                f"end stops to fit to and {at_stops} at a stop; {_FEWEST_PIECES} or more are needed"
             )
         return pieces.share(stage.share)
 
@@ -197,10 +201,13 @@ class Fitter:
         misfits = shooting.misfits(guess)
         is_steady = ~shooting.turns_on_a_hair() & ~np.isin(every.rows, [*self._stuck])
         is_fair = is_steady & (misfits <= _STRANGE * np.median(misfits))
-        for marks in (is_fair, is_steady):
-            if marks.mean() >= _MOSTLY:
+        # The contact of the stop may be another than the machine's: such a piece is not missed.
+        touches = every.touching(self.record)
+        others = ~touches if not touches.all() else touches
+        for marks in (is_fair, is_steady & ~(touches & ~is_fair)):
+            if marks[others].mean() >= _MOSTLY:
                 return every.chosen(marks)
-        return every
+        return every.chosen(others)
 
     def polish(
         self, unknowns: Unknowns, variables: Values, pieces: Pieces, most: int = MOST_STEPS

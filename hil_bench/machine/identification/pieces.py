@@ -9,7 +9,8 @@ import numpy.typing as npt
 from hil_bench.machine.identification.record import AxisRecord
 
 _SMOOTHED = 4  # rows on each side of which a start is smoothed
-_KEPT_OFF = 3e-3  # [m] from the end stops, whose contact the record does not resolve
+KEPT_OFF = 3e-3
+"""What a piece keeps off the end stops [m], whose contact the record does not resolve."""
 
 
 class Pieces(NamedTuple):
@@ -23,6 +24,13 @@ class Pieces(NamedTuple):
     rows: npt.NDArray[np.int64]
     length: int
 
+    def touching(self, record: AxisRecord) -> npt.NDArray[np.bool_]:
+        """Return in which pieces the piston touches an end stop."""
+        if record.at_stop is None:
+            return np.zeros(len(self.rows), dtype=np.bool_)
+        rows = self.rows[:, np.newaxis] + np.arange(self.length + 1)
+        return np.asarray(record.at_stop[rows, 0].any(axis=1))
+
     def share(self, share: float) -> "Pieces":
         """Return some of the pieces, spread evenly by chance; the same at each call."""
         count = max(1, round(share * len(self.rows)))
@@ -35,7 +43,12 @@ class Pieces(NamedTuple):
 
 
 def cut_pieces(
-    record: AxisRecord, parts: Sequence[range], length: int, stroke_end: float
+    record: AxisRecord,
+    parts: Sequence[range],
+    length: int,
+    stroke_end: float,
+    *,
+    has_stops: bool = False,
 ) -> Pieces:
     """Return the pieces of parts of a record that stay clear of the end stops.
 
@@ -44,6 +57,7 @@ def cut_pieces(
         parts: the rows that may be used, without gaps in each.
         length: of each piece, in rows.
         stroke_end: position of the stops [m].
+        has_stops: whether pieces at the stops that the record marks are among them.
     """
     starts = np.concatenate(
         [np.arange(part.start, part.stop - length, length, dtype=np.int64) for part in parts]
@@ -53,4 +67,6 @@ def cut_pieces(
         near = starts[:, np.newaxis] + np.arange(-_SMOOTHED, _SMOOTHED + 1)
         starts = starts[~record.clipped[np.clip(near, 0, len(record) - 1)].any(axis=(1, 2))]
     reach = [np.abs(record.measured[row : row + length + 1, 0]).max() for row in starts]
-    return Pieces(starts[np.array(reach, dtype=np.float64) < stroke_end - _KEPT_OFF], length)
+    pieces = Pieces(starts, length)
+    is_clear = np.array(reach, dtype=np.float64) < stroke_end - KEPT_OFF
+    return pieces.chosen(is_clear | pieces.touching(record) if has_stops else is_clear)

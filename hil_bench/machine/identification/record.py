@@ -78,6 +78,7 @@ class AxisRecord:
         notes: what was found out about the columns.
         clipped: which of `measured` are at the end of their sensor's range, shape (rows, 3); None
             for none.
+        at_stop: which of `measured` do not count because the piston touches an end stop, likewise.
         filters: time constant of the filter behind each signal's noise, 0 for none [s].
     """
 
@@ -93,6 +94,7 @@ class AxisRecord:
     sessions: tuple[Session, ...] = ()
     notes: tuple[str, ...] = ()
     clipped: npt.NDArray[np.bool_] | None = None
+    at_stop: npt.NDArray[np.bool_] | None = None
     filters: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -122,7 +124,10 @@ class AxisRecord:
     def counts_at(self, rows: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
         """Return which values of `SIGNALS` are measured and not clipped, shape (*rows.shape, 3)."""
         counts = self.has_at(rows.reshape(-1)).reshape(*rows.shape, 3)
-        return counts if self.clipped is None else counts & ~self.clipped[rows]
+        for without in (self.clipped, self.at_stop):
+            if without is not None:
+                counts = counts & ~without[rows]
+        return counts
 
     def split_at(self, rows: Sequence[int]) -> Self:
         """Return the record with gaps in time behind some rows.

@@ -49,6 +49,7 @@ _WOULD_TELL = {
     "m": "quick changes of the set-point, so that the piston accelerates",
     "P_S": "fast motion both ways, with the pressures recorded",
     "P_T": "fast motion both ways, with the pressures recorded",
+    "h": "motion to an end stop",
     "gain": "motion at several openings of the valve",
     **dict.fromkeys(SENSING, "quick changes of the set-point"),
 }

@@ -60,6 +60,7 @@ BLIND = (
     0.012,
     0.003,
 )  # [s] at the begin and the end of a piece that sensors which are behind spoil
+_SUNK = 1e-3  # [m] that a piston may be in its stop
 _AWFUL = 1e3  # stands for a residual that is no number
 
 
@@ -343,7 +344,8 @@ class Shooting:
         every: int | None = None,
     ) -> Values:
         """Return what a plant shows in the pieces of a block, as `run_starts` does."""
-        starts[:, 0] = np.clip(starts[:, 0], -parameters.h, parameters.h)
+        furthest = parameters.h + _SUNK
+        starts[:, 0] = np.clip(starts[:, 0], -furthest, furthest)
         run = run_extended_starts if self.options.is_extended else run_starts
         return run(
             (parameters, self.options),

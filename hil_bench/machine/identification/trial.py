@@ -16,6 +16,8 @@ from hil_bench.machine.identification.unknowns import Guess
 
 Values = npt.NDArray[np.float64]
 
+_MOSTLY_CLEAR = 0.5  # of a piece that ends at a stop, or it tries nothing
+
 
 class Run(NamedTuple):
     """One run of the plant that was found over a part of the record.
@@ -53,7 +55,11 @@ def trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
     Raises:
         ConfigError: there are none clear of the end stops.
     """
-    pieces = cut_pieces(record, record.tried, record.rows_in(LENGTH), stroke_end)
+    length = record.rows_in(LENGTH)
+    pieces = cut_pieces(record, record.tried, length, stroke_end)
+    if not len(pieces.rows):
+        pieces = cut_pieces(record, record.tried, length, stroke_end, has_stops=True)
+        pieces = pieces.chosen(_is_clear(record, pieces).mean(axis=1) >= _MOSTLY_CLEAR)
     if not len(pieces.rows):
         raise ConfigError(
             "the last fifth of the recording, on which the model is tried, has no piece of "
@@ -65,6 +71,8 @@ def trial_pieces(record: AxisRecord, stroke_end: float) -> Pieces:
 def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
     """Return the trial of a guess on these pieces."""
     shooting = fitter.shooting(FINE, pieces, guess.parameters)
+    # What the contact of a stop does is the contact's, not that of the plant that was found.
+    shooting.is_there &= _is_clear(fitter.record, pieces)[..., np.newaxis]
     shooting.settle(guess)
     deviations = shooting.deviations(guess, shooting.states)
     rows = _rows(pieces)
@@ -74,6 +82,14 @@ def try_out(fitter: Fitter, guess: Guess, pieces: Pieces) -> Trial:
         residual=_rms(np.where(shooting.is_there, deviations, np.nan)) / fitter.record.noise,
         runs=tuple(_run(fitter, guess, shooting, part) for part in _parts(fitter.record, pieces)),
     )
+
+
+def _is_clear(record: AxisRecord, pieces: Pieces) -> npt.NDArray[np.bool_]:
+    """Return which rows of each piece come before the piston touches a stop."""
+    rows = _rows(pieces)
+    if record.at_stop is None:
+        return np.ones(rows.shape, dtype=np.bool_)
+    return np.asarray(np.cumsum(record.at_stop[rows, 0], axis=1) == 0)
 
 
 def _rms(deviations: Values) -> Values:

@@ -65,6 +65,7 @@ KINDS: Mapping[str, Kind] = {
 EXTRAS: Mapping[str, Kind] = {
     "P_S": _RATIO._replace(lowest=-1.5, highest=1.5, spread=0.3, told_within=0.05),
     "P_T": Kind(is_log=False, lowest=-0.9, highest=20.0, spread=2.0, step=5e-3, told_within=0.5),
+    "h": _RATIO._replace(lowest=-0.02, highest=0.02, spread=0.005, step=1e-3, told_within=0.005),
     "gain": _RATIO._replace(lowest=-7.0, highest=7.0, spread=2.0, told_within=0.05),
     "position_delay": Kind(
         is_log=False, lowest=-2.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5

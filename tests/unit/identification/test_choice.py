@@ -72,7 +72,7 @@ def test_a_lag_that_the_sensors_have_is_sought() -> None:
     ("fix", "free", "complaint"),
     [
         (["mass"], [], "--fix mass: is no unknown; the nearest one is "),
-        ([], ["stroke_mm"], "--free stroke_mm: is no unknown"),
+        ([], ["bore_mm"], "--free bore_mm: is no unknown"),
         (["moving_mass_kg"], ["moving_mass_kg"], "--free says the contrary"),
     ],
 )

@@ -25,12 +25,17 @@ def reset_communication(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check("7.3.2.2", "the node enters PRE-OPERATIONAL after the boot-up message", Impact.WRITE)
 def after_boot_up(dut: DeviceUnderTest) -> str | None:
-    """Reset, then look; 1F80h may ask for OPERATIONAL instead (CiA 302-2)."""
+    """Reset, then look; 1F80h may ask for OPERATIONAL instead (CiA 302-2).
+
+    A device without it may start by itself: transitions may be initiated locally.
+    """
     dut.reset(NmtCommand.RESET_COMMUNICATION)
     right = NmtState.PRE_OPERATIONAL
     if 0x1F80 in dut.objects and not dut.number(0x1F80) & 4:
         right = NmtState.OPERATIONAL
     with dut.watched():
+        if 0x1F80 not in dut.objects and dut.state() is NmtState.OPERATIONAL:
+            return "OPERATIONAL, by itself"
         dut.expect_state(right, "boot-up")
     return right.name
 

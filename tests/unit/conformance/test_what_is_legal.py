@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from hil_bench.canopen_device import abort_codes
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.nmt import NmtState
 from hil_bench.errors import SdoAbort
 from hil_bench.machine.conformance.check import Impact
@@ -86,12 +87,49 @@ def test_a_device_that_waits_on_after_segment_0(laboratory):
     assert [r for r in results if r.outcome is Outcome.FAILED] == []
 
 
+@pytest.mark.parametrize(("confirmed", "failures"), [(0, 0), (1, 1)])
+def test_a_device_that_asks_for_the_first_segment_after_segment_0(laboratory, confirmed, failures):
+    """As CANopenNode does when its time has passed; to confirm segment 1 would be wrong."""
+    heard = []
+
+    def hears(frame):
+        if frame.can_id == 0x605:
+            heard.append(frame.data)
+        return [frame]
+
+    def says(frame):
+        is_it = frame.can_id == 0x585 and heard and heard[-1] == bytes(8)
+        return [frame._replace(data=bytes((0xA2, confirmed, 127)) + bytes(5))] if is_it else [frame]
+
+    laboratory.hears, laboratory.says = hears, says
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
+    results = laboratory.run(chapters=chapters)
+    assert len([r for r in results if r.outcome is Outcome.FAILED]) == failures
+
+
 @pytest.mark.parametrize("startup", [0, 4])
 def test_a_device_that_starts_by_itself(make_variant, startup):
     """Ours refuses "save" in OPERATIONAL with 0800 0022, as a device may."""
     laboratory = make_variant(startup=startup)
     check_all(laboratory)
     assert laboratory.node.object_dictionary.variable(0x1F80).value == startup
+
+
+@pytest.mark.parametrize(
+    ("command", "outcome"), [(b"\x01\x05", Outcome.PASSED), (b"\x02\x05", Outcome.FAILED)]
+)
+def test_a_device_without_1f80_may_start_by_itself(laboratory, command, outcome):
+    """OPERATIONAL it may be, STOPPED it may not."""
+
+    def says(frame):
+        if frame.can_id == 0x705 and frame.data == b"\0":
+            laboratory.node.receive(Frame(0x000, command), 0)
+        return [frame]
+
+    laboratory.says = says
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "NMT"]
+    found = {r.check.text: r.outcome for r in laboratory.run(chapters=chapters)}
+    assert found["the node enters PRE-OPERATIONAL after the boot-up message"] is outcome
 
 
 def test_save_is_asked_for_in_pre_operational(make_variant):

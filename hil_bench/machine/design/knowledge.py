@@ -57,7 +57,7 @@ class Knowledge(NamedTuple):
 
 def read_knowledge(path: Path) -> Knowledge:
     """Return what a file of `hil-bench identify --json` says; a `ConfigError` if it is none."""
-    with about_file(path):
+    with about_file(path, what="cannot be read"):
         content = path.read_bytes()[: _MOST_BYTES + 1]
     wrong = ConfigError(f"{path}: is no result of hil-bench identify --json")
     if len(content) > _MOST_BYTES:

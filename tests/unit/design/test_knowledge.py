@@ -70,3 +70,8 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
 
     with pytest.raises(ConfigError, match="is no result"):
         read_knowledge(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"found\.json: cannot be read"):
+        read_knowledge(tmp_path / "found.json")

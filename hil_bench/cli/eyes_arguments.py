@@ -118,6 +118,10 @@ def print_losses(args: argparse.Namespace, left_out: LeftOut) -> None:
         found.append(f"{left_out.error_frames} error frames, which say nothing of a node")
     if left_out.fd_frames:
         found.append(f"{left_out.fd_frames} CAN FD frames left out")
+    if left_out.damaged_lines:
+        told = f"line {left_out.first_damaged} is no frame of candump -L"
+        more = left_out.damaged_lines - 1
+        found.append(f"{told}, nor are {more} more; left out" if more else f"{told}; left out")
     if left_out.ending:
         found.append(f"ends early: {left_out.ending}")
     for what in () if args.quiet else found:

@@ -9,7 +9,7 @@ from typing import Final
 
 from hil_bench.config.settings import Given, Origin, Problems
 from hil_bench.config.values import describe, find_nearest
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, about_file
 
 Document = Mapping[str, object]
 
@@ -38,6 +38,10 @@ _MARKS: Final = {
 """Tables and keys that no other sort of file has."""
 
 
+_LARGEST = 16 << 20
+"""What is read of a file [byte]: no bench has a tenth of it, and a device file never ends."""
+
+
 def read_document(path: Path, *wanted: Sort) -> Document:
     """Return the tables of a TOML file.
 
@@ -56,11 +60,13 @@ def read_document(path: Path, *wanted: Sort) -> Document:
 
 
 def _read(path: Path) -> Document:
+    unread = about_file(path, what="cannot be read", right="give a TOML file")
+    with unread, path.open("rb") as file:
+        content = file.read(_LARGEST + 1)
+    if len(content) > _LARGEST:
+        raise ConfigError(f"{path}: is larger than {_LARGEST >> 20} MiB; give a TOML file")
     try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise ConfigError(f"{path}: cannot be read: {reason}; give a TOML file") from None
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
     except (ValueError, RecursionError) as error:

@@ -40,6 +40,13 @@ _ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
 """A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most
 of them python-can makes data frames."""
 
+_LINE = re.compile(
+    r"\(\d{1,12}\.\d{1,9}\) \S+ (?:[0-9A-F]{3}|[0-9A-F]{8})"
+    r"#(?:(?:[0-9A-F]{2}){0,8}|R[0-8]?|#[0-9A-F](?:[0-9A-F]{2}){0,64})(?: [RT])?\s*",
+    re.IGNORECASE,
+)
+"""A line of a candump log."""
+
 _ERROR_PARTS = re.compile(
     r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
 )
@@ -182,11 +189,15 @@ class LeftOut:
     Attributes:
         error_frames: of the bus.
         fd_frames: CAN FD frames.
+        damaged_lines: of a candump log, which are no frames.
+        first_damaged: number of the first of them.
         ending: why the log ends before its end; empty where it does not.
     """
 
     error_frames: int = 0
     fd_frames: int = 0
+    damaged_lines: int = 0
+    first_damaged: int = 0
     ending: str = ""
 
 
@@ -229,7 +240,7 @@ def read_frames(
             messages = _messages(path, _BlfReader, file, left_out, errors=errors)
             yield from map(logged_frame_of, messages)
             return
-        lines = _CompleteLines(file, encoding="utf-8")
+        lines = _CompleteLines(file, _LINE if suffix == ".log" else None)
         for message in _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors):
             if errors:
                 yield from lines.take_errors()
@@ -238,8 +249,11 @@ def read_frames(
             yield logged._replace(is_received=None) if is_silent else logged
         if errors:
             yield from lines.take_errors()
+        if lines.damaged and lines.damaged == lines.number:
+            raise ConfigError(f"{path}: is no log of frames: not one line is one of candump -L")
         left_out.ending = left_out.ending or lines.ending
         left_out.error_frames += lines.error_frames
+        left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged
 
 
 class _BlfReader(BLFReader):
@@ -260,14 +274,24 @@ class _CompleteLines(io.TextIOWrapper):
         says_direction: whether the last line ends as one of python-can's candump logs.
         ending: why it ends before its end; empty where it does not.
         error_frames: lines that are one, and are left out.
+        damaged: lines that are no frame, and are left out.
+        first_damaged: number of the first of them.
+        number: of the last line.
     """
 
     says_direction = False
     ending = ""
-    error_frames = 0
+    error_frames = damaged = first_damaged = number = 0
 
-    def __init__(self, file: IO[bytes], encoding: str) -> None:
-        super().__init__(file, encoding=encoding)
+    def __init__(self, file: IO[bytes], form: re.Pattern[str] | None) -> None:
+        """Read a file.
+
+        Args:
+            file: the log.
+            form: of a line that is a frame; any line is one where it is left out.
+        """
+        super().__init__(file, encoding="utf-8", errors="replace")
+        self._form = form
         self._errors: list[LoggedFrame] = []
 
     def take_errors(self) -> list[LoggedFrame]:
@@ -277,18 +301,23 @@ class _CompleteLines(io.TextIOWrapper):
         return errors
 
     def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
-        line = super().__next__()
-        while _ERROR_FRAME.match(line):
-            self.error_frames += 1
-            parts = _ERROR_PARTS.match(line)
-            if parts is not None and len(self._errors) < _KEPT_ERRORS:
-                self._errors.append(_error_of(parts))
+        while True:
             line = super().__next__()
-        if not line.endswith("\n"):
-            self.ending = "its last line is cut off"
-            raise StopIteration
-        self.says_direction = line.rstrip().endswith(_DIRECTIONS)
-        return line
+            self.number += 1
+            if not line.endswith("\n"):
+                self.ending = "its last line is cut off"
+                raise StopIteration
+            if _ERROR_FRAME.match(line):
+                self.error_frames += 1
+                parts = _ERROR_PARTS.match(line)
+                if parts is not None and len(self._errors) < _KEPT_ERRORS:
+                    self._errors.append(_error_of(parts))
+            elif self._form is None or self._form.fullmatch(line) or line.isspace():
+                self.says_direction = line.rstrip().endswith(_DIRECTIONS)
+                return line
+            else:
+                self.damaged += 1
+                self.first_damaged = self.first_damaged or self.number
 
 
 def _error_of(match: re.Match[str]) -> LoggedFrame:

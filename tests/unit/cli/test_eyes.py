@@ -219,7 +219,7 @@ def test_record_writes_frames_and_values(folder, capsys):
     assert main(["record", "r.mf4", "bench.toml", "-i", "socketcan", "-c", "can0"]) == 0
     shown = lines(capsys)
     assert shown[0] == "can0: recording 6 channels to r.mf4; Ctrl-C ends it"
-    assert "3 rows, 10 frames: r.mf4" in shown[1]
+    assert "3 rows, 11 frames: r.mf4" in shown[1]  # ten and an error frame
     assert shown[2:] == ["1 error frames", "1 CAN FD frames left out"]
     assert read_recording(folder / "r.mf4")["valve.spool_set_point"][-1] == 0.25
     times = [logged.now for logged in read_frames(folder / "r.mf4")]

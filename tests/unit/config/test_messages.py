@@ -167,6 +167,11 @@ def test_a_file_that_is_no_toml_names_the_line(write: Write, content: bytes, mes
     assert str(caught.value) == message
 
 
+def test_a_file_without_an_end_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"^/dev/zero: is larger than 16 MiB; give a TOML file$"):
+        load_config(Path("/dev/zero"))
+
+
 def test_a_byte_order_mark_as_windows_writes_it_is_no_part_of_the_text(write: Write) -> None:
     path = write("")
     path.write_bytes(b"\xef\xbb\xbf[bench]\r\ntick_us = 2000\r\n")

@@ -10,7 +10,7 @@ from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.frames import SUFFIXES, open_frame_file, read_frames
+from hil_bench.outside.recording.frames import SUFFIXES, LeftOut, open_frame_file, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
@@ -216,3 +216,22 @@ def test_an_asc_file_in_virtual_time_has_no_date_of_its_writing(tmp_path: Path) 
         "Begin Triggerblock Thu Jan 01 00:00:00.0 1970",
     ]
     assert dates[1] == [f"date {local}.0 2026", f"Begin Triggerblock {local}.0 2026"]
+
+
+def test_lines_that_are_no_frame_are_left_out_and_counted(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    lines = ["(1.0) can0 123#11", "(1.1) can0", "(1.2) can0 123#1", "(1.3) can0 00000124#22 R"]
+    path.write_text("".join(f"{line}\n" for line in lines))
+    frames = list(read_frames(path, left_out := LeftOut()))
+    assert [(each.now, each.frame.can_id) for each in frames] == [
+        (1_000_000_000, 0x123),
+        (1_300_000_000, 0x124),
+    ]
+    assert (left_out.damaged_lines, left_out.first_damaged, left_out.ending) == (2, 2, "")
+
+
+def test_a_file_without_a_line_of_candump_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bus.log"
+    path.write_text("can0  123   [1]  11\n" * 3)  # as candump prints without -L
+    with pytest.raises(ConfigError, match="not one line is one of candump -L"):
+        list(read_frames(path))

@@ -60,7 +60,7 @@ def plan(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_run_is_a_scenario_that_the_bench_plays_within_the_limits(
     bench: Path, plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

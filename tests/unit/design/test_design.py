@@ -64,7 +64,7 @@ def played(design: Design, twin: Twin, seed: int) -> Identification:
     return identify(noisy, paper_parameters(), twin.options, step=twin.step, names=names, starts=1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_run_tells_what_was_foreseen(design: Design) -> None:
     """The machine differs from the twin by a tenth, which changes the slopes by about as much."""
     machine = twin_of(w=0.022, F_c=540.0, m=22.0)
@@ -80,7 +80,7 @@ def test_a_run_tells_what_was_foreseen(design: Design) -> None:
             assert abs(estimate.value - true) < 4.0 * estimate.deviation
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_no_setpoint_reaches_is_not_promised(design: Design) -> None:
     """The full opening needs 735 mm/s on this axis, and 200 mm/s are allowed."""
     outlooks = {one.name: one for one in design.outlooks}
@@ -90,7 +90,7 @@ def test_what_no_setpoint_reaches_is_not_promised(design: Design) -> None:
     assert "not identifiable even then: orifice_full_opening_mm" in summarise_design(design)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_motion_stays_within_the_limits(design: Design) -> None:
     x, v = design.states[:, 0], design.states[:, 1]
 
@@ -100,7 +100,7 @@ def test_the_motion_stays_within_the_limits(design: Design) -> None:
     assert not any("100 %" in one.name for one in design.ranking)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_programs_read_the_keys_of_bench_toml(design: Design) -> None:
     content = design_to_json(design)
 
@@ -111,7 +111,7 @@ def test_programs_read_the_keys_of_bench_toml(design: Design) -> None:
     assert content["manoeuvres"][0]["at_s"] == 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_record_that_tells_all_but_friction_asks_for_friction() -> None:
     foresight = foresight_of("w", "F_c", "m")
     known = np.diag([2e-9, 300.0, 2e-6]) ** 2

@@ -147,7 +147,7 @@ def test_a_record_at_the_end_stop_is_refused() -> None:
         run(Machine().record(setpoints), paper_parameters(), ("w",))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_loads_air_and_lands_of_the_data_sheet_are_carried() -> None:
     """The plain model misses this machine by far more than the noise."""
     options = replace(

@@ -85,7 +85,7 @@ def test_pieces_at_the_stop_are_taken_only_where_they_are_marked(record: AxisRec
     assert len(marked.rows) > 3 * len(clear.rows)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stiffer_contact_than_configured_misleads_nothing() -> None:
     """The bounce is the contact's: it neither counts in the fit nor in the trial."""
     options = replace(PlantOptions.bench(), end_stop=EndStop(stiffness=8e8, damping=8e4))
@@ -108,7 +108,7 @@ def test_a_stiffer_contact_than_configured_misleads_nothing() -> None:
             assert abs(error) < 4.0 * estimate.deviation
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_record_that_ends_at_the_stop_tells_the_machine(record: AxisRecord) -> None:
     known, options = paper_parameters(), PlantOptions.bench()
     with pytest.raises(ConfigError, match="clear of the end stops"):

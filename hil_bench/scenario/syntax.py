@@ -1,6 +1,6 @@
 """The text of an expectation to a tree of words, by the grammar in ``expectations.lark``."""
 
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
@@ -33,8 +33,9 @@ class ExpectationError(ConfigError):
         self.what = what
 
 
+@lru_cache(maxsize=64)  # a campaign reads the same ones for each run
 def read_syntax(text: str) -> "Tree[Token]":
-    """Return the tree of an expectation.
+    """Return the tree of an expectation, which nobody changes.
 
     Raises:
         ExpectationError: the text does not follow the grammar, or is too long.

@@ -7,6 +7,7 @@ from device_profiles import ROTARY_ENCODER_406
 from hil_drivers.encoder import Encoder
 from hil_drivers.interfaces import Reading
 from hil_drivers.network import Network
+from hil_drivers.turns import TurnCounter
 
 _PARAMETERS, _PER_TURN, _TOTAL, _POSITION = 0x6000, 0x6001, 0x6002, 0x6004
 _SPEED_PARAMETERS = 0x6031
@@ -43,17 +44,12 @@ class RotarySensor(Encoder):
         super().__init__(network, node_id, eds, [(_POSITION, 0)], 1, max_age=max_age)
         self._step = math.nan
         self._total = 0
-        self._steps: int | None = None
+        self._turns = TurnCounter()
 
     @property
     def angle(self) -> float:
         """Angle [rad], over all turns."""
-        steps = int(self._value(self._position))
-        if self._steps is not None:
-            half = self._total // 2
-            steps = self._steps + (steps - self._steps + half) % self._total - half
-        self._steps = steps
-        return steps * self._step
+        return self._turns.count(int(self._value(self._position)), self._total) * self._step
 
     @property
     def reading(self) -> Reading:
@@ -67,7 +63,7 @@ class RotarySensor(Encoder):
             self._read_count(_TOTAL) if is_scaled else per_turn * self._read_count(_REVOLUTIONS)
         )
         self._step = 2.0 * math.pi / per_turn
-        self._steps = None
+        self._turns.restart()
         if self._speed is not None:
             multiplier, divider = (self._read_count(_SPEED_PARAMETERS, sub) for sub in (3, 4))
             self._speed_step = self._step * divider / multiplier

@@ -1,8 +1,8 @@
 """What another bus than CANopen may read of a device, and write: its quantities, by name, in SI.
 
 They are computed from the device's objects as they stand, so that two buses never tell two values:
-what CANopen sends as steps or in bar, is metres and pascal here. Any object can be had too, as its
-own number.
+what CANopen sends as steps or in bar, is metres, radians and pascal here. Any object can be had
+too, as its own number.
 """
 
 import math
@@ -26,6 +26,7 @@ from hil_bench.devices.pressure_404 import (
     UNITS,
     ZERO,
 )
+from hil_bench.devices.rotary_encoder_406 import SCALING_BIT
 from hil_bench.devices.valve_408 import REFERENCE, ValveDevice
 from hil_bench.devices.valve_state_machine import FAULT_STATES, RESET_BIT, ValveState
 from hil_bench.errors import ConfigError, SdoAbort
@@ -89,11 +90,10 @@ def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Reg
 def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
     """Return the quantities of a position sensor (CiA 406)."""
     od = object_dictionary
-    position = od.find(0x6004) or od.variable(0x6020, 1)
-    step, alarms = od.variable(0x6005, 1), od.find(0x6503)
+    position, step = _position(od), od.variable(0x6005, 1)
     quantities = {
         "position": RegisterValue("m", lambda: position.value * step.value / POSITION_UNITS),
-        "valid": RegisterValue("-", lambda: float(alarms is None or not alarms.value)),
+        "valid": _no_alarm(od),
     }
     speed = od.find(0x6030, 1)
     if speed is not None:
@@ -101,6 +101,43 @@ def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Regi
         quantities["speed"] = RegisterValue(
             "m/s", lambda: speed.value * (speed_step.value if speed_step else 1) / SPEED_UNITS
         )
+    return quantities
+
+
+def rotary_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
+    """Return the quantities of a rotary position sensor (CiA 406).
+
+    The angle begins again at 0 after `range_steps`, as the position on CANopen does.
+    """
+    od = object_dictionary
+    position, resolution = _position(od), od.variable(0x6501)
+
+    def is_scaled() -> bool:
+        return bool(od.number(0x6000) & SCALING_BIT)
+
+    def turn_steps() -> int:
+        made_for = int(resolution.value)
+        return od.number(0x6001, absent=made_for) if is_scaled() else made_for
+
+    def range_steps() -> int:
+        made_for = int(resolution.value) * od.number(0x6502, absent=1)
+        return od.number(0x6002, absent=made_for) if is_scaled() else made_for
+
+    quantities = {
+        "angle": RegisterValue("rad", lambda: position.value * math.tau / turn_steps()),
+        "valid": _no_alarm(od),
+        "turn_steps": RegisterValue("-", turn_steps),
+        "range_steps": RegisterValue("-", range_steps),
+    }
+    speed = od.find(0x6030, 1)
+    if speed is not None:
+
+        def shaft_speed() -> float:
+            divider = od.number(0x6031, 4, absent=int(resolution.value))
+            steps = speed.value * divider / od.number(0x6031, 3, absent=60)
+            return float(steps * math.tau / turn_steps())
+
+        quantities["speed"] = RegisterValue("rad/s", shaft_speed)
     return quantities
 
 
@@ -142,6 +179,17 @@ def valve_quantities(valve: ValveDevice) -> Mapping[str, RegisterValue]:
             "s", lambda: local.watchdog * 1e-9, partial(_set_watchdog, valve)
         ),
     }
+
+
+def _position(object_dictionary: ObjectDictionary) -> Variable:
+    """Return the position of an encoder [steps]."""
+    return object_dictionary.find(0x6004) or object_dictionary.variable(0x6020, 1)
+
+
+def _no_alarm(object_dictionary: ObjectDictionary) -> RegisterValue:
+    """Return whether an encoder has no alarm."""
+    alarms = object_dictionary.find(0x6503)
+    return RegisterValue("-", lambda: float(alarms is None or not alarms.value))
 
 
 def _command(act: Callable[[float, int], None]) -> Callable[[float, int], None]:

@@ -15,6 +15,7 @@ from hil_drivers.modbus.links import SerialLink, TcpLink, TlsLink
 from hil_drivers.modbus.position import PositionSensor
 from hil_drivers.modbus.pressure import PressureSensor
 from hil_drivers.modbus.register_map import RegisterMap
+from hil_drivers.modbus.rotary import RotarySensor
 from hil_drivers.modbus.valve import ProportionalValve
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "PressureSensor",
     "ProportionalValve",
     "RegisterMap",
+    "RotarySensor",
     "SerialLink",
     "TcpLink",
     "TlsLink",

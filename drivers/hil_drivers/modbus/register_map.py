@@ -3,6 +3,7 @@
 The file is that of the bench and of `docs/modbus.md`; only what a driver needs of it is read.
 """
 
+import math
 import struct
 import tomllib
 from collections.abc import Sequence
@@ -18,6 +19,8 @@ _FACTORS = (
     {"-": 1.0, "%": 0.01}
     | {"Pa": 1.0, "mbar": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
     | {"m": 1.0, "mm": 1e-3, "um": 1e-6, "m/s": 1.0, "mm/s": 1e-3}
+    | {"rad": 1.0, "deg": math.pi / 180.0, "rev": math.tau}
+    | {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.tau / 60.0}
     | {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 )
 _TABLES = ("coils", "discrete_inputs", "input_registers", "holding_registers")

@@ -1,6 +1,7 @@
 """`hil-bench registers`."""
 
 import csv
+from pathlib import Path
 
 from hil_bench.cli import main
 
@@ -40,6 +41,16 @@ def test_csv_has_a_line_a_register(capsys, tmp_path):
     }
     assert by_name["enable"]["type"] == "bit"
     assert by_name["enable"]["scale"] == ""
+
+
+def test_a_motor_has_its_encoder_among_the_sensors(capsys):
+    drum = Path(__file__).parents[3] / "examples" / "machines" / "drum.toml"
+    assert main(["registers", str(drum), "--csv"]) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    units = {row["unit_id"]: row["unit"] for row in rows}
+    assert units == {"2": "pressure_a", "3": "pressure_b", "4": "encoder"}
+    shown = {row["name"]: row["unit_of_measure"] for row in rows if row["unit"] == "encoder"}
+    assert (shown["angle"], shown["speed"], shown["position"]) == ("deg", "rpm", "-")
 
 
 def test_commands_that_are_allowed_show_as_such(capsys, tmp_path):

@@ -1,5 +1,7 @@
 """A link that plays a transcript, and time that passes while the client waits on it."""
 
+import struct
+
 import pytest
 
 from hil_drivers.modbus import ModbusClient
@@ -61,3 +63,30 @@ def link():
 @pytest.fixture
 def client(link):
     return ModbusClient(link, clock=link.now)
+
+
+@pytest.fixture
+def answer(link):
+    """Answers each request with registers, or with a PDU given in bytes."""
+
+    def put(*answers):
+        for given in answers:
+            link.play(_Response(link, given))
+
+    return put
+
+
+class _Response(list):
+    """A response that is framed when it is asked for, with the transaction of its request."""
+
+    def __init__(self, link, given):
+        super().__init__()
+        self._link, self._given = link, given
+
+    def __iter__(self):
+        request = self._link.sent[-1]
+        pdu = self._given
+        if not isinstance(pdu, bytes):
+            pdu = bytes([request[7], 2 * len(pdu)]) + struct.pack(f">{len(pdu)}H", *pdu)
+        head = request[:4] + struct.pack(">HB", len(pdu) + 1, request[6])
+        return iter([head + pdu])

@@ -31,33 +31,6 @@ def words(*values):
     return [word for value in values for word in struct.unpack(">2H", struct.pack(">f", value))]
 
 
-@pytest.fixture
-def answer(link):
-    """Answers each request with registers, or with a PDU given in bytes."""
-
-    def put(*answers):
-        for given in answers:
-            link.play(_Response(link, given))
-
-    return put
-
-
-class _Response(list):
-    """A response that is framed when it is asked for, with the transaction of its request."""
-
-    def __init__(self, link, given):
-        super().__init__()
-        self._link, self._given = link, given
-
-    def __iter__(self):
-        request = self._link.sent[-1]
-        pdu = self._given
-        if not isinstance(pdu, bytes):
-            pdu = bytes([request[7], 2 * len(pdu)]) + struct.pack(f">{len(pdu)}H", *pdu)
-        head = request[:4] + struct.pack(">HB", len(pdu) + 1, request[6])
-        return iter([head + pdu])
-
-
 def make_map(tmp_path, text, profile="pressure_404"):
     path = tmp_path / "map.toml"
     path.write_text(HEAD.format(profile=profile) + text)

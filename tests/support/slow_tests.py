@@ -17,8 +17,8 @@ import pytest
 
 TESTS = Path(__file__).parents[1]
 LIST = TESTS / "slow_tests.txt"
-LIMIT = 0.15  # s of processor time
-LIMIT_OF_ALL = 0.6
+LIMIT = 0.1  # s of processor time
+LIMIT_OF_ALL = 0.5
 RUNS = 2
 FOLDER = "HIL_BENCH_TEST_TIMES"
 

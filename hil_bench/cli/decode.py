@@ -18,7 +18,7 @@ from hil_bench.cli.eyes_arguments import (
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.errors import ConfigError
-from hil_bench.eyes.channels import PdoChannels
+from hil_bench.eyes.channels import BusChannels
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -44,7 +44,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "decode",
         description="Print the frames of a log in words, as 'hil-bench monitor' does of a bus; or\n"
-        "write the values of its PDOs as channels of a recording, or their mapping as a DBC file.",
+        "write the values of its PDOs and J1939 signals as channels of a recording, or the\n"
+        "mapping of its PDOs as a DBC file.",
         epilog=_EXAMPLES,
     )
     add_log_arguments(parser)
@@ -114,11 +115,14 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
     """Write what is asked for, and return how many frames there were.
 
     Raises:
-        ConfigError: no node is known whose PDOs have values.
+        ConfigError: no node or device is known whose messages have values.
     """
     owners: dict[int, PdoOwner] = {}
+    groups: set[tuple[int, int]] = set()
     for logged in frames:
-        decoder.take(logged)
+        for sight in decoder.take(logged):
+            if sight.message is not None:
+                groups.add((sight.frame.bus, sight.message.group))
         for owner in decoder.owners(logged.frame):
             owners.setdefault(id(owner.pdo), owner)
     written = []
@@ -127,10 +131,11 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
 
         written.append(f"{write_dbc(args.dbc, decoder)} messages: {args.dbc}")
     if args.output is not None:
-        channels = PdoChannels(owners.values())
+        ecus = known_ecus(args, load_bench_config(args))
+        channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus))
         if not channels.channels:
-            right = "give bench.toml or --eds N=FILE"
-            raise ConfigError(f"{args.log}: no PDO of a known node with values; {right}")
+            what = "no PDO of a known node and no J1939 signal of a known device with values"
+            raise ConfigError(f"{args.log}: {what}; give bench.toml or --eds N=FILE")
         rows = _record(args.output, channels, _decoder(args), frames)
         written.append(f"{rows} rows, {len(channels.channels)} channels: {args.output}")
     if not args.quiet:
@@ -144,7 +149,7 @@ def _decoder(args: argparse.Namespace) -> Decoder:
     return Decoder(known_nodes(args, config), known_ecus(args, config))
 
 
-def _record(path: Path, channels: PdoChannels, decoder: Decoder, frames: list[LoggedFrame]) -> int:
+def _record(path: Path, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]) -> int:
     """Write a recording, and return its rows."""
     recorder = InlineRecorder(RecordingPlan((path,), tuple(channels.channels)))
     recorder.start()

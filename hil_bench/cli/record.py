@@ -20,7 +20,7 @@ from hil_bench.cli.recording_arguments import (
 )
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.errors import ConfigError
-from hil_bench.eyes.channels import PdoChannels
+from hil_bench.eyes.channels import BusChannels
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
@@ -43,7 +43,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "record",
         description="Record a bus: frames in .log, .asc, .blf and .mf4, in .mf4 and\n"
-        ".csv also the values of the PDOs of known nodes, in SI. Nothing is sent; no bench runs.",
+        ".csv also the values of known nodes' PDOs and of known J1939 devices' signals, in SI.\n"
+        "Nothing is sent; no bench runs.",
         epilog=_EXAMPLES,
     )
     parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
@@ -63,8 +64,9 @@ def run(args: argparse.Namespace) -> int:
     check_duration(args)
     check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
-    decoder = Decoder(known_nodes(args, config), known_ecus(args, config))
-    channels = PdoChannels(owner for owners in decoder.pdos.values() for owner in owners)
+    ecus = known_ecus(args, config)
+    decoder = Decoder(known_nodes(args, config), ecus)
+    channels = BusChannels((owner for owners in decoder.pdos.values() for owner in owners), ecus)
     if args.file.suffix.lower() == ".csv" and not channels.channels:
         right = "give bench.toml or --eds N=FILE, or record .mf4 or .log"
         raise ConfigError(f"{args.file}: no values to record, as no node is known; {right}")

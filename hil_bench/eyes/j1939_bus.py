@@ -103,18 +103,19 @@ class J1939Reader:
 
     def _of_frame(self, logged: LoggedFrame, group: int, way: tuple[int, int]) -> Sight:
         frame, (source, destination) = logged.frame, way
-        message = J1939Message(group, source, destination, frame.data, logged.now)
-        words = f"{self._head(frame.bus, group, destination)}{self._content(frame.bus, message)}"
+        receiver = self._receiver(frame.bus, destination)
+        message = J1939Message(group, source, destination, frame.data, logged.now, receiver)
+        words = f"{_head(message)}{self._content(frame.bus, message)}"
         return self._sight(logged.now, frame, message, words)
 
     def _of_long(self, found: LongMessage, now: int) -> Sight:
         bus, source, destination = found.key
         data = None if found.problem or not found.is_whole else found.data
-        message = J1939Message(found.group, source, destination, data, found.begin)
+        receiver = self._receiver(bus, destination)
+        message = J1939Message(found.group, source, destination, data, found.begin, receiver)
         by = "BAM" if found.is_to_all else "RTS and CTS"
         lasted = (found.last - found.begin) * _MS
-        head = self._head(bus, found.group, destination)
-        words = f"{head}, {found.size} bytes by {by}"
+        words = f"{_head(message)}, {found.size} bytes by {by}"
         if data is not None:
             words = f"{words} in {lasted:.4g} ms{self._content(bus, message)}"
         frame = self._last.pop(found.key)
@@ -142,9 +143,8 @@ class J1939Reader:
                 return known.name
         return self.label(bus, message.source)
 
-    def _head(self, bus: int, group: int, destination: int) -> str:
-        to = "" if destination == GLOBAL else f"to {self.label(bus, destination)}"
-        return " ".join(part for part in (group_name(group), to) if part)
+    def _receiver(self, bus: int, destination: int) -> str:
+        return "" if destination == GLOBAL else self.label(bus, destination)
 
     def _content(self, bus: int, message: J1939Message) -> str:
         text = ", ".join(self._values(bus, message)) or content_of(
@@ -157,3 +157,8 @@ class J1939Reader:
         if ecu is not None:
             for signal in ecu.signals.get(message.group, ()):
                 yield signal.text(message.data or b"")
+
+
+def _head(message: J1939Message) -> str:
+    to = f"to {message.receiver}" if message.receiver else ""
+    return " ".join(part for part in (group_name(message.group), to) if part)

@@ -1,11 +1,17 @@
 """J1939 devices that a decoder knows beforehand: those of a bench."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from hil_bench.bench.configuration import BenchConfig
+from hil_bench.devices.j1939.auxiliary_valve import COMMAND, ESTIMATED_FLOW, command_in
+from hil_bench.devices.j1939.auxiliary_valve import FLOW as FLOW_PLACE
 from hil_bench.devices.j1939.signals import Signal
+from hil_bench.kinds.auxiliary_valve import FLOW, SET_POINT, AuxiliaryValveConfig
+from hil_bench.kinds.ecu import EcuConfig
 from hil_bench.kinds.signal_table import SignalTableConfig
+from hil_bench.units import ONE, si_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +40,25 @@ class KnownSignal:
 
 
 @dataclass(frozen=True, slots=True)
+class KnownValue:
+    """A number in a parameter group that a device sends or takes.
+
+    Attributes:
+        name: of the number.
+        unit: symbol of its SI unit.
+        group: the PGN.
+        is_sent: whether the device sends it.
+        read: returns it [SI]; NaN where the data have no valid one.
+    """
+
+    name: str
+    unit: str
+    group: int
+    is_sent: bool
+    read: Callable[[bytes], float]
+
+
+@dataclass(frozen=True, slots=True)
 class KnownEcu:
     """A J1939 device.
 
@@ -43,6 +68,7 @@ class KnownEcu:
         address: that it claims first.
         identity: its NAME, as a number.
         signals: what it sends, by parameter group.
+        values: the numbers that it sends and takes.
     """
 
     name: str
@@ -50,6 +76,13 @@ class KnownEcu:
     address: int
     identity: int
     signals: Mapping[int, tuple[KnownSignal, ...]] = field(default_factory=dict)
+    values: tuple[KnownValue, ...] = ()
+
+    def narrowed(self, groups: Collection[tuple[int, int]]) -> "KnownEcu":
+        """Return it with the values of these parameter groups alone, each with its bus."""
+        return replace(
+            self, values=tuple(each for each in self.values if (self.bus, each.group) in groups)
+        )
 
 
 def ecus_of(config: BenchConfig) -> Iterator[KnownEcu]:
@@ -61,4 +94,25 @@ def ecus_of(config: BenchConfig) -> Iterator[KnownEcu]:
             known = KnownSignal(sent.name, sent.signal, sent.unit)
             signals.setdefault(sent.group, []).append(known)
         by_group = {group: tuple(found) for group, found in signals.items()}
-        yield KnownEcu(ecu.name, buses.index(ecu.bus), ecu.address, int(ecu.identity), by_group)
+        bus, identity, values = buses.index(ecu.bus), int(ecu.identity), tuple(_values_of(ecu))
+        yield KnownEcu(ecu.name, bus, ecu.address, identity, by_group, values)
+
+
+def _values_of(ecu: EcuConfig) -> Iterator[KnownValue]:
+    """Yield what the messages of a device say in numbers, with the names that the bench has."""
+    if isinstance(ecu, SignalTableConfig):
+        for sent in ecu.sent:
+            symbol, factor = si_unit(sent.unit)
+            read = partial(_scaled, sent.signal, factor)
+            yield KnownValue(sent.name, symbol, sent.group, True, read)
+        for taken in ecu.taken:
+            read = partial(_scaled, taken.signal, 1.0 / taken.scale)
+            yield KnownValue(taken.name, ONE.symbol, taken.group, False, read)
+    elif isinstance(ecu, AuxiliaryValveConfig):
+        command, flow = COMMAND + ecu.number, ESTIMATED_FLOW + ecu.number
+        yield KnownValue(SET_POINT, ONE.symbol, command, False, command_in)
+        yield KnownValue(FLOW.name, FLOW.unit, flow, True, partial(_scaled, FLOW_PLACE, 1e-2))
+
+
+def _scaled(signal: Signal, factor: float, data: bytes) -> float:
+    return signal.value(data) * factor

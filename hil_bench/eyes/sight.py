@@ -34,6 +34,7 @@ class J1939Message(NamedTuple):
         destination: address of the receiver; 255 for all.
         data: what it carries; None where it did not arrive.
         begin: when its first frame came [ns].
+        receiver: what `destination` is called; empty for all.
     """
 
     group: int
@@ -41,6 +42,7 @@ class J1939Message(NamedTuple):
     destination: int
     data: bytes | None
     begin: int
+    receiver: str = ""
 
 
 class Sight(NamedTuple):

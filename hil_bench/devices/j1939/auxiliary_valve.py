@@ -4,6 +4,7 @@ The command (PGN 65072 + number) says which port and how much; each 100 ms the d
 flows (PGN 65040 + number), in which state it is and why it obeys no command.
 """
 
+import math
 from enum import IntEnum
 from typing import Final
 
@@ -38,6 +39,18 @@ def pack_command(share: float) -> bytes:
     if flow:
         state = ValveState.EXTEND if share > 0.0 else ValveState.RETRACT
     return bytes((flow, 0xFF, 0xF0 | state, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF))
+
+
+def command_in(data: bytes) -> float:
+    """Return the part of the full flow that a command asks for, -1 to 1; NaN for nothing valid."""
+    if len(data) < _LEAST_BYTES:
+        return math.nan
+    share, state = FLOW_COMMAND.value(data) / 100.0, data[2] & 0xF
+    if state == ValveState.BLOCK:
+        return 0.0
+    if state not in {ValveState.EXTEND, ValveState.RETRACT} or not share <= 1.0:
+        return math.nan  # this spool cannot float
+    return share if state == ValveState.EXTEND else -share
 
 
 class ValveState(IntEnum):
@@ -131,13 +144,10 @@ class AuxiliaryValve:
         if self.reason is ExitReason.TIMEOUT and self._trouble is not None:
             self._ecu.end_trouble(self._trouble, _ABNORMAL_RATE)
         self._deadline = now + self._timeout if self._timeout else None
-        flow, state = FLOW_COMMAND.value(data), data[2] & 0xF
-        self.reason = ExitReason.NONE
-        self._share = 0.0
-        if state in {ValveState.EXTEND, ValveState.RETRACT} and flow <= 100.0:
-            self._share = (flow if state == ValveState.EXTEND else -flow) / 100.0
-        elif state != ValveState.BLOCK:
-            self.reason = ExitReason.INVALID  # this spool cannot float
+        share = command_in(data)
+        is_valid = not math.isnan(share)
+        self.reason = ExitReason.NONE if is_valid else ExitReason.INVALID
+        self._share = share if is_valid else 0.0
 
     def _flow(self) -> bytes:
         percent = 100.0 * self._shown

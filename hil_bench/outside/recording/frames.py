@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,8 +18,10 @@ from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame
 from hil_bench.outside.recording.block_file import BlockFile
+from hil_bench.outside.recording.candump_lines import CompleteLines
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.outside.recording.mdf_reader import read_mdf
+from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
+from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
 
 SUFFIXES = (".asc", ".blf", ".log")
 """Vector's ASC and BLF, candump's log."""
@@ -30,34 +33,13 @@ _TEXT_READERS: dict[str, _Reader] = {
     ".log": CanutilsLogReader,
 }
 
+_ERROR_CLASSES = 0x1FFF_FFFF
+
 _NO_DATE = datetime(1970, 1, 1)  # noqa: DTZ001 - the format has local time
 """Of an ASC file in virtual time: the same bytes whenever it was written."""
 
 _EMPTY_OBJECT = re.compile(rb"LOBJ.{4}\0{4}", re.DOTALL)
 """An object of a BLF file whose size, the four bytes after the header's size and version, is 0."""
-
-_ERROR_FRAME = re.compile(r"\(\S+\) \S+ [2367ABEF][0-9A-F]{7}#")
-"""A line of a candump log whose identifier has SocketCAN's flag of error frames (bit 29). Of most
-of them python-can makes data frames."""
-
-_LINE = re.compile(
-    r"\(\d{1,12}\.\d{1,9}\) \S+ (?:[0-9A-F]{3}|[0-9A-F]{8})"
-    r"#(?:(?:[0-9A-F]{2}){0,8}|R[0-8]?|#[0-9A-F](?:[0-9A-F]{2}){0,64})(?: [RT])?\s*",
-    re.IGNORECASE,
-)
-"""A line of a candump log."""
-
-_ERROR_PARTS = re.compile(
-    r"\((\d{1,12}\.\d{1,9})\) \S*?(\d{0,4}) ([0-9A-F]{8})#((?:[0-9A-F]{2}){0,8})\s"
-)
-_ERROR_CLASSES = 0x1FFF_FFFF
-_ERROR_BITS = ERROR_FLAG | _ERROR_CLASSES
-_MOST_BUSES = 32
-_KEPT_ERRORS = 10_000
-
-_DIRECTIONS = (" R", " T")
-"""How python-can ends the lines of a candump log: received or sent. Wireshark takes such a line for
-damaged, so ours end with the data, as those of candump do."""
 
 
 def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
@@ -224,11 +206,7 @@ def read_frames(
     suffix = path.suffix.lower()
     left_out = left_out or LeftOut()
     if suffix == ".mf4":
-        for logged in read_mdf(path).frames:
-            if errors or not is_error_frame(logged.frame):
-                yield logged
-            else:
-                left_out.error_frames += 1
+        yield from _read_mf4(path, left_out, errors=errors)
         return
     if suffix not in SUFFIXES:
         right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
@@ -240,7 +218,7 @@ def read_frames(
             messages = _messages(path, _BlfReader, file, left_out, errors=errors)
             yield from map(logged_frame_of, messages)
             return
-        lines = _CompleteLines(file, _LINE if suffix == ".log" else None)
+        lines = CompleteLines(file, candump=suffix == ".log")
         for message in _messages(path, _TEXT_READERS[suffix], lines, left_out, errors=errors):
             if errors:
                 yield from lines.take_errors()
@@ -256,6 +234,38 @@ def read_frames(
         left_out.damaged_lines, left_out.first_damaged = lines.damaged, lines.first_damaged
 
 
+def _read_mf4(path: Path, left_out: LeftOut, *, errors: bool) -> Iterator[LoggedFrame]:
+    """Yield the frames of an MF4; python-can reads those of other tools by way of asammdf.
+
+    Yields:
+        The frames, in the order of time.
+
+    Raises:
+        ConfigError: it is of another tool, and asammdf is not installed.
+        ForeignMdfError: it is no MF4.
+    """
+    try:
+        content = read_mdf(path)
+    except ForeignMdfError as error:
+        with path.open("rb") as file:  # by its path, python-can would leave it open
+            if not file.read(IDENTIFICATION_SIZE + 4).endswith(b"##HD"):
+                raise
+            if find_spec("asammdf") is None:
+                right = "to read the frames of other MF4, pip install asammdf"
+                raise ConfigError(f"{error.words}; {right}") from None
+            from can.io.mf4 import MF4Reader  # noqa: PLC0415 - asammdf takes seconds
+
+            file.seek(0)
+            found = _messages(path, MF4Reader, file, left_out, errors=errors)
+            yield from map(logged_frame_of, found)
+        return
+    for logged in content.frames:
+        if errors or not is_error_frame(logged.frame):
+            yield logged
+        else:
+            left_out.error_frames += 1
+
+
 class _BlfReader(BLFReader):
     """Ends at an object that claims no bytes at all: python-can would read it forever."""
 
@@ -265,67 +275,6 @@ class _BlfReader(BLFReader):
         yield from super()._parse_container(data[: empty.start()] if empty else data)
         if empty:
             raise BLFParseError("an object of the file claims no bytes")
-
-
-class _CompleteLines(io.TextIOWrapper):
-    """Lines up to one that lacks its end, as a killed writer leaves it.
-
-    Attributes:
-        says_direction: whether the last line ends as one of python-can's candump logs.
-        ending: why it ends before its end; empty where it does not.
-        error_frames: lines that are one, and are left out.
-        damaged: lines that are no frame, and are left out.
-        first_damaged: number of the first of them.
-        number: of the last line.
-    """
-
-    says_direction = False
-    ending = ""
-    error_frames = damaged = first_damaged = number = 0
-
-    def __init__(self, file: IO[bytes], form: re.Pattern[str] | None) -> None:
-        """Read a file.
-
-        Args:
-            file: the log.
-            form: of a line that is a frame; any line is one where it is left out.
-        """
-        super().__init__(file, encoding="utf-8", errors="replace")
-        self._form = form
-        self._errors: list[LoggedFrame] = []
-
-    def take_errors(self) -> list[LoggedFrame]:
-        """Return the error frames that were left out since the last call."""
-        errors, self._errors = self._errors, []
-        self.error_frames -= len(errors)
-        return errors
-
-    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper itself has it
-        while True:
-            line = super().__next__()
-            self.number += 1
-            if not line.endswith("\n"):
-                self.ending = "its last line is cut off"
-                raise StopIteration
-            if _ERROR_FRAME.match(line):
-                self.error_frames += 1
-                parts = _ERROR_PARTS.match(line)
-                if parts is not None and len(self._errors) < _KEPT_ERRORS:
-                    self._errors.append(_error_of(parts))
-            elif self._form is None or self._form.fullmatch(line) or line.isspace():
-                self.says_direction = line.rstrip().endswith(_DIRECTIONS)
-                return line
-            else:
-                self.damaged += 1
-                self.first_damaged = self.first_damaged or self.number
-
-
-def _error_of(match: re.Match[str]) -> LoggedFrame:
-    """Return the error frame of a line of a candump log."""
-    time, bus, can_id, data = match.groups()
-    number = int(bus) % _MOST_BUSES if bus else 0
-    frame = Frame(int(can_id, 16) & _ERROR_BITS, bytes.fromhex(data).ljust(8, b"\0"), bus=number)
-    return LoggedFrame(frame, round(float(time) * 1e9), None)
 
 
 def _messages(

@@ -45,7 +45,8 @@ def read_mdf(path: Path) -> MdfContent:
     """Return what an MF4 file holds.
 
     Raises:
-        ConfigError: it cannot be read, or is no MF4 of ours.
+        ConfigError: it cannot be read.
+        ForeignMdfError: it is no MF4 of ours.
     """
     with about_file(path, what="cannot be read", right="give a recording"):
         content = path.read_bytes()
@@ -57,9 +58,23 @@ def read_mdf(path: Path) -> MdfContent:
             "should be; give the whole recording"
         ) from None
     except (ValueError, struct.error, zlib.error, OverflowError) as error:
-        raise ConfigError(
-            f"{path}: is no recording of hil-bench: {error}; asammdf reads and converts other MF4"
-        ) from None
+        raise ForeignMdfError(path, str(error)) from None
+
+
+class ForeignMdfError(ConfigError):
+    """The file is no MF4 of ours: of another tool, or none at all.
+
+    Args:
+        path: the file.
+        reason: by what that shows.
+
+    Attributes:
+        words: that it is none of ours, in a sentence.
+    """
+
+    def __init__(self, path: Path, reason: str) -> None:
+        self.words = f"{path}: is no recording of hil-bench: {reason}"
+        super().__init__(f"{self.words}; asammdf reads and converts other MF4")
 
 
 class _CutOffError(Exception):

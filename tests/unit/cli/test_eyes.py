@@ -180,14 +180,18 @@ def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder,
         (["nix.log"], "nix.log: cannot be read"),
         (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
         (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
-        (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node with values"),
+        (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
         (["t.log", "--dbc", "d.txt"], "--dbc d.txt: give a file name that ends in .dbc"),
         (["t.log", "--dbc", "d.dbc"], "--dbc d.dbc: no PDO is known"),
         (["empty.log"], "empty.log: has no frames to decode"),
+        (["foreign.mf4"], "to read the frames of other MF4, pip install asammdf"),
     ],
 )
 def test_a_wrong_argument_is_one_line(folder, capsys, arguments, message):
     (folder / "empty.log").touch()
+    (folder / "foreign.mf4").write_bytes(
+        b"MDF     4.11    made up ".ljust(64, b"\0") + b"##HD" + bytes(99)
+    )
     assert main(["decode", *arguments]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1

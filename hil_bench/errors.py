@@ -30,6 +30,7 @@ from hil_bench.canopen_device.errors import (
     EdsError,
     SdoAbort,
     StorageError,
+    printable,
 )
 
 __all__ = [
@@ -81,11 +82,6 @@ class WaitTimeoutError(HilBenchError, TimeoutError):
 
 class ControllerError(HilBenchError, RuntimeError):
     """The program that controls a bench has ended or says nothing, so bench time stands still."""
-
-
-def printable(text: str) -> str:
-    """Return a text from outside as a terminal may have it: control characters escaped."""
-    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
 
 
 @contextlib.contextmanager

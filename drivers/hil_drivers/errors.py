@@ -42,6 +42,12 @@ class DriverError(Exception):
         super().__init__(f"{device}: {what}" if device else what)
         self.what = what
 
+    def __str__(self) -> str:
+        return "".join(
+            char if char.isprintable() or char == "\n" else ascii(char)[1:-1]
+            for char in super().__str__()
+        )
+
 
 class DriverTimeoutError(DriverError, TimeoutError):
     """A device did not answer, or did not reach a state, within the given time."""

@@ -10,8 +10,16 @@ Each is also the builtin that it is, so that a caller may catch either::
 """
 
 
+def printable(text: str) -> str:
+    """Return a text from outside as a terminal may have it: control characters escaped."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text)
+
+
 class DeviceError(Exception):
-    """Base of every error that is raised on purpose."""
+    """Base of every error that is raised on purpose; its message may quote anything."""
+
+    def __str__(self) -> str:
+        return "\n".join(map(printable, super().__str__().split("\n")))
 
 
 class ConfigError(DeviceError, ValueError):

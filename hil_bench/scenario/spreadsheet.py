@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.errors import ConfigError, about_file, printable
+from hil_bench.errors import ConfigError, about_file
 
 _FIRST_WORD = re.compile(r'\s*"?[A-Za-z_]+"?\s*([;,])')
 
@@ -69,7 +69,7 @@ def read_cells(path: Path) -> Sheet:
                 rows.append(cells)
     except csv.Error as error:
         where = f"{path}:{reader.line_num}"
-        raise ConfigError(f"{where}: is no CSV: {printable(str(error))}; save it anew") from None
+        raise ConfigError(f"{where}: is no CSV: {error}; save it anew") from None
     return Sheet(rows, has_commas)
 
 

@@ -4,7 +4,7 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from hil_bench.errors import ConfigError, printable
+from hil_bench.errors import ConfigError
 from hil_bench.scenario.nodes import Position
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _explain(text: str, error: "UnexpectedInput") -> tuple[Position, str]:
     right = _right(text, offset, error)
     if not rest:
         return (position, f"ends too early; {right}")
-    return (position, f'"{printable(rest[0][:20])}" does not fit here; {right}')
+    return (position, f'"{rest[0][:20]}" does not fit here; {right}')
 
 
 def _right(text: str, offset: int, error: "UnexpectedInput") -> str:

@@ -1,4 +1,4 @@
-"""Files that are written whole, or not at all."""
+"""Messages that a terminal may have, and files that are written whole or not at all."""
 
 import contextlib
 import errno
@@ -6,7 +6,14 @@ import os
 
 import pytest
 
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import BusError, ConfigError, about_file, whole_file
+from hil_drivers.errors import BusLostError
+
+
+@pytest.mark.parametrize("error", [ConfigError, BusError, BusLostError])
+def test_a_message_may_quote_anything_and_is_still_printable(error):
+    said = str(error("there is no file a\tb\x1b[2J\x9b.eds\nsecond line, 0.5 \u00b5m"))
+    assert said == r"there is no file a\tb\x1b[2J\x9b.eds" + "\nsecond line, 0.5 \u00b5m"
 
 
 def fill_the_disk(path):

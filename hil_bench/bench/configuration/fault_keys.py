@@ -144,6 +144,7 @@ OWN_KEYS: Final[Mapping[FaultKind, tuple[Key, ...]]] = MappingProxyType(
             _GROWTH,
         ),
         FaultKind.LOSE_GAS: (_share("loss_percent", "share", 100.0), _GROWTH),
+        FaultKind.CLOG_FILTER: (_share("blocked_percent", "share", 100.0), _GROWTH),
         FaultKind.BIND: (_share("band_percent", "band", None, "5"), _GROWTH),
         FaultKind.WEAKEN: (_share("travel_percent", "travel", None, "50"), _GROWTH),
         FaultKind.SILENCE: (),

@@ -1,6 +1,6 @@
 """The tables ``[supply.NAME]``: supplies that several axes share."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hil_bench.bench.configuration.loop import LoopSection
@@ -9,11 +9,15 @@ from hil_bench.config.document import Document, read_named_sections
 from hil_bench.config.settings import Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import quote
 from hil_bench.errors import ParameterError
-from hil_bench.plants.hydraulic_cylinder.configuration import explain_refusal, variable_pump
+from hil_bench.plants.hydraulic_cylinder.configuration import (
+    build_filter,
+    explain_refusal,
+    variable_pump,
+)
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
-from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import find_oil
+from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C, find_oil, known_oil
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
-from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Sheet
+from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
 from hil_bench.plants.hydraulic_cylinder.keys import (
     SHARED_KEYS,
@@ -30,7 +34,7 @@ from hil_bench.plants.registry import DEFAULT_PLANT
 
 TABLE = "supply"
 
-_OWN = ("bulk_modulus_mpa", "oil")
+_OWN = ("bulk_modulus_mpa", "oil", "oil_viscosity_mm2_s")
 """The keys of a supply that an axis has for itself too."""
 _HEATED = "oil_temperature_c"
 """What no axis says whose supply has a tank: its values hold at 40 °C."""
@@ -52,7 +56,7 @@ class SuppliesSection:
             settings = read_table(f"{TABLE}.{name}", given, SHARED_KEYS, problems)
             if len(settings) == len(SHARED_KEYS):
                 sheet = Sheet(settings, problems)
-                derived = list(sheet.take(derive_pump(sheet)))
+                derived = [*sheet.take(derive_pump(sheet)), *sheet.take(_derive_viscosity(sheet))]
                 settings |= {each.key: fill(settings, each) for each in derived}
             self._supplies[name] = settings
         self._fed: dict[str, list[str]] = {name: [] for name in self._supplies}
@@ -163,10 +167,24 @@ class SuppliesSection:
         }
 
 
+def _derive_viscosity(sheet: Sheet) -> Iterator[Derived]:
+    """Yield the viscosity of a supply's oil; at 40 °C where a tank changes its temperature."""
+    oil = known_oil(sheet)
+    if oil is not None:
+        warm = TEMPERATURE_C if sheet.has("tank_volume_l") else sheet.number("start_temperature_c")
+        yield Derived(
+            "oil_viscosity_mm2_s", oil.viscosity_at(warm), ("oil",), f"at {warm:g} °C", yields=True
+        )
+
+
 def _build_record(
     name: str, settings: Settings, axes: Sequence[Fed], tank: TankConfig | None
 ) -> SupplyConfig:
-    unit = SupplyUnit(**convert(settings, SUPPLY_KEYS), variable=variable_pump(settings))
+    unit = SupplyUnit(
+        **convert(settings, SUPPLY_KEYS),
+        variable=variable_pump(settings),
+        filter=build_filter(settings),
+    )
     names = ("bulk_modulus_mpa", "supply_pressure_bar", "tank_pressure_bar", "start_temperature_c")
     keys = tuple(settings[each].key for each in names)
     modulus, pressure, tank_pressure, temperature = convert(settings, keys).values()

@@ -46,6 +46,11 @@ def missing_defect(name: str) -> str:
     """Return why an axis cannot have a defect, and what would be right."""
     if name == "load_loss":
         return "has no load to lose; give it load_n or load_mass_kg, a motor load_torque_n_m"
+    if name == "filter_clogging":
+        right = "filter_rated_flow_l_min and filter_rated_drop_bar"
+        return (
+            f"has no filter of its own; give {right} to its supply unit, or name the shared supply"
+        )
     if name in {"pump_loss", "relief_sag", "gas_loss"}:
         return 'has no supply unit of its own; give it supply = "unit", or name the shared supply'
     return "cannot be worn: that takes a full-order cylinder and the bench's own solver"

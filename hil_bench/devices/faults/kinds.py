@@ -27,6 +27,7 @@ class FaultKind(StrEnum):
     WEAR_PUMP = "wear_pump"
     SAG_RELIEF = "sag_relief"
     LOSE_GAS = "lose_gas"
+    CLOG_FILTER = "clog_filter"
     BIND = "bind"
     WEAKEN = "weaken"
     SILENCE = "silence"
@@ -72,6 +73,7 @@ DEFECTS: Final[Mapping[FaultKind, str]] = MappingProxyType(
         FaultKind.WEAR_PUMP: "pump_loss",
         FaultKind.SAG_RELIEF: "relief_sag",
         FaultKind.LOSE_GAS: "gas_loss",
+        FaultKind.CLOG_FILTER: "filter_clogging",
     }
 )
 """The defect of a plant that each of these kinds is; that of a leak depends on its path."""

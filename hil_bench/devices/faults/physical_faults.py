@@ -111,6 +111,13 @@ class PhysicalFaults(FaultSchedule):
         """Let the accumulator of a supply unit lose a share of its gas."""
         return self._wear(FaultKind.LOSE_GAS, axis, _Wear("gas_loss", share, growth), when)
 
+    def clog_filter(
+        self, axis: str, share: float = 1.0, *, growth: float = 0.0, **when: Unpack[When]
+    ) -> Fault:
+        """Let dirt block a share of the element of a supply unit's filter."""
+        wear = _Wear("filter_clogging", share, growth)
+        return self._wear(FaultKind.CLOG_FILTER, axis, wear, when)
+
     def bind(self, valve: str, band: float, *, growth: float = 0.0, **when: Unpack[When]) -> Fault:
         """Let the spool stick until its set-point differs by a share of the full opening."""
         point = find("valve", valve, self._points.valves)

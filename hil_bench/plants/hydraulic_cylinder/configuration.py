@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hil_bench.config.settings import Problems, Settings, convert
+from hil_bench.config.settings import Origin, Problems, Settings, convert
 from hil_bench.errors import ConfigError, ParameterError
 from hil_bench.plants.hydraulic_cylinder.keys import (
     AIR_KEYS,
@@ -17,6 +17,8 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     CUSHION_KEYS,
     DELAY_KEY,
     END_STOP_KEYS,
+    FILTER_KEYS,
+    FILTER_RATING,
     LAND_KEYS,
     LOAD_KEYS,
     OPTION_KEYS,
@@ -49,6 +51,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
     VariablePump,
 )
+from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -83,12 +86,12 @@ _DEFECTS = (
     Influence("dry_friction", "N", 0.0, LOAD_LIMIT),
 )
 _LOAD_DEFECTS = (Influence("load_loss", "-", 0.0, 1.0),)
-SUPPLY_DEFECTS = (
+_SUPPLY_DEFECTS = (
     Influence("pump_loss", "-", 0.0, 1.0),
     Influence("relief_sag", "Pa", 0.0, _SUPPLY_LIMIT),
     Influence("gas_loss", "-", 0.0, 1.0),
 )
-"""What may be worn or broken at a supply unit."""
+_FILTER_DEFECTS = (Influence("filter_clogging", "-", 0.0, 1.0),)
 
 _PHYSICAL_KEYS = {
     key.field or key.name: key.name
@@ -109,6 +112,7 @@ _PHYSICAL_KEYS = {
         DELAY_KEY,
     )
 } | {
+    **{key.name: key.name for key in FILTER_KEYS},
     "bristles": "friction",
     "supply_unit": "supply",
     "supply": "supply",
@@ -183,13 +187,20 @@ class CylinderConfig(AxisConfig):
         return (
             *_DEFECTS,
             *(_LOAD_DEFECTS if self.options.loads else ()),
-            *(() if self.options.supply is None or self.is_fed else SUPPLY_DEFECTS),
+            *(() if self.is_fed else supply_defects(self.options.supply)),
         )
 
     def limits(self, quantity: str) -> tuple[float, float]:
         """Return the ends of the stroke for the piston's position [m], else no limits."""
         half = self.parameters.h if quantity == POSITION.name else math.inf
         return -half, half
+
+
+def supply_defects(unit: SupplyUnit | None) -> tuple[Influence, ...]:
+    """Return what may be worn or broken at a supply unit."""
+    if unit is None:
+        return ()
+    return _SUPPLY_DEFECTS if unit.filter is None else (*_SUPPLY_DEFECTS, *_FILTER_DEFECTS)
 
 
 def configure(
@@ -291,7 +302,11 @@ def _build_options(axis: Settings) -> PlantOptions:
 
 
 def hydraulic_options(axis: Settings) -> dict[str, Any]:
-    """Return the options of oil, valve and supply that the keys of an axis ask for."""
+    """Return the options of oil, valve and supply that the keys of an axis ask for.
+
+    Raises:
+        ParameterError: a filter lacks its data, or a supply that has one.
+    """
     options: dict[str, Any] = convert(axis, (COMPENSATOR_KEY,))
     if axis["cavitation"].value:
         options |= convert(axis, CAVITATION_KEYS)
@@ -300,9 +315,39 @@ def hydraulic_options(axis: Settings) -> dict[str, Any]:
     lands = MeteringLands(**convert(axis, LAND_KEYS))
     if lands != MeteringLands():
         options["lands"] = lands
+    element = build_filter(axis)
     if axis["supply"].value is not Supply.CONSTANT:
-        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS))
+        options["supply"] = SupplyUnit(**convert(axis, SUPPLY_KEYS), filter=element)
+    elif element is not None:
+        right = 'give supply = "unit" too'
+        raise ParameterError(f"a constant supply has no filter: {right}", FILTER_RATING[0].name)
     return options
+
+
+def build_filter(settings: Settings) -> Filter | None:
+    """Return the filter of a supply; None without one.
+
+    Raises:
+        ParameterError: its data are missing or make no sense.
+    """
+    missing = [key.name for key in FILTER_RATING if settings[key.name].value is None]
+    written = [
+        key.name
+        for key in FILTER_KEYS
+        if key.default is None
+        and settings[key.name].origin not in {Origin.DEFAULT, Origin.DATA_SHEET}
+    ]
+    if missing and written:
+        raise ParameterError(f"a filter needs its data: give {missing[0]} too", written[0])
+    if missing:
+        return None
+    flow, drop, rated, bypass = convert(settings, FILTER_KEYS).values()
+    viscosity = settings[VISCOSITY_KEY.name].key.unit.to_si(settings[VISCOSITY_KEY.name].value)
+    require_positive(VISCOSITY_KEY.name, viscosity, "")
+    return Filter(
+        resistance=drop / flow * viscosity / rated,
+        bypass=math.inf if bypass is None else bypass,
+    )
 
 
 def _build_cushion(axis: Settings, end: str) -> Cushion | None:

@@ -200,6 +200,24 @@ PUMP_KEYS = (
     _quantity("pump_leakage_l_min_bar", 0.012, LITRE_PER_MINUTE_BAR, "leakage"),
 )
 
+FILTER_RATING = (
+    Key(
+        "filter_rated_flow_l_min",
+        number(LITRE_PER_MINUTE, low=0.01, high=1e5),
+        None,
+        LITRE_PER_MINUTE,
+    ),
+    Key("filter_rated_drop_bar", number(BAR, low=1e-3, high=100.0), None, BAR),
+)
+
+_VISCOUS = number(SQUARE_MILLIMETRE_PER_SECOND, low=0.1, high=1e4)
+
+FILTER_KEYS = (
+    *FILTER_RATING,
+    Key("filter_rated_viscosity_mm2_s", _VISCOUS, 30.0, SQUARE_MILLIMETRE_PER_SECOND),
+    Key("filter_bypass_bar", number(BAR, low=0.01, high=1000.0), None, BAR),
+)
+
 SUPPLY_KEY = Key("supply", supply, Supply.CONSTANT)
 
 CONTROL_KEY = Key("pump_control", choice(PumpControl), PumpControl.FIXED)
@@ -261,6 +279,8 @@ SHARED_KEYS = (
     *SUPPLY_KEYS,
     CONTROL_KEY,
     *PUMP_KEYS,
+    VISCOSITY_KEY,
+    *FILTER_KEYS,
     *TANK_KEYS,
 )
 """Of a supply that several axes share."""
@@ -293,6 +313,7 @@ AXIS_KEYS = (
     *SUPPLY_KEYS,
     CONTROL_KEY,
     *PUMP_KEYS,
+    *FILTER_KEYS,
     *LOAD_KEYS,
     _quantity("position_mm", 0.0, MILLIMETRE, "position"),
     Key("solver", choice(Solver), Solver.LINEARLY_IMPLICIT_MIDPOINT),

@@ -18,7 +18,6 @@ from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     QUANTITIES,
     quantities_with_lines,
-    with_supply,
 )
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
@@ -58,8 +57,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         if settings["line_model"].value is not LineModel.VOLUME:
             sides = "".join(s for s in "ab" if settings[f"line_{s}_length_m"].value)
             quantities = quantities_with_lines(sides)
-        if self.supply_of(settings):
-            quantities = with_supply(quantities)
+        quantities = self.see_supply(quantities, settings)
         return self if quantities is self.quantities else SpecialCylinder(quantities)
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:

@@ -83,14 +83,24 @@ T_OIL: Final = "T_oil"
 """Temperature of the supply's oil [°C]."""
 
 
-def with_supply(quantities: Sequence[Quantity]) -> tuple[Quantity, ...]:
-    """Return the quantities of a plant that shares its supply: those of the supply come last."""
+FILTER_DROP: Final = "filter_drop"
+"""Pressure drop over the supply's filter, as its clogging indicator has it [Pa]."""
+
+
+def with_supply(quantities: Sequence[Quantity], *, has_filter: bool) -> tuple[Quantity, ...]:
+    """Return the quantities of a plant that shares its supply: those of the supply come last.
+
+    Args:
+        quantities: of the plant.
+        has_filter: whether the supply has one.
+    """
     first = 1 + max(each.output for each in quantities if each.output is not None)
     return (
         *quantities,
         Quantity(P_S, "Pa", first),
         Quantity(Q_S, "m³/s", first + 1),
         Quantity(T_OIL, "°C", first + 2),
+        *((Quantity(FILTER_DROP, "Pa", first + 3),) if has_filter else ()),
     )
 
 

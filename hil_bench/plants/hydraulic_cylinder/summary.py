@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.models import Model
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_order import balanced_reduced_state
@@ -37,6 +38,7 @@ def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact
         *_motion_facts(axis),
         *_cushion_facts(axis),
         *_rest_facts(axis),
+        *(() if axis.is_fed else filter_facts(axis.options.supply)),
         *_line_facts(axis, step_us),
         *_swing_facts(axis, tick_us, step_us),
         *_impact_facts(axis),
@@ -161,6 +163,16 @@ def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
     yield Fact("largest pull", (supply * p.A_B - p.P_T * p.A_A) * 1e-3, "kN")
     if load:
         yield Fact("load at the start", load * 1e-3, "kN", "positive against extension")
+
+
+def filter_facts(unit: SupplyUnit | None) -> Iterator[Fact]:
+    """Yield what the filter of a supply unit takes of the pressure at the pump's whole flow."""
+    element = None if unit is None else unit.filter
+    if unit is None or element is None:
+        return
+    drop = element.drop(unit.pump_flow)
+    note = "through its bypass" if drop == element.bypass else "clean, at the pump's flow"
+    yield Fact("drop of the filter", BAR.from_si(drop), "bar", note)
 
 
 def _line_facts(axis: CylinderConfig, step_us: int) -> Iterator[Fact]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, cast, runtime_checkable
 
-from hil_bench.plants.hydraulic_cylinder.configuration import SUPPLY_DEFECTS, CylinderConfig
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig, supply_defects
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects
@@ -20,6 +20,7 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
 from hil_bench.plants.hydraulic_cylinder.quantities import P_S
+from hil_bench.plants.hydraulic_cylinder.summary import filter_facts
 from hil_bench.plants.hydraulic_cylinder.tank import Tank, TankConfig
 from hil_bench.plants.kind import AxisConfig, Fact, PlantKind
 from hil_bench.plants.quantity import SUPPLY, Influence
@@ -108,7 +109,7 @@ class SupplyConfig:
     @property
     def defects(self) -> tuple[Influence, ...]:
         """What may be worn or broken at it."""
-        return SUPPLY_DEFECTS
+        return supply_defects(self.unit)
 
 
 def find_exchange(supply: SupplyConfig, axes: Sequence[Fed], dt: float, steps: int) -> int:
@@ -153,6 +154,7 @@ def summarise_supply(supply: SupplyConfig, axes: Sequence[Fed], dt: float) -> It
         if lacking > 0.0:
             note = "all axes at top speed"
             yield Fact("  which lasts", oil / lacking, "s", note)
+    yield from filter_facts(unit)
     yield from _heat_facts(supply)
     share = " and ".join(axis.name for axis in axes)
     yield Fact("exchange of the shares", supply.exchange * dt * 1e6, "us", f"between {share}")
@@ -206,10 +208,11 @@ class Consumer:
 
     @property
     def output(self) -> Sequence[float]:
-        """The plant's output, P_S [Pa], what the plant draws [m³/s] and T_oil [°C]."""
-        group = self._group
-        drawn = group.supply.drawn[self._number]
-        return (*self.plant.output, group.supply.pressure, drawn, group.temperature)
+        """The plant's output, P_S [Pa], flow drawn [m³/s], T_oil [°C], drop over a filter [Pa]."""
+        group, supply = self._group, self._group.supply
+        drawn = supply.drawn[self._number]
+        seen = (*self.plant.output, supply.pressure, drawn, group.temperature)
+        return (*seen, supply.drop) if group.has_filter else seen
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
         """Move the plant on by itself, with its share of the supply alone."""
@@ -244,6 +247,7 @@ class SupplyGroup:
         supply: the unit.
         plants: of the axes, in their order.
         tank: the temperature of the oil; None where it stays as it is.
+        has_filter: whether the unit has one.
         lowest: the least pressure at which the supply can be held [Pa].
         defects: what may be worn or broken at it.
     """
@@ -266,6 +270,7 @@ class SupplyGroup:
             config.exchange,
         )
         self.plants = tuple(Consumer(each, self, i) for i, each in enumerate(self._movers))
+        self.has_filter = config.unit.filter is not None
         self._defects = Defects()
         self.tank: Tank | None = None
         self._temperature = config.temperature
@@ -301,8 +306,10 @@ class SupplyGroup:
     def _pack(self, tank: Tank) -> None:
         """Let all plants have the oil that the tank has now."""
         self._packed_at = tank.temperature
+        viscosity, density = tank.oil_now()
+        self.supply.warm(viscosity)
         for each in self._movers:
-            each.model.warm(*tank.oil_now())
+            each.model.warm(viscosity, density)
 
     def influence(self, name: str, value: float | None) -> None:
         """Set P_S [Pa] or a defect of the unit; let go, it fills up."""

@@ -6,9 +6,10 @@ from typing import Final
 
 from hil_bench.config.settings import Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
-from hil_bench.plants.hydraulic_cylinder.keys import SUPPLY_KEY, Supply
-from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B
+from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, Supply
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, with_supply
 from hil_bench.plants.kind import AxisT, PlantKind
+from hil_bench.plants.quantity import Quantity
 from hil_bench.units import MILLIMETRE
 
 VALVE_NODES: Final[Mapping[str, Mapping[str, object]]] = MappingProxyType(
@@ -38,3 +39,12 @@ class ValveControlled(PlantKind[AxisT]):
         """Return the name of the supply that an axis shares; empty for one of its own."""
         value = settings[SUPPLY_KEY.name].value
         return "" if value in set(Supply) else str(value)
+
+    def see_supply(
+        self, quantities: tuple[Quantity, ...], settings: Settings
+    ) -> tuple[Quantity, ...]:
+        """Return the quantities with those of the supply, of an axis that shares one."""
+        if not self.supply_of(settings):
+            return quantities
+        has_filter = settings[FILTER_RATING[0].name].value is not None
+        return with_supply(quantities, has_filter=has_filter)

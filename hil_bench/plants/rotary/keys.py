@@ -17,11 +17,13 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     AIR_KEYS,
     CAVITATION_KEYS,
     COMPENSATOR_KEY,
+    FILTER_KEYS,
     LAND_KEYS,
     OPTION_KEYS,
     PARAMETER_KEYS,
     SUPPLY_KEY,
     SUPPLY_KEYS,
+    VISCOSITY_KEY,
 )
 from hil_bench.units import (
     BAR,
@@ -141,6 +143,8 @@ ROTARY_KEYS: Final = (
     COMPENSATOR_KEY,
     SUPPLY_KEY,
     *SUPPLY_KEYS,
+    VISCOSITY_KEY,
+    *FILTER_KEYS,
     *LOAD_KEYS,
     SERIES_KEY,
     ANGLE_KEY,

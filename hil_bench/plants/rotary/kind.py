@@ -6,7 +6,6 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.config.settings import Problems, Settings
-from hil_bench.plants.hydraulic_cylinder.quantities import with_supply
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.quantity import Quantity
@@ -43,7 +42,8 @@ class Rotary(ValveControlled[RotaryConfig]):
 
     def specialise(self, settings: Settings, folder: Path, problems: Problems) -> "Rotary":
         """Return the kind with what is seen of a shared supply, of a motor that has one."""
-        return FedRotary() if self.supply_of(settings) else self
+        quantities = self.see_supply(self.quantities, settings)
+        return self if quantities is self.quantities else FedRotary(quantities)
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis of which the file says nothing."""
@@ -65,9 +65,14 @@ class Rotary(ValveControlled[RotaryConfig]):
 
 
 class FedRotary(Rotary):
-    """A motor with a shared supply."""
+    """A motor with a shared supply.
 
-    quantities = with_supply(QUANTITIES)
+    Args:
+        quantities: what can be seen of it.
+    """
+
+    def __init__(self, quantities: tuple[Quantity, ...]) -> None:
+        self.quantities = quantities
 
 
 ROTARY: Final = Rotary()

@@ -9,7 +9,7 @@ from hil_bench.plants.hydraulic_cylinder.resolution import (
     STEPS_PER_PERIOD,
     eigenfrequency,
 )
-from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, verdict
+from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, filter_facts, verdict
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
@@ -23,7 +23,13 @@ def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
         tick_us: period of the loop [us].
         step_us: step of the solver [us].
     """
-    return [*_motion_facts(axis), *_torque_facts(axis), *_swing_facts(axis, tick_us, step_us)]
+    own = None if axis.cylinder.is_fed else axis.cylinder.options.supply
+    return [
+        *_motion_facts(axis),
+        *_torque_facts(axis),
+        *filter_facts(own),
+        *_swing_facts(axis, tick_us, step_us),
+    ]
 
 
 def find_unresolved(axis: RotaryConfig, tick_us: int, step_us: int) -> Iterator[str]:

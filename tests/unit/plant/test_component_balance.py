@@ -16,6 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     SupplyUnit,
     VariablePump,
 )
+from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
@@ -46,6 +47,7 @@ COMPONENTS = {
     "cushion": {"cushion_a": Cushion(length=0.3, orifice=5e-3)},
     "counterbalance valve": {"counterbalance": VALVE},
     "load-sensing pump": {"supply": SENSING},
+    "filter": {"supply": replace(SENSING, filter=Filter(resistance=8e8, bypass=1.5e6))},
 }
 COMPONENTS["all"] = {key: value for each in COMPONENTS.values() for key, value in each.items()}
 SMOOTH = replace(PlantOptions.bench(), laminar_transition=0.0)

@@ -27,6 +27,7 @@ KEYS = {
     "wear_pump": 'target = "axis1"\nloss_percent = 40',
     "sag_relief": 'target = "axis1"\nsag_bar = 10',
     "lose_gas": 'target = "axis1"',
+    "clog_filter": 'target = "axis1"\nblocked_percent = 90\ngrowth_s = 0.005',
     "bind": 'target = "valve"\nband_percent = 3',
     "weaken": 'target = "valve"\ntravel_percent = 50',
     "silence": 'target = "valve"',
@@ -52,6 +53,8 @@ BENCH = f"""
 [plant.axis1]
 load_n = 1000
 supply = "unit"
+filter_rated_flow_l_min = 60
+filter_rated_drop_bar = 0.5
 {NODES}[j1939.lever]
 address = 19
 [j1939.lever.signals]

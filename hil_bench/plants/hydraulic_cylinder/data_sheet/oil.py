@@ -68,13 +68,18 @@ def find_oil(sheet: Sheet) -> Oil | None:
             right = 'give oil = "HLP 46" for example'
             sheet.refuse("oil_temperature_c", f"says nothing without an oil; {right}")
         return None
-    name = " ".join(str(sheet.settings["oil"].value).upper().replace("-", " ").split())
-    if name not in OILS:
+    oil = known_oil(sheet)
+    if oil is None:
         known = ", ".join(f'"{each}"' for each in OILS)
         given = sheet.settings["oil"].value
         sheet.refuse("oil", f'"{given}" is unknown; give one of {known}')
-        return None
-    return OILS[name]
+    return oil
+
+
+def known_oil(sheet: Sheet) -> Oil | None:
+    """Return the oil of a sheet; None without one, or for one that is unknown."""
+    name = " ".join(str(sheet.settings["oil"].value).upper().replace("-", " ").split())
+    return OILS.get(name)
 
 
 def derive_oil(sheet: Sheet, oil: Oil | None) -> Iterator[Derived]:

@@ -46,6 +46,7 @@ class Defects:
         pump_loss: share of the pump's flow that is lost [-].
         relief_sag: by how much the relief valve opens too early [Pa].
         gas_loss: share of the accumulator's gas that is gone [-].
+        filter_clogging: share of the filter's element that is blocked [-].
     """
 
     internal_leakage: float = 0.0
@@ -58,6 +59,7 @@ class Defects:
     pump_loss: float = 0.0
     relief_sag: float = 0.0
     gas_loss: float = 0.0
+    filter_clogging: float = 0.0
 
     @property
     def needs_extension(self) -> bool:
@@ -156,11 +158,13 @@ def _round_off(lands: MeteringLands | None, more: float) -> MeteringLands | None
 
 
 def wear_supply(unit: SupplyUnit, defects: Defects) -> SupplyUnit:
-    """Return a unit with what its pump and its accumulator have lost."""
+    """Return a unit with what its pump, its accumulator and its filter have lost."""
+    element = unit.filter
     return replace(
         unit,
         pump_flow=unit.pump_flow * (1.0 - defects.pump_loss),
         accumulator_volume=unit.accumulator_volume * (1.0 - defects.gas_loss),
+        filter=None if element is None else element.clogged(defects.filter_clogging),
     )
 
 

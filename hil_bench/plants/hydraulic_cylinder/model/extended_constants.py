@@ -29,7 +29,7 @@ from hil_bench.plants.hydraulic_cylinder.model.loads import (
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.pump import PumpConstants
-from hil_bench.plants.hydraulic_cylinder.model.supply import SupplyConstants
+from hil_bench.plants.hydraulic_cylinder.model.supply import FilterConstants, SupplyConstants
 from hil_bench.plants.hydraulic_cylinder.model.waves import LineConstants, line_constants
 
 CompensatorConstants = tuple[float]
@@ -50,15 +50,16 @@ ExtendedConstants = tuple[
     CushionConstants,
     CounterbalanceConstants,
     PumpConstants,
+    FilterConstants,
 ]
 
 # Where the extension begins in the row, after the paper's constants; where lines and load series.
 _EXTENSION = ROW
-LINES = _EXTENSION + 45
+LINES = _EXTENSION + 47
 SERIES = LINES + 8
 
-PUMP_FLOW, RELIEF_PRESSURE = _EXTENSION + 10, _EXTENSION + 11
-"""Places of the pump's flow and the relief valve's setting in the row."""
+PUMP_FLOW, RELIEF_PRESSURE, RELIEF_GRADIENT = range(_EXTENSION + 10, _EXTENSION + 13)
+"""Places of the pump's flow and of setting and gradient of the relief valve in the row."""
 
 
 class ExtensionState(NamedTuple):
@@ -98,6 +99,7 @@ def pack_extended(parameters: PlantParameters, options: PlantOptions, dt: float)
         _cushion_constants(parameters, options),
         _counterbalance_constants(parameters, options.counterbalance),
         pump_constants(options.supply),
+        filter_constants(options.supply),
     )
     series = next(
         (load for load in options.loads if isinstance(load, LoadSeries)), LoadSeries((0.0,), (0.0,))
@@ -206,6 +208,13 @@ def pump_constants(unit: SupplyUnit | None) -> PumpConstants:
     return rate, pump.margin, pump.leakage, float(pump.senses_load)
 
 
+def filter_constants(unit: SupplyUnit | None) -> FilterConstants:
+    """Return the constants of a unit's filter; 0 first for none."""
+    if unit is None or unit.filter is None:
+        return 0.0, math.inf
+    return unit.filter.resistance, unit.filter.bypass
+
+
 @kernel
 def unpack_extended(row: Floats) -> ExtendedConstants:
     """Return the constants of the extensions in their groups."""
@@ -221,10 +230,11 @@ def unpack_extended(row: Floats) -> ExtendedConstants:
         (row[65], row[66], row[67], row[68]),
         (row[69], row[70], row[71], row[72], row[73], row[74], row[75]),
         (row[76], row[77], row[78], row[79]),
+        (row[80], row[81]),
     )
 
 
 @kernel
 def unpack_lines(row: Floats) -> tuple[LineConstants, LineConstants]:
     """Return the constants of the lines at A and at B."""
-    return (row[80], row[81], row[82], row[83]), (row[84], row[85], row[86], row[87])
+    return (row[82], row[83], row[84], row[85]), (row[86], row[87], row[88], row[89])

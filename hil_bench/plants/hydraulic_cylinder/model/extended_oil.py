@@ -24,6 +24,7 @@ from hil_bench.plants.hydraulic_cylinder.model.parts import Ports
 from hil_bench.plants.hydraulic_cylinder.model.pump import sensed_pressure, swivel
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
+    behind_filter,
     relief_flow,
     supply_compliance,
 )
@@ -130,6 +131,7 @@ def compress_oil(
     C_B = middle_compliance(P_B, net_B, secant_B, V_B * per_E_dt, E, air)
 
     # What relaxes is the pressure drop, so the supply's compliance is in series with the chamber's.
+    supply, _ = behind_filter(P_S, supply[1], supply, extension[11])
     charge = charge_supply(P_S, Q_A if z > 0.0 else Q_B, dt, supply)
     series_A = C_A / (1.0 + C_A / charge[1]) if z > 0.0 else C_A
     series_B = C_B / (1.0 + C_B / charge[1]) if z < 0.0 else C_B
@@ -168,7 +170,7 @@ def compress_through_edges(
         extension: those of the extensions.
     """
     (dt, _, per_E_dt, _), _, _, _, (K, _, P_T, transition, signed), chambers, _, _ = constants
-    (C_LA, C_LB), air, _, _, supply, lands, edges, margin, cushions, valve, pump = extension
+    (C_LA, C_LB), air, _, _, supply, lands, edges, margin, cushions, valve, pump = extension[:11]
     E, C_L, _, _, _, _, h = chambers
     x, v, P_A, P_B, _, _ = cylinder
     middle = x + 0.5 * dt * v
@@ -190,7 +192,7 @@ def compress_through_edges(
     C_B = middle_compliance(P_B, net_B, secant_B, V_B * per_E_dt, E, air)
 
     given = inner[2] - pump[2] * (P_S - P_T)
-    unit = (supply[0], given, supply[2], supply[3], supply[4], supply[5], supply[6])
+    unit, _ = behind_filter(P_S, given, supply, extension[11])
     net_S, capacity = charge_supply(P_S, PA[0] + PB[0], dt, unit)
     capacity += 0.5 * pump[2]
     fed_A = implicit_share(PA[1], PA[2], C_A / (1.0 + C_A / capacity))
@@ -233,10 +235,12 @@ def move_inner(
     supply, edges, valve, pump = extension[4], extension[6], extension[9], extension[10]
     chambers = (pressures[0], pressures[1])
     middle, end = move_valves((inner[0], inner[1]), chambers, dt, valve)
-    sensed = sensed_pressure(nu, ports, constants[4][2], edges)
+    P_S, P_T = pressures[2], constants[4][2]
+    sensed = sensed_pressure(nu, ports, P_T, edges)
+    _, drop = behind_filter(P_S, inner[2] - pump[2] * (P_S - P_T), supply, extension[11])
     return (
-        (middle[0], middle[1], swivel(inner[2], pressures[2], sensed, 0.5 * dt, pump, supply)),
-        (end[0], end[1], swivel(inner[2], pressures[2], sensed, dt, pump, supply)),
+        (middle[0], middle[1], swivel(inner[2], P_S + drop, sensed, 0.5 * dt, pump, supply)),
+        (end[0], end[1], swivel(inner[2], P_S + drop, sensed, dt, pump, supply)),
     )
 
 

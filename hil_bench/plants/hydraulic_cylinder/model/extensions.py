@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import NoneType
 
 from hil_bench.errors import ParameterError
+from hil_bench.plants.hydraulic_cylinder.model.filter import Filter
 from hil_bench.plants.hydraulic_cylinder.model.validation import (
     require_finite,
     require_kind,
@@ -121,6 +122,7 @@ class SupplyUnit:
         precharge_pressure: of that gas, as gauge pressure [Pa].
         gas_exponent: polytropic exponent of the gas [-].
         variable: how the pump swivels; None for one of constant flow.
+        filter: between the pump with the relief valve and the line; None for none.
 
     Raises:
         ParameterError: for a value that makes no physical sense.
@@ -134,9 +136,11 @@ class SupplyUnit:
     precharge_pressure: float = 6e6
     gas_exponent: float = 1.4
     variable: VariablePump | None = None
+    filter: Filter | None = None
 
     def __post_init__(self) -> None:
         require_kind("variable", self.variable, VariablePump, NoneType)
+        require_kind("filter", self.filter, Filter, NoneType)
         require_not_negative("pump_flow", self.pump_flow, "m³/s")
         require_positive("relief_pressure", self.relief_pressure, "Pa")
         require_positive("relief_gradient", self.relief_gradient, "m³/(s Pa)")

@@ -28,6 +28,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
+    behind_filter,
     relief_flow,
     supply_compliance,
 )
@@ -136,7 +137,8 @@ def advance_forward_euler(
         load = F_L + series_force(constants, point, last, t) + spring * (x - rest)
         f, z_f = rub(v, z_f, groups, extension)
         force = P_A * chambers[2] - P_B * chambers[3] - f - load + stop_force(x, v, stop)
-        P_S = charge_explicit(P_S, drawn, dt, supply)
+        unit, _ = behind_filter(P_S, supply[1], supply, extension[11])
+        P_S = charge_explicit(P_S, drawn, dt, unit)
         P_S = floor if P_S < floor else P_S
         P_A, P_B, V_CA, V_CB = compress_oil_explicit(
             x, v, (P_A, P_B, V_CA, V_CB), (Q_A, Q_B), groups, extension

@@ -20,6 +20,8 @@ from hil_bench.plants.hydraulic_cylinder.model.defects import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     PUMP_FLOW,
+    RELIEF_GRADIENT,
+    RELIEF_PRESSURE,
     ExtensionState,
     edge_constants,
     pack_extended,
@@ -201,6 +203,16 @@ class FullOrderPlant:
         """Let the plant's supply unit go on from a pressure [Pa] with a flow of its pump [m³/s]."""
         self._state[SUPPLY] = pressure
         self._constants[PUMP_FLOW] = flow
+
+    def relieve(self, opens_at: float, gradient: float) -> None:
+        """Let the relief valve of the plant's supply unit be another one.
+
+        Args:
+            opens_at: its setting [Pa].
+            gradient: its flow per pressure above that [m³/(s Pa)].
+        """
+        self._constants[RELIEF_PRESSURE] = opens_at
+        self._constants[RELIEF_GRADIENT] = gradient
 
     @property
     def time(self) -> float:

@@ -56,6 +56,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     read_states,
     write_states,
 )
+from hil_bench.plants.hydraulic_cylinder.model.supply import behind_filter
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     CAVITY,
     PRESSURE,
@@ -225,7 +226,7 @@ def compress_between(
     C_B = middle_compliance(P_B, net_B, B[1] + B[3], V_B * per_E_dt, E, air)
 
     given = pump_flow - pump[2] * (P_S - P_T)
-    unit = (supply[0], given, supply[2], supply[3], supply[4], supply[5], supply[6])
+    unit, _ = behind_filter(P_S, given, supply, extension[11])
     net_S, capacity = charge_supply(P_S, A[5] + B[5], dt, unit)
     capacity += 0.5 * pump[2]
     fed_A = implicit_share(A[1], A[2], C_A / (1.0 + C_A / capacity))

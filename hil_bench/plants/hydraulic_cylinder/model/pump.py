@@ -45,7 +45,7 @@ def swivel(
 
     Args:
         flow: before [m³/s].
-        P_S: supply pressure [Pa].
+        P_S: supply pressure at the pump [Pa].
         sensed: load pressure [Pa].
         dt: time [s].
         pump: the constants.

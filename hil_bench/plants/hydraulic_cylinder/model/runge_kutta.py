@@ -31,6 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
     SupplyConstants,
+    behind_filter,
     relief_flow,
     supply_compliance,
 )
@@ -153,6 +154,7 @@ def state_rates(
     V_A, V_B = chamber_volumes(x, chambers)
     f, bending = friction_rates(v, z_f, constants, extension)
     force = P_A * A_A - P_B * A_B - f - F_L - spring * (x - rest) + stop_force(x, v, stop)
+    unit, _ = behind_filter(P_S, supply[1], supply, extension[11])
     rate_A, opening_A = oil_rates(P_A, V_CA, net_A, bulk_modulus(P_A, E, air) / V_A, floor)
     rate_B, opening_B = oil_rates(P_B, V_CB, net_B, bulk_modulus(P_B, E, air) / V_B, floor)
     return (
@@ -165,7 +167,7 @@ def state_rates(
         opening_A,
         opening_B,
         bending,
-        supply_rate(P_S, drawn, supply),
+        supply_rate(P_S, drawn, unit),
     )
 
 

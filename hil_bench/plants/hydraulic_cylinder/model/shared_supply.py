@@ -27,6 +27,7 @@ from typing import Protocol
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.defects import Defects, wear_supply
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    filter_constants,
     pump_constants,
     supply_constants,
 )
@@ -40,7 +41,9 @@ from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.pump import swivel
 from hil_bench.plants.hydraulic_cylinder.model.supply import (
+    FilterConstants,
     SupplyConstants,
+    behind_filter,
     relief_flow,
     supply_compliance,
 )
@@ -55,6 +58,7 @@ COARSE = 0.5
 _supply_compliance: Callable[..., float] = unwrap(supply_compliance)
 _relief_flow: Callable[..., float] = unwrap(relief_flow)
 _swivel: Callable[..., float] = unwrap(swivel)
+_behind_filter: Callable[..., tuple[SupplyConstants, float]] = unwrap(behind_filter)
 
 _ROUNDS = 60
 _CLOSE = 10.0  # [Pa], a step of Newton's method after which it is off by 1e-5 Pa
@@ -82,6 +86,7 @@ class SharedSupply:
     Attributes:
         pressure: P_S [Pa]; what is written is where the unit goes on from.
         flow: that of the pump [m³/s].
+        drop: over the filter [Pa].
         work: what the pump has done on the oil so far [J].
         drawn: what each plant drew in the last `drive`, on average [m³/s].
     """
@@ -97,6 +102,7 @@ class SharedSupply:
         exchange: int,
     ) -> None:
         self.pressure, self._tank = pressure, tank
+        self.drop, self._viscosity = 0.0, 1.0
         self._unit, self._modulus = unit, modulus
         self._plants, self._shares = tuple(plants), tuple(shares)
         self._dt, self._exchange_steps = plants[0][0].dt, exchange
@@ -110,11 +116,19 @@ class SharedSupply:
 
     def wear(self, defects: Defects) -> None:
         """Let pump, relief valve and accumulator be worn; the plants' shares are not touched."""
+        self._worn = defects
         worn = wear_supply(self._unit, defects)
         line, flow, opens_at, *rest = supply_constants(worn, self._modulus)
         opens_at = max(opens_at - defects.relief_sag, 0.0)
         self._constants: SupplyConstants = (line, flow, opens_at, *rest)  # type: ignore[assignment]
         self._pump = pump_constants(worn)
+        resistance, bypass = filter_constants(worn)
+        self._element: FilterConstants = (resistance * self._viscosity, bypass)
+
+    def warm(self, viscosity: float) -> None:
+        """Go on with warmer or colder oil, of a kinematic viscosity over that of the unit."""
+        self._viscosity = viscosity
+        self.wear(self._worn)
 
     @property
     def sensed_pressure(self) -> float:
@@ -137,7 +151,8 @@ class SharedSupply:
         """Move the plants on with their shares, then let the shares meet."""
         time, P_S, constants = steps * self._dt, self.pressure, self._constants
         sensed = self.sensed_pressure if self._senses else 0.0
-        given = _swivel(self.flow, P_S, sensed, 0.5 * time, self._pump, constants)
+        at_pump = P_S + self.drop
+        given = _swivel(self.flow, at_pump, sensed, 0.5 * time, self._pump, constants)
         pumped = time * given
         if self._leakage:
             capacity = _supply_compliance(P_S, constants) + time * self._leakage
@@ -147,7 +162,11 @@ class SharedSupply:
         flows = [
             draw + share * spare for draw, share in zip(self._draws, self._shares, strict=True)
         ]
+        unit, _ = _behind_filter(P_S, given, constants, self._element)
         pressures = []
+        if self._element[0]:
+            for (plant, _), share in zip(self._plants, self._shares, strict=True):
+                plant.relieve(unit[2], share * unit[3])
         for (plant, mover), command, flow in zip(self._plants, commands, flows, strict=True):
             plant.feed(P_S, flow)
             mover.drive(command, steps)
@@ -156,12 +175,14 @@ class SharedSupply:
         met = meet(pressures, self._shares, constants)
         held = stored_oil(P_S, constants)
         for number, (share, pressure) in enumerate(zip(self._shares, pressures, strict=True)):
-            relieved = _relief_flow(0.5 * (P_S + pressure), constants)
+            relieved = _relief_flow(0.5 * (P_S + pressure), unit)
             gained = (stored_oil(pressure, constants) - held) / time
             self._draws[number] = flows[number] - share * (relieved + gained)
         sensed = self.sensed_pressure if self._senses else 0.0
-        self.flow = _swivel(self.flow, 0.5 * (P_S + met), sensed, time, self._pump, constants)
-        self.work += 0.5 * (P_S + met) * pumped
+        _, self.drop = _behind_filter(0.5 * (P_S + met), given, constants, self._element)
+        at_pump = 0.5 * (P_S + met) + self.drop
+        self.flow = _swivel(self.flow, at_pump, sensed, time, self._pump, constants)
+        self.work += at_pump * pumped
         self.pressure = met
 
     @property
@@ -229,6 +250,7 @@ def share_unit(unit: SupplyUnit, share: float, modulus: float, E: float) -> Supp
         line_volume=unit.line_volume * (share * (E / modulus)),
         accumulator_volume=unit.accumulator_volume * share,
         variable=None,
+        filter=None,
     )
 
 

@@ -10,7 +10,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
     edge_constants,
     land_constants,
 )
-from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion, MeteringLands
+from hil_bench.plants.hydraulic_cylinder.model.extensions import (
+    Cushion,
+    MeteringLands,
+    SupplyUnit,
+)
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.state import (
@@ -150,11 +154,13 @@ def _move(
 
     def lost(speed: float, *, fills: bool = True) -> float:
         behind = line_drop(outlet, p.rho, other * speed) * other
-        return behind + line_drop(inlet, p.rho, fed * speed) * fed if fills else behind
+        if not fills:
+            return behind
+        before = line_drop(inlet, p.rho, fed * speed) + _filter_drop(unit, fed * speed)
+        return behind + before * fed
 
     speed = _balance(parameters, drive, fed**3 / feeding**2 + other**3 / draining**2, lost)
-    margin = _margin(options)
-    held = feeding * math.sqrt(margin)
+    held = _held_flow(options, feeding)
     is_compensated = speed * fed > held
     speed = min(speed, held / fed)
     pump = math.inf if unit is None else unit.pump_flow
@@ -169,16 +175,35 @@ def _move(
         falls = partial(lost, fills=False)
         speed, P_1 = _balance(parameters, drive, other**3 / draining**2, falls), floor
         P_2 = p.P_T + (other * speed / draining) ** 2 + line_drop(outlet, p.rho, other * speed)
-        flow = min(feeding * math.sqrt(min(P_S - floor, margin)), pump)
+        flow = min(feeding * math.sqrt(P_S - floor), held, pump)
     P_A, P_B = (P_1, P_2) if extends else (P_2, P_1)
     return SteadyMotion(speed, P_A, P_B, flow, is_limited, is_compensated, is_cavitating)
 
 
-def _margin(options: PlantOptions) -> float:
-    """Return what compensator and load-sensing pump let drop over the edge that feeds [Pa]."""
-    margin = math.inf if options.compensator_margin is None else options.compensator_margin
-    pump = None if options.supply is None else options.supply.variable
-    return min(margin, pump.margin) if pump is not None and pump.senses_load else margin
+def _held_flow(options: PlantOptions, feeding: float) -> float:
+    """Return the flow at which compensator or load-sensing pump hold the feeding edge [m³/s].
+
+    The pump senses its own port: what drops over its filter is lost to the edge.
+
+    Args:
+        options: of the plant.
+        feeding: K z of the edge [m³/(s sqrt(Pa))].
+    """
+    margin, unit = options.compensator_margin, options.supply
+    held = math.inf if margin is None else feeding * math.sqrt(margin)
+    if unit is None or unit.variable is None or not unit.variable.senses_load:
+        return held
+    margin = unit.variable.margin
+    if unit.filter is None:
+        return min(held, feeding * math.sqrt(margin))
+    R = unit.filter.resistance
+    through = 2.0 * margin / (R + math.sqrt(R * R + 4.0 * margin / feeding**2))
+    past = feeding * math.sqrt(max(margin - unit.filter.bypass, 0.0))
+    return min(held, max(through, past))
+
+
+def _filter_drop(unit: SupplyUnit | None, flow: float) -> float:
+    return 0.0 if unit is None or unit.filter is None else unit.filter.drop(flow)
 
 
 def _conductances(

@@ -17,6 +17,10 @@ Gas volume and precharge are those of the empty accumulator, the precharge as ab
 """
 
 
+FilterConstants = tuple[float, float]
+"""(R [Pa s/m³], drop of the bypass [Pa]) of `model.filter`; 0 first: none."""
+
+
 @kernel
 def supply_compliance(P_S: float, supply: SupplyConstants) -> float:
     """Return the compliance C_S of line and accumulator at supply pressure P_S [m³/Pa].
@@ -36,3 +40,31 @@ def relief_flow(P_S: float, supply: SupplyConstants) -> float:
     """Return the flow through the relief valve [m³/s] at supply pressure P_S [Pa]."""
     above = P_S - supply[2]
     return supply[3] * above if above > 0.0 else 0.0
+
+
+@kernel
+def behind_filter(
+    P_S: float, flow: float, supply: SupplyConstants, element: FilterConstants
+) -> tuple[SupplyConstants, float]:
+    """Return the unit without a filter that charges its line as one with a filter, and D [Pa].
+
+    The pump is at P_S + D(Q) while Q flows into the line. So with the closed bypass the relief
+    valve acts on the line as one that opens at P_R - R Q_P and passes G / (1 + G R) for each
+    pressure above; with the open one it opens at P_R - P_by and passes G.
+
+    Args:
+        P_S: supply pressure in the line [Pa].
+        flow: Q_P of the pump [m³/s].
+        supply: the constants.
+        element: those of the filter.
+    """
+    line, _, opens_at, gradient, volume, precharge, n = supply
+    R, bypass = element
+    if R == 0.0:
+        return (line, flow, opens_at, gradient, volume, precharge, n), 0.0
+    early, softer = opens_at - R * flow, gradient / (1.0 + gradient * R)
+    above = P_S - early if P_S > early else 0.0
+    drop = R * (flow - softer * above)
+    if drop > bypass:
+        return (line, flow, opens_at - bypass, gradient, volume, precharge, n), bypass
+    return (line, flow, early, softer, volume, precharge, n), drop

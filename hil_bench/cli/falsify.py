@@ -1,6 +1,7 @@
 """`hil-bench falsify`: a search for what makes a requirement fail."""
 
 import argparse
+import logging
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -15,9 +16,12 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 
+logger = logging.getLogger(__name__)
+
 _EXAMPLES = """\
 The space is that of the scenario's parameters with a range. Each method gets the same number of
-runs. A failure is shrunk, and written as a scenario and as a pytest file.
+runs. A failure is shrunk, and written as a scenario and as a pytest file. After Ctrl-C the same
+command goes on where it was ended.
 
 exit code 1 where a requirement failed or a run crashed; 6 where none did, but a requirement was
 never exercised
@@ -101,10 +105,14 @@ def run(args: argparse.Namespace) -> int:
         total = args.runs * len(plan.methods)
         note = stack.enter_context(progress_bar(total, is_shown=shown))
         found = falsify(args.scenario, plan, backend, args.output, note)
+    if found.is_interrupted:
+        done = f"interrupted after {len(found.search.trials)} of {total} runs"
+        further = found.problem or "the same command goes on from there"
+        logger.warning("%s: %s; %s", args.scenario, done, further)
     if args.report:
         write_search_report(args.report, found)
     print_results(args, found.lines(), _content(found))
-    return _exit_code(found)
+    return ExitCode.INTERRUPTED if found.is_interrupted else _exit_code(found)
 
 
 def _exit_code(found: Falsification) -> ExitCode:
@@ -119,6 +127,7 @@ def _content(found: Falsification) -> dict[str, object]:
         "runs": {method.value: len(found.search.of(method)) for method in found.plan.methods},
         "requirements": [_find(each) for each in found.search.finds],
         "failures": [_failure(each) for each in found.failures],
+        "is_interrupted": found.is_interrupted,
     }
 
 

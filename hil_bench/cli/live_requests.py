@@ -1,5 +1,6 @@
 """The words of `hil-bench ctl` as requests: faults and settings with their units."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -55,12 +56,13 @@ def read_setting(word: str, hello: Mapping[str, Any]) -> LiveSetting:
         value = parse_value(text)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ConfigError(f"set {word}: {text} is not a number")
+        _check_finite(word, value)
         fields = {"axis": place, "quantity": quantity, "value": unit.to_si(value)}
         return LiveSetting("set_plant", fields)
     if place in {*hello["nodes"], *hello.get("ecus", {})}:
-        return LiveSetting(
-            "set_object", {"node": place, "name": name, "value": _object_value(text)}
-        )
+        held = _object_value(text)
+        _check_finite(word, held)
+        return LiveSetting("set_object", {"node": place, "name": name, "value": held})
     known = ", ".join([*hello["axes"], *hello["nodes"], *hello.get("ecus", {})])
     raise ConfigError(f'set {word}: there is no axis or node "{place}"; give one of {known}')
 
@@ -74,6 +76,16 @@ def _influence(axis: str, name: str, influences: Sequence[Mapping[str, Any]]) ->
         right = f"give {', '.join(known)}" if known else "nothing of its plant can be set"
         raise ConfigError(f"set {axis}.{name}: cannot be set; {right}")
     return known[name]
+
+
+def _check_finite(word: str, value: object) -> None:
+    """Refuse a number that is none.
+
+    Raises:
+        ConfigError: it is.
+    """
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"set {word}: {value:g} is not finite; give a number")
 
 
 def _object_value(text: str) -> object:

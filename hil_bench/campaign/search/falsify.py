@@ -1,6 +1,8 @@
 """From a scenario to its failures, each made small and written down; or to how sure one can be."""
 
+import shlex
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +11,7 @@ from hil_bench.campaign.executing import Note
 from hil_bench.campaign.plan import make_spec, no_range, own_case, space_of
 from hil_bench.campaign.pool import Backend
 from hil_bench.campaign.records import Case, RunResult
+from hil_bench.campaign.search.kept_runs import KeptRuns
 from hil_bench.campaign.search.records import (
     ALL_METHODS,
     Budget,
@@ -18,7 +21,7 @@ from hil_bench.campaign.search.records import (
     Trial,
 )
 from hil_bench.campaign.search.search import Searcher
-from hil_bench.campaign.search.shrink import Shrunk, Target, shrink
+from hil_bench.campaign.search.shrink import Run, Shrunk, Target, as_found, shrink
 from hil_bench.campaign.search.writing import Files, load_failure, write_failure
 from hil_bench.campaign.summary import show_point
 from hil_bench.errors import ConfigError
@@ -52,12 +55,14 @@ class Failure(NamedTuple):
         trial: that showed it.
         shrunk: the same, small; None where it did not fail again.
         files: where it stands; None where it was not written.
+        problem: why it was not written.
     """
 
     target: Target
     trial: Trial
     shrunk: Shrunk | None
     files: Files | None
+    problem: str = ""
 
 
 class Falsification(NamedTuple):
@@ -68,12 +73,16 @@ class Falsification(NamedTuple):
         plan: how.
         search: what it found.
         failures: the failures, small.
+        is_interrupted: whether Ctrl-C or a signal ended it.
+        problem: why its runs are not kept; empty where they are, or need not be.
     """
 
     case: Case
     plan: SearchPlan
     search: SearchResult
     failures: tuple[Failure, ...]
+    is_interrupted: bool
+    problem: str
 
     def lines(self) -> Iterator[str]:
         """Yield what was found, for people."""
@@ -99,15 +108,18 @@ class Falsification(NamedTuple):
 
 
 def falsify(
-    path: Path, plan: SearchPlan, backend: Backend, folder: Path | None, note: Note
+    path: Path, plan: SearchPlan, backend: Backend, folder: Path, note: Note
 ) -> Falsification:
     """Search a scenario for failures.
+
+    A KeyboardInterrupt ends the search. What was found until then is returned, and written where it
+    is a failure; the runs are kept in the folder, and the same search goes on from there.
 
     Args:
         path: of the scenario.
         plan: how to search.
         backend: does the runs.
-        folder: where failures go; None for nowhere, and then they are not made small.
+        folder: where failures go, made small.
         note: is told of each result of the search.
 
     Raises:
@@ -118,16 +130,24 @@ def falsify(
     if not space:
         raise ConfigError(no_range(scenario))
     case = own_case(scenario)
-    searcher = Searcher(case, space, backend, plan.timeout, note)
+    kept = KeptRuns(backend, folder, case)
+    searcher = Searcher(case, space, kept, plan.timeout, note)
     found = searcher.search(
         plan.methods, plan.budget, plan.seed, ends_at_failure=plan.ends_at_failure
     )
-    failures = tuple(
-        _failure(scenario, target, trial, plan, backend, folder)
-        for target, trial in _to_shrink(found)
-        if folder is not None
-    )
-    return Falsification(case, plan, found, failures)
+    failures: list[Failure] = []
+    is_interrupted = found.is_interrupted
+    for target, trial in _to_shrink(found):
+        if is_interrupted:
+            shrunk: Shrunk | None = as_found(scenario, trial, target)
+        else:
+            shrunk = shrink(scenario, trial, target, partial(_play, kept, plan.timeout))
+            is_interrupted = shrunk is not None and shrunk.is_interrupted
+        failures.append(_write(target, trial, shrunk, folder))
+        if not is_interrupted:
+            is_interrupted = not _check(failures[-1], partial(_play, backend, plan.timeout))
+    problem = kept.keep() if is_interrupted else kept.drop()
+    return Falsification(case, plan, found, tuple(failures), is_interrupted, problem)
 
 
 def _to_shrink(found: SearchResult) -> Iterator[tuple[Target, Trial]]:
@@ -138,27 +158,39 @@ def _to_shrink(found: SearchResult) -> Iterator[tuple[Target, Trial]]:
             yield Target(find.id), find.worst
 
 
-def _failure(
-    scenario: Scenario,
-    target: Target,
-    trial: Trial,
-    plan: SearchPlan,
-    backend: Backend,
-    folder: Path | None,
-) -> Failure:
-    def run(candidate: Scenario) -> RunResult:
-        spec = make_spec(own_case(candidate), {}, {}, None, plan.timeout)
-        (result,) = backend([spec])
-        return result
+def _play(backend: Backend, timeout: float, scenario: Scenario) -> RunResult:
+    """Return what comes of a scenario with the values of its file."""
+    (result,) = backend([make_spec(own_case(scenario), {}, {}, None, timeout)])
+    return result
 
-    shrunk = shrink(scenario, trial.point, target, run)
-    if shrunk is None or folder is None:
-        return Failure(target, trial, shrunk, None)
-    files = write_failure(shrunk, target, folder, (trial.method, trial.number))
-    again = run(load_failure(files))
-    if again.verdicts != shrunk.result.verdicts or again.outcome is not shrunk.result.outcome:
-        raise ConfigError(f"{files.scenario}: does not fail as it did; is the controller random?")
+
+def _write(target: Target, trial: Trial, shrunk: Shrunk | None, folder: Path) -> Failure:
+    """Return a failure with its files; what cannot be written is said of it, and no error."""
+    if shrunk is None:
+        return Failure(target, trial, None, None)
+    try:
+        files = write_failure(shrunk, target, folder, (trial.method, trial.number))
+    except ConfigError as error:
+        return Failure(target, trial, shrunk, None, str(error))
     return Failure(target, trial, shrunk, files)
+
+
+def _check(failure: Failure, run: Run) -> bool:
+    """Return whether a failure was played again from its file; False where that was interrupted.
+
+    Raises:
+        ConfigError: it does not fail as it did.
+    """
+    if failure.files is None or failure.shrunk is None:
+        return True
+    try:
+        again, before = run(load_failure(failure.files)), failure.shrunk.result
+    except KeyboardInterrupt:
+        return False
+    if again.verdicts != before.verdicts or again.outcome is not before.outcome:
+        right = "is the controller random?"
+        raise ConfigError(f"{failure.files.scenario}: does not fail as it did; {right}")
+    return True
 
 
 def _reason(find: Find) -> str:
@@ -173,8 +205,12 @@ def _failure_lines(failure: Failure) -> Iterator[str]:
         yield f"{failure.trial.result.outcome}: {failure.trial.result.problem.splitlines()[0]}"
     if failure.shrunk is None:
         yield f"  {name}: did not fail by itself again; is the controller random?"
-    elif failure.files is not None:
-        small = failure.shrunk.scenario
-        size = f"{small.duration:g} s, {len(small.steps)} steps"
-        yield f"  {name}: shrunk in {failure.shrunk.runs} runs to {size}"
-        yield f"  repeat it: hil-bench test {failure.files.scenario}"
+        return
+    small = failure.shrunk.scenario
+    size = f"{small.duration:g} s, {len(small.steps)} steps"
+    so_far = ", and interrupted" if failure.shrunk.is_interrupted else ""
+    yield f"  {name}: shrunk in {failure.shrunk.runs} runs to {size}{so_far}"
+    if failure.files is not None:
+        yield f"  repeat it: hil-bench test {shlex.quote(str(failure.files.scenario))}"
+    else:
+        yield f"  not written: {failure.problem}"

@@ -85,11 +85,13 @@ class SearchResult:
         trials: in their order.
         finds: of each requirement, in the order of the file.
         has_ended_early: whether a method has done fewer runs than it had: by time, or by failures.
+        is_interrupted: whether Ctrl-C or a signal ended it.
     """
 
     trials: tuple[Trial, ...]
     finds: tuple[Find, ...]
     has_ended_early: bool
+    is_interrupted: bool = False
 
     @property
     def crashes(self) -> tuple[Trial, ...]:

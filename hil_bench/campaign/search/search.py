@@ -39,7 +39,7 @@ class Searcher:
     def search(
         self, methods: Sequence[Method], budget: Budget, seed: int, *, ends_at_failure: bool = False
     ) -> SearchResult:
-        """Return what all methods find.
+        """Return what all methods find; what they have found so far, where they are interrupted.
 
         Args:
             methods: one after the other.
@@ -49,17 +49,20 @@ class Searcher:
         """
         until = monotonic() + 60.0 * budget.minutes if budget.minutes else float("inf")
         trials: list[Trial] = []
-        has_ended_early = False
-        for number, method in enumerate(methods):
-            share = (until - monotonic()) / (len(methods) - number)
-            before = len(trials)
-            for trial in self.trials(method, budget.runs, seed, monotonic() + share):
-                trials.append(trial)
-                if ends_at_failure and self._all_failed(trials[before:]):
-                    break
-            has_ended_early |= len(trials) - before < budget.runs
+        has_ended_early = is_interrupted = False
+        try:
+            for number, method in enumerate(methods):
+                share = (until - monotonic()) / (len(methods) - number)
+                before = len(trials)
+                for trial in self.trials(method, budget.runs, seed, monotonic() + share):
+                    trials.append(trial)
+                    if ends_at_failure and self._all_failed(trials[before:]):
+                        break
+                has_ended_early |= len(trials) - before < budget.runs
+        except KeyboardInterrupt:
+            has_ended_early = is_interrupted = True
         finds = tuple(_find(each, trials) for each in self._requirements)
-        return SearchResult(tuple(trials), finds, has_ended_early)
+        return SearchResult(tuple(trials), finds, has_ended_early, is_interrupted)
 
     def run(self, points: Sequence[Point]) -> list[RunResult]:
         """Return what comes of some points, in their order."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.sampling import Point
+from hil_bench.campaign.search.records import Trial
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.places import LocatedProblems
 from hil_bench.scenario.reading import read_scenario
@@ -46,35 +47,59 @@ class Shrunk(NamedTuple):
         scenario: which fails with the values of its file.
         result: what comes of it.
         runs: how many the shrinking took.
+        is_interrupted: whether it might become smaller.
     """
 
     scenario: Scenario
     result: RunResult
     runs: int
+    is_interrupted: bool = False
 
 
-def shrink(scenario: Scenario, point: Point, target: Target, run: Run) -> Shrunk | None:
+def shrink(scenario: Scenario, trial: Trial, target: Target, run: Run) -> Shrunk | None:
     """Return a failure made small; None where it does not fail by itself again.
+
+    A KeyboardInterrupt ends it: the failure is then as small as it has become.
 
     Args:
         scenario: with the values that are usual.
-        point: values for which it fails.
+        trial: that showed the failure.
         target: what fails.
         run: plays a candidate.
     """
     shrinker = _Shrinker(scenario, target, run)
-    if not shrinker.begin(point):
-        return None
-    for part in (
-        shrinker.drop_steps,
-        shrinker.make_usual,
-        shrinker.shorten,
-        shrinker.make_smaller,
-        shrinker.round_numbers,
-        shrinker.drop_steps,
-    ):
-        part()
+    try:
+        if not shrinker.begin(trial.point):
+            return None
+        for part in (
+            shrinker.drop_steps,
+            shrinker.make_usual,
+            shrinker.shorten,
+            shrinker.make_smaller,
+            shrinker.round_numbers,
+            shrinker.drop_steps,
+        ):
+            part()
+    except KeyboardInterrupt:
+        found = shrinker.found
+        return (
+            as_found(scenario, trial, target)
+            if found is None
+            else found._replace(is_interrupted=True)
+        )
     return shrinker.found
+
+
+def as_found(scenario: Scenario, trial: Trial, target: Target) -> Shrunk:
+    """Return a failure as the search has found it, for which nothing need be run.
+
+    Args:
+        scenario: with the values that are usual.
+        trial: that showed the failure.
+        target: what fails.
+    """
+    failing = _tidied(_alone(_at(scenario, trial.point), target))
+    return Shrunk(failing, trial.result, 0, is_interrupted=True)
 
 
 class _Shrinker:
@@ -95,14 +120,8 @@ class _Shrinker:
 
     def begin(self, point: Point) -> bool:
         """Take the values of the failure, and no other requirement; return whether it fails."""
-        parameters = tuple(
-            replace(each, value=point.get(each.name, each.value), span=None)
-            for each in self._scenario.parameters
-        )
-        plain = replace(self._scenario, parameters=parameters)
-        wanted = tuple(each for each in plain.expectations if each.id == self._target.requirement)
-        alone = replace(plain, expectations=wanted) if wanted else plain
-        return self._try(_tidied(alone)) or self._try(plain)
+        plain = _at(self._scenario, point)
+        return self._try(_tidied(_alone(plain, self._target))) or self._try(plain)
 
     def drop_steps(self) -> None:
         """Leave steps out, the last first."""
@@ -207,6 +226,21 @@ def _rounder(value: float) -> Iterator[float]:
         if digits > 1:  # the neighbours away from the value: one of them may fail where it does not
             unit = 10.0 ** (math.floor(math.log10(abs(value))) - digits + 1) if value else 0.0
             yield from (round_to(rounded + unit, digits), round_to(rounded - unit, digits))
+
+
+def _at(scenario: Scenario, point: Point) -> Scenario:
+    """Return a scenario with the values of a point, which nothing varies."""
+    parameters = tuple(
+        replace(each, value=point.get(each.name, each.value), span=None)
+        for each in scenario.parameters
+    )
+    return replace(scenario, parameters=parameters)
+
+
+def _alone(scenario: Scenario, target: Target) -> Scenario:
+    """Return a scenario without other requirements."""
+    wanted = tuple(each for each in scenario.expectations if each.id == target.requirement)
+    return replace(scenario, expectations=wanted) if wanted else scenario
 
 
 def _as_read(scenario: Scenario) -> Scenario:

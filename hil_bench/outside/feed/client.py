@@ -83,8 +83,11 @@ class FeedClient:
         number = next(self._numbers)
         try:
             line = encode({"id": number, "do": action, **fields})
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"{action}: {error}; give finite numbers and texts") from None
+        except (TypeError, ValueError):
+            sent = ", ".join(f"{name} = {value}" for name, value in fields.items())
+            raise ConfigError(
+                printable(f"{action}: {sent}: give finite numbers and texts")
+            ) from None
         self._send(line)
         timeout = max(self._timeout, PATIENCE.get(action, 0.0))
         deadline = self._clock() + timeout

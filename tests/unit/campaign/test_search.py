@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from hil_bench.campaign.search.falsify import SearchPlan, falsify
 from hil_bench.campaign.search.methods import Evolution, build_search
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
 from hil_bench.campaign.search.shrink import round_to
+from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import play, prepare
 
@@ -185,3 +187,80 @@ def test_the_command_line_says_where_the_failure_stands(tmp_path, capsys, monkey
     repeat = capsys.readouterr().out.rpartition("repeat it: ")[2]
     assert cli.main(repeat.split()[1:]) == 1
     assert "R-1  failed" in capsys.readouterr().out
+
+
+class Interrupted:
+    """Does some runs, and then somebody presses Ctrl-C."""
+
+    def __init__(self, runs):
+        self.left = runs
+
+    def __call__(self, specs):
+        for spec in specs:
+            if not self.left:
+                raise KeyboardInterrupt
+            self.left -= 1
+            yield perform_here([spec]).__next__()
+
+
+# P_A is 48 bar at rest: all runs fail.
+WIDE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 30.0, range = [1.0, 40.0]")
+
+
+def falsify_here(path, folder, backend, runs=6):
+    plan = SearchPlan((Method.RANDOM, Method.SOBOL), Budget(runs), seed=1)
+    return falsify(path, plan, backend, folder, lambda _result: None)
+
+
+def test_an_interrupted_search_says_what_it_found_and_goes_on(tmp_path):
+    path, out = write_rest(tmp_path, WIDE), tmp_path / "out"
+    first = falsify_here(path, out, Interrupted(9))
+    assert first.is_interrupted
+    # A whole batch is told at once: that of sobol, the 7th run to the 12th, was not complete.
+    assert len(first.search.trials) == 6
+    (failure,) = first.failures
+    assert failure.shrunk.is_interrupted
+    assert load_scenario(failure.files.scenario).duration == load_scenario(path).duration
+    assert "R-1: shrunk in 0 runs to 0.01 s, 1 steps, and interrupted" in "\n".join(first.lines())
+    # The other three of sobol's are to be done, and the shrinking, which is interrupted.
+    second = falsify_here(path, out, Interrupted(5))
+    assert second.is_interrupted
+    assert len(second.search.trials) == 12
+    assert second.failures[0].shrunk.runs == 2
+    whole = falsify_here(path, out, perform_here)
+    fresh = falsify_here(path, tmp_path / "other", perform_here)
+    assert (whole.search, whole.is_interrupted) == (fresh.search, False)
+    assert whole.failures[0].shrunk == fresh.failures[0].shrunk
+    names = sorted(each.name for each in out.iterdir())
+    assert names == ["rest_r_1.scenario.toml", "test_rest_r_1.py"]
+
+
+def test_a_failure_that_cannot_be_written_is_said_all_the_same(tmp_path, capsys):
+    path = write_rest(tmp_path, WIDE)
+    (tmp_path / "out").write_text("a file, where a folder should be")
+    words = ["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]
+    assert cli.main([*words, f"--output={tmp_path / 'out'}"]) == 1
+    out = capsys.readouterr().out
+    assert "R-1: fails at" in out
+    assert f"not written: {tmp_path / 'out'}" in out
+
+
+def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(
+        "hil_bench.cli.falsify.local_backend", lambda _: nullcontext(Interrupted(2))
+    )
+    path = write_rest(tmp_path, WIDE)
+    words = ["falsify", str(path), "--runs=2", f"--output={tmp_path / 'out'}"]
+    assert cli.main(words) == 130
+    said = capsys.readouterr()
+    assert "interrupted after 2 of 6 runs; the same command goes on from there" in said.err
+    assert "R-1: fails at" in said.out
+    monkeypatch.setattr("hil_bench.campaign.search.kept_runs.Store.write", refuse)
+    assert cli.main([*words, "--seed=3"]) == 130
+    said = capsys.readouterr()
+    assert "interrupted after 2 of 6 runs; out: cannot be written: No space left" in said.err
+    assert "R-1: fails at" in said.out
+
+
+def refuse(_self, _results):
+    raise ConfigError("out: cannot be written: No space left")

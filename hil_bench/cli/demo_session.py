@@ -14,6 +14,7 @@ import numpy as np
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.demo_sensors import SensorBus, Sensors, canopen_sensors, modbus_sensors
+from hil_bench.cli.demo_tuning import demo_profile, tuned_parameters
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.snapshot import Snapshot
@@ -23,7 +24,6 @@ from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_ga
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
-from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.quantities import (
     POSITION,
     PRESSURE_A,
@@ -33,7 +33,6 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import (
-    ControllerParameters,
     CycleRecord,
     DriverError,
     MotionProfile,
@@ -118,7 +117,7 @@ class DemoSession:
         )
         self._setpoint_at: Callable[[float], float] = no_setpoint
         self._cycle: CycleRecord | None = None
-        self._parameters = require_cylinder(config.first_axis, "the demo").parameters
+        self._axis = require_cylinder(config.first_axis, "the demo")
         setpoint = Channel(f"{config.first_axis.name}.position_setpoint", "m")
         self.bench = VirtualBench(
             config,
@@ -182,7 +181,7 @@ class DemoSession:
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
         position = self.bench.bench.axes[0].plant.output[POSITION.output or 0]
-        profile = demo_profile(position, self._parameters.h)
+        profile = demo_profile(position, self._axis)
         cycles = 0
         with self._ready_loop(network) as loop:
             start, wall_start = network.now(), time.perf_counter()
@@ -229,7 +228,7 @@ class DemoSession:
                 valve=valve,
                 position=sensors.position,
                 pressures=sensors.pressures,
-                controller=PositionController(tuned_parameters(self._parameters)),
+                controller=PositionController(tuned_parameters(self._axis)),
                 period=CYCLE,
             )
 
@@ -256,29 +255,3 @@ def tracking_error(recording: Recording, axis: str) -> TrackingError:
     if not error.size:
         return TrackingError(math.nan, math.nan)
     return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))))
-
-
-def demo_profile(start: float, half_stroke: float) -> MotionProfile:
-    """Return moves of different lengths within half of the stroke, for ever.
-
-    Args:
-        start: where the piston is [m].
-        half_stroke: h [m].
-    """
-    waypoints = [share * half_stroke for share in (0.4, -0.3, 0.1, 0.5, 0.0)]
-    return MotionProfile(start, waypoints, speed=0.15, acceleration=1.5, dwell=0.4, repeat=True)
-
-
-def tuned_parameters(parameters: PlantParameters) -> ControllerParameters:
-    """Return a controller that fits valve and cylinder.
-
-    The speed at full opening is that of the reduced model without load, eqs. (14), (16); the gain
-    is a fifth of where the hydraulic mode becomes unstable, 2 ζ ω_c = σ / m, eqs. (18) to (20).
-    """
-    drop = 0.5 * (parameters.P_S - parameters.P_T)
-    full_flow = parameters.alpha * parameters.K * drop**0.5
-    return ControllerParameters(
-        position_gain=0.2 * parameters.sigma / parameters.m,
-        full_speed=full_flow / parameters.mean_area,
-        dead_zone=parameters.beta / parameters.full_opening,
-    )

@@ -28,6 +28,7 @@ from hil_drivers.errors import (
     RequestRefusedError,
     SdoAbortError,
     StaleValueError,
+    TransferAbortedError,
 )
 from hil_drivers.interfaces import Reading
 from hil_drivers.motion_profile import MotionProfile
@@ -76,5 +77,6 @@ __all__ = [
     "SdoAbortError",
     "StaleValueError",
     "TemperatureSensor",
+    "TransferAbortedError",
     "ValveState",
 ]

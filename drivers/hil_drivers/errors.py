@@ -12,6 +12,7 @@ Each error is also the builtin that it is, where there is one, so that a caller 
      ├── SdoAbortError                       the device refused an access, and said why
      ├── ModbusExceptionError                the same on Modbus
      ├── RequestRefusedError                 the same on J1939
+     ├── TransferAbortedError                a long J1939 message was ended before its end
      ├── AddressClaimError                   we have no address on J1939, or lost it
      ├── ProgramError                        a device says that a program is wrong
      ├── RemoteProtocolError                 the device broke the protocol
@@ -105,6 +106,18 @@ class ModbusExceptionError(DriverError):
 
 class RequestRefusedError(DriverError):
     """A J1939 device refused a request for a parameter group."""
+
+
+class TransferAbortedError(DriverError):
+    """A J1939 message of more than eight bytes was ended by the device, or for what it answered.
+
+    Attributes:
+        reason: of the abort (SAE J1939-21, connection abort reasons).
+    """
+
+    def __init__(self, what: str, reason: int) -> None:
+        super().__init__(what)
+        self.reason = int(reason)
 
 
 class AddressClaimError(DriverError):

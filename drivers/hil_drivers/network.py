@@ -39,6 +39,8 @@ BACKLOG = 256
 _NMT_START, _NMT_STOP, _NMT_PRE_OPERATIONAL = 1, 2, 128
 _NMT_RESET_NODE, _NMT_RESET_COMMUNICATION = 129, 130
 _SYNC_COB_ID = 0x80
+_BUS_OFF = 0x40
+"""Class of SocketCAN's error frames (linux/can/error.h)."""
 
 
 @dataclass(slots=True)
@@ -86,6 +88,8 @@ class Network:
         heartbeat_state: NMT state that they tell.
         take_extended: takes frames with a 29-bit identifier and their time of reception [s]; None
             counts them as ignored. `hil_drivers.j1939` puts itself here.
+        returns: how often the bus came back: a frame came after it could not send or receive, or
+            after the adapter had reported bus-off.
         observe: told each frame, received (its `is_rx` says so) or sent; None for nobody.
     """
 
@@ -95,6 +99,7 @@ class Network:
         self.nodes: dict[int, Node] = {}
         self.heartbeat_node_id: int | None = None
         self.heartbeat_state = NmtState.OPERATIONAL
+        self.returns = 0
         self.observe: Callable[[can.Message], None] | None = None
         self.take_extended: Callable[[can.Message, float], bool] | None = None
         self._clock = clock
@@ -104,6 +109,7 @@ class Network:
         self._sync = can.Message(arbitration_id=_SYNC_COB_ID, is_extended_id=False)
         self._heartbeat_period = 0.0
         self._heartbeat_due = 0.0
+        self._is_lost = False
 
     def __enter__(self) -> Self:
         return self
@@ -308,6 +314,7 @@ class Network:
 
     def _lost(self, verb: str, error: Exception) -> BusLostError:
         # Some interfaces put a traceback into their message: its first line says what happened.
+        self._is_lost = True
         reason = (str(error).splitlines() or [type(error).__name__])[0].strip()
         return BusLostError(f"cannot {verb} on {self.bus.channel_info}: {reason}")
 
@@ -338,6 +345,11 @@ class Network:
         counters.received += 1
         if self.observe is not None:
             self.observe(message)
+        if message.is_error_frame and message.arbitration_id & _BUS_OFF:
+            self._is_lost = True
+        elif self._is_lost:
+            self._is_lost = False
+            self.returns += 1
         if message.is_remote_frame or message.is_error_frame or message.is_fd:
             counters.ignored += 1
             return

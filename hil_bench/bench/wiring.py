@@ -262,8 +262,10 @@ class Wiring:
         shaken, self._shaken = self._shaken, []
         for plug in shaken:
             for event in plug.events:
-                if isinstance(plug.node, Node):  # J1939 has no message for it
+                if isinstance(plug.node, Node):
                     plug.node.take_can_event(event)
+                elif event is CanEvent.RECOVERED:  # J1939 has no message for it
+                    plug.node.rejoin(self.now)
             plug.events.clear()
 
     def sender(self, node: Device) -> Emit | None:

@@ -90,6 +90,35 @@ def test_bus_off_silences_one_device_alone(bench):
     assert frames_of(bench, JOYSTICK, since=begin + 0.32)
 
 
+def test_an_address_is_claimed_again_after_bus_off(bench):
+    """Nobody could hear who claimed it meanwhile."""
+    claims = 0x18EEFF13
+    before = len(frames_of(bench, claims))
+    with bench.faults.bus_off("joystick"):
+        bench.run(0.3)
+        assert len(frames_of(bench, claims)) == before
+    back = bench.now()
+    bench.run(0.1)
+
+    (again,) = frames_of(bench, claims)[before:]
+    # 128 times 11 bits of 8 us are 11.3 ms; then a tick, and behind its 15 messages that have
+    # waited and those of the others, each of 160 bits at most.
+    assert 0.0113 < again.now * 1e-9 - back < 0.0113 + 0.001 + 20 * 160 * BIT * 1e-9
+    assert bench.ecus["joystick"].address == 19
+
+
+def test_a_device_whose_address_was_taken_meanwhile_takes_another(bench):
+    """Address 128 is one of those that a device claims and waits for contention."""
+    with bench.faults.bus_off("valve"):
+        bench.run(0.1)
+    bench.run(0.05)  # it has claimed 128 again, and waits
+    smaller = can.Message(arbitration_id=0x18EEFF80, data=bytes(8), is_extended_id=True)
+    bench.bus.send(smaller)
+    bench.run(0.4)
+
+    assert bench.ecus["valve"].address == 129
+
+
 def test_bit_errors_count_for_the_sender(bench):
     with bench.faults.bit_error("sensors", 0.2):
         bench.run(2.0)

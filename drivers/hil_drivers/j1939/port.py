@@ -1,11 +1,17 @@
 """A controller's end of J1939 on the bus of a `Network`: address, requests, messages."""
 
+import contextlib
 from collections.abc import Callable, Mapping
 from typing import Final
 
 import can
 
-from hil_drivers.errors import AddressClaimError, DriverTimeoutError, RequestRefusedError
+from hil_drivers.errors import (
+    AddressClaimError,
+    BusLostError,
+    DriverTimeoutError,
+    RequestRefusedError,
+)
 from hil_drivers.j1939.address_claim import CONTENTION, AddressClaim, ClaimState
 from hil_drivers.j1939.identifier import (
     ACKNOWLEDGEMENT,
@@ -19,7 +25,8 @@ from hil_drivers.j1939.identifier import (
     split,
 )
 from hil_drivers.j1939.name import Name
-from hil_drivers.j1939.transport import Transport
+from hil_drivers.j1939.reception import Reception
+from hil_drivers.j1939.transmission import Transmission
 from hil_drivers.network import Network
 
 Take = Callable[[int, bytes, float], bool]
@@ -35,7 +42,7 @@ class J1939Port:
     """Our address on J1939, and all that is sent from it or comes to it.
 
     It receives and answers while the caller waits in its network, as CANopen devices on the same
-    bus do.
+    bus do. Where the bus was lost and is back, it claims its address again.
 
     Args:
         network: of the bus.
@@ -45,7 +52,7 @@ class J1939Port:
     Attributes:
         network: as passed in.
         name: as passed in.
-        transport: the long messages that come.
+        reception: the long messages that come.
 
     Raises:
         ValueError: the address or a field of the NAME is out of range, or there is a port already.
@@ -57,7 +64,8 @@ class J1939Port:
         if network.take_extended is not None:
             raise ValueError("the network has a J1939 port already; one is enough")
         self.network, self.name = network, name
-        self.transport = Transport(self._control, self._deliver)
+        self.reception = Reception(self._control, self._deliver)
+        self._transmission = Transmission(self._control, self._packet)
         self._claim = AddressClaim(name, address, self._say_address)
         self._takers: dict[int, list[Take]] = {}
         self._services: Mapping[int, Callable[[int, bytes], bool]] = {
@@ -65,6 +73,7 @@ class J1939Port:
             ACKNOWLEDGEMENT: self._take_acknowledgement,
         }
         self._refused: dict[tuple[int, int], str] = {}
+        self._returns = network.returns
         network.take_extended = self._take
         network.add_service(self._serve)
 
@@ -100,17 +109,40 @@ class J1939Port:
             takers.append(take)
 
     def send(
-        self, group: int, data: bytes, destination: int = GLOBAL, priority: int = USUAL_PRIORITY
+        self,
+        group: int,
+        data: bytes,
+        destination: int = GLOBAL,
+        priority: int = USUAL_PRIORITY,
+        *,
+        timeout: float = 30.0,
     ) -> None:
-        """Send a message of up to eight bytes; an `AddressClaimError` says that we have no address.
+        """Send a message of up to 1785 bytes; an `AddressClaimError` says that we have no address.
 
-        Raises:
-            ValueError: it is longer.
+        One of more than eight bytes goes by the transport protocol: to a device by RTS and CTS, to
+        all by BAM, which takes 50 ms for seven bytes. The caller waits in the network until it has
+        arrived, or has gone to all. A `TransferAbortedError` says that it was ended before, a
+        `DriverTimeoutError` that the device does not answer or the time is over.
+
+        Args:
+            group: its PGN.
+            data: of the message.
+            destination: address of the receiver.
+            priority: of its frame; a long message has that of the transport protocol.
+            timeout: longest time of a long message [s].
         """
-        if len(data) > 8:
-            raise ValueError(f"{len(data)} bytes: up to 8 can be sent")
         self._check()
-        self._put(priority, group, destination, data)
+        if len(data) <= 8:
+            self._put(priority, group, destination, data)
+            return
+        transfer = self._transmission.begin(group, data, destination, self.network.now())
+        try:
+            self.network.wait_for(lambda: transfer.is_over, timeout)
+        finally:
+            with contextlib.suppress(BusLostError):
+                self._transmission.give_up(transfer, timeout)
+        if transfer.error is not None:
+            raise transfer.error
 
     def request(self, group: int, address: int, *, timeout: float = 1.25) -> bytes:
         """Ask a device for a parameter group, and return its data.
@@ -155,7 +187,19 @@ class J1939Port:
             raise AddressClaimError(f"J1939 address: {why}")
 
     def _serve(self, now: float) -> float:
-        return min(self._claim.serve(now), self.transport.serve(now))
+        if self.network.returns != self._returns:
+            self._returns = self.network.returns
+            self._claim_again(now)
+        due = self._claim.serve(now)
+        if self._transmission.is_busy and self.state is not ClaimState.CLAIMED:
+            self._transmission.forget(_without_address)
+        return min(due, self.reception.serve(now), self._transmission.serve(now))
+
+    def _claim_again(self, now: float) -> None:
+        """Claim our address again after the bus was lost: another device may have taken it."""
+        if self.state in {ClaimState.CLAIMING, ClaimState.CLAIMED}:
+            self.reception.forget()
+            self._claim.begin(now)
 
     def _take(self, message: can.Message, now: float) -> bool:
         group, source, destination = split(message.arbitration_id)
@@ -167,10 +211,15 @@ class J1939Port:
         if group in self._services:
             return self._services[group](source, data)
         if group == TRANSPORT_CONTROL:
-            return self.transport.take_control(source, destination, data, now)
+            return self._take_control(source, destination, data, now)
         if group == TRANSPORT_DATA:
-            return self.transport.take_packet(source, destination, data, now)
+            return self.reception.take_packet(source, destination, data, now)
         return self._tell(group, source, data)
+
+    def _take_control(self, source: int, destination: int, data: bytes, now: float) -> bool:
+        if destination != GLOBAL and not self._transmission.take_control(source, data, now):
+            return False
+        return self.reception.take_control(source, destination, data, now)
 
     def _take_request(self, _source: int, data: bytes) -> bool:
         if len(data) < 3:
@@ -204,5 +253,12 @@ class J1939Port:
     def _control(self, destination: int, data: bytes) -> None:
         self._put(_TRANSPORT_PRIORITY, TRANSPORT_CONTROL, destination, data)
 
+    def _packet(self, destination: int, data: bytes) -> None:
+        self._put(_TRANSPORT_PRIORITY, TRANSPORT_DATA, destination, data)
+
     def _put(self, priority: int, group: int, destination: int, data: bytes) -> None:
         self.network.send_extended(join(priority, group, self.address, destination), data)
+
+
+def _without_address(transfer: str) -> AddressClaimError:
+    return AddressClaimError(f"{transfer}: our address is claimed no more")

@@ -61,6 +61,11 @@ class AddressClaim:
         self._taken.clear()
         self._begin(self._preferred, now)
 
+    def resume(self, now: int) -> None:
+        """Claim the last address again at `now` [ns], or the preferred one where there is none."""
+        if self.state is not ClaimState.OFF:
+            self._begin(self._preferred if self.address == NULL else self.address, now)
+
     def stop(self) -> None:
         """Have no address any more, and say nothing."""
         self.state, self.address, self.due = ClaimState.OFF, NULL, NEVER

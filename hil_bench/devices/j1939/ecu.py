@@ -132,6 +132,13 @@ class Ecu:
         self.claim.start(now)
         self._schedule(now)
 
+    def rejoin(self, now: int) -> None:
+        """Take part again at `now` [ns] after bus-off: nobody knows who has its address by now."""
+        self._now = now
+        self.transport.reset()
+        self._out.clear()
+        self.claim.resume(now)
+
     def stop(self) -> None:
         """Power off: forget everything, and say nothing."""
         self.claim.stop()

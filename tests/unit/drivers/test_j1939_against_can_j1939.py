@@ -53,6 +53,7 @@ class Device(j1939.ControllerApplication):
         )
         super().__init__(name, THEIRS)
         self.commands = []
+        self.long = []
 
     def join(self, theirs):
         theirs.add_ca(controller_application=self)
@@ -63,6 +64,8 @@ class Device(j1939.ControllerApplication):
     def _hear(self, _priority, group, source, _time, data):
         if group == 0xFE30:
             self.commands.append((source, bytes(data)))
+        elif len(data) > 8:
+            self.long.append((group, source, bytes(data)))
 
     def _answer(self, _source, _destination, group):
         if group == 0xFEEB:
@@ -136,6 +139,22 @@ def test_their_flow_is_read(bus, port, valve):
 
 def test_their_long_answer_comes_by_transport(valve):
     assert valve.component() == ("ACME", "VALVE 3", "000123", "7")
+
+
+@pytest.mark.parametrize("size", [9, 100, 1785])
+def test_our_long_message_reaches_them(bus, port, size):
+    data = bytes(number % 253 for number in range(size))
+    port.send(0xEF00, data, THEIRS)
+
+    assert bus.device.long == [(0xEF00, OURS, data)]
+
+
+def test_our_message_to_all_reaches_them(bus, port):
+    data = bytes(range(40))
+    port.send(0xFF40, data)
+    port.network.pump(0.1)
+
+    assert bus.device.long == [(0xFF40, OURS, data)]
 
 
 def test_their_trouble_codes_are_read(bus, port, valve):

@@ -5,18 +5,21 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from hil_drivers.j1939.identifier import GLOBAL, HIGHEST_GROUP
-
-T1: Final = 0.75
-"""Longest time between two packets [s]."""
-T2: Final = 1.25
-"""Longest time from a CTS to its first packet [s]."""
+from hil_drivers.j1939.transport_protocol import (
+    LEAST_BYTES,
+    MOST_AT_ONCE,
+    MOST_BYTES,
+    PACKET_BYTES,
+    T1,
+    T2,
+    AbortReason,
+    Control,
+    abort,
+    connection,
+    packets_of,
+)
 
 MOST_SESSIONS: Final = 32
-
-_RTS, _CTS, _END, _BAM, _ABORT = 16, 17, 19, 32, 255
-_BUSY, _TIMEOUT, _BAD_SEQUENCE = 2, 3, 7
-_PACKET, _LEAST, _MOST = 7, 9, 1785
-_WINDOW = 16
 
 Key = tuple[int, int]
 """Source and destination of a session."""
@@ -44,15 +47,15 @@ class _Session:
 
     @property
     def packets(self) -> int:
-        return -(-self.size // _PACKET)
+        return packets_of(self.size)
 
     @property
     def following(self) -> int:
         """Number of the packet that is to come."""
-        return len(self.data) // _PACKET + 1
+        return len(self.data) // PACKET_BYTES + 1
 
 
-class Transport:
+class Reception:
     """Long messages that come.
 
     Args:
@@ -75,9 +78,11 @@ class Transport:
         if len(data) != 8:
             return False
         kind, key, group = data[0], (source, destination), int.from_bytes(data[5:], "little")
-        if kind == _ABORT:
+        if kind == Control.ABORT:
             self.lost += self._sessions.pop(key, None) is not None
-        elif kind in {_RTS, _BAM} and (kind == _BAM) == (destination == GLOBAL):
+        elif kind in {Control.RTS, Control.BAM} and (kind == Control.BAM) == (
+            destination == GLOBAL
+        ):
             return self._open(key, group, data, now)
         return True
 
@@ -88,7 +93,7 @@ class Transport:
         if session is None or len(data) != 8:
             return False
         if data[0] != session.following:
-            self._end(key, _BAD_SEQUENCE)
+            self._end(key, AbortReason.BAD_SEQUENCE)
             return False
         session.data += data[1:]
         session.deadline = now + T1
@@ -96,27 +101,37 @@ class Transport:
             del self._sessions[key]
             if destination != GLOBAL:
                 size = session.size.to_bytes(2, "little")
-                self._say(source, bytes((_END, *size, session.packets, 0xFF)), session.group)
+                head = bytes((*size, session.packets, 0xFF))
+                self._control(source, connection(Control.END, head, session.group))
             return self._deliver(session.group, source, bytes(session.data[: session.size]))
         if destination != GLOBAL and session.following > session.last:
             self._ask(source, session, now)
         return True
 
+    def forget(self) -> None:
+        """Give up all messages, and say nothing."""
+        self.lost += len(self._sessions)
+        self._sessions.clear()
+
     def serve(self, now: float) -> float:
         """Give up what is too late; return when to be asked next [s]."""
         for key in [key for key, each in self._sessions.items() if now >= each.deadline]:
-            self._end(key, _TIMEOUT)
+            self._end(key, AbortReason.TIMEOUT)
         return min((each.deadline for each in self._sessions.values()), default=float("inf"))
 
     def _open(self, key: Key, group: int, data: bytes, now: float) -> bool:
         size, packets = data[1] | data[2] << 8, data[3]
-        session = _Session(group, size, min(data[4] or _WINDOW, _WINDOW), now + T1)
-        if not _LEAST <= size <= _MOST or packets != session.packets or group > HIGHEST_GROUP:
+        session = _Session(group, size, min(data[4] or MOST_AT_ONCE, MOST_AT_ONCE), now + T1)
+        if (
+            not LEAST_BYTES <= size <= MOST_BYTES
+            or packets != session.packets
+            or group > HIGHEST_GROUP
+        ):
             return False
         self.lost += self._sessions.pop(key, None) is not None
         if len(self._sessions) >= MOST_SESSIONS:
             if key[1] != GLOBAL:
-                self._say(key[0], bytes((_ABORT, _BUSY, 0xFF, 0xFF, 0xFF)), group)
+                self._control(key[0], abort(AbortReason.RESOURCES, group))
             return True
         self._sessions[key] = session
         if key[1] != GLOBAL:
@@ -127,13 +142,11 @@ class Transport:
         count = min(session.window, session.packets - session.following + 1)
         session.last = session.following + count - 1
         session.deadline = now + T2
-        self._say(source, bytes((_CTS, count, session.following, 0xFF, 0xFF)), session.group)
+        head = bytes((count, session.following, 0xFF, 0xFF))
+        self._control(source, connection(Control.CTS, head, session.group))
 
-    def _end(self, key: Key, reason: int) -> None:
+    def _end(self, key: Key, reason: AbortReason) -> None:
         session = self._sessions.pop(key)
         self.lost += 1
         if key[1] != GLOBAL:
-            self._say(key[0], bytes((_ABORT, reason, 0xFF, 0xFF, 0xFF)), session.group)
-
-    def _say(self, destination: int, head: bytes, group: int) -> None:
-        self._control(destination, head + group.to_bytes(3, "little"))
+            self._control(key[0], abort(reason, session.group))

@@ -31,7 +31,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the verb."""
     parser = subparsers.add_parser(
         "scan",
-        description="Find the nodes of a CANopen bus, and print identity and state of each.\n"
+        description="Find the nodes of a CANopen bus, and print identity and state of each. One\n"
+        "without heartbeat is asked for its state by node guarding, where that begins nothing.\n"
         "Nothing is written to any node, and no node changes its state, but with --by boot-up,\n"
         "and with --by guarding where life guarding is set.",
         epilog=_EXAMPLES,

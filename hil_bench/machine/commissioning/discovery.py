@@ -11,8 +11,10 @@ from hil_drivers import Network, NmtState
 NODE_IDS = range(1, 128)
 """All node-IDs there are (CiA 301)."""
 
+ERROR_CONTROL = 0x700
+"""Heartbeat, boot-up and node guarding of node n have this COB-ID + n."""
+
 _NMT = 0x000
-_HEARTBEAT = 0x700
 _SDO_REQUEST, _SDO_ANSWER = 0x600, 0x580
 _RESET_COMMUNICATION = bytes([130, 0])
 _READ_DEVICE_TYPE = bytes.fromhex("4000100000000000")
@@ -68,13 +70,10 @@ class _Lookout:
 
     def take_state(self, node_id: int, data: bytes) -> bool:
         """Take a heartbeat, a boot-up message or an answer to node guarding."""
-        if len(data) != 1 or data[0] & ~_TOGGLE not in frozenset(NmtState):
-            return False
-        state = NmtState(data[0] & ~_TOGGLE)
-        # A device that has booted up goes on without another message.
-        initialising = state is NmtState.INITIALISING
-        self.states[node_id] = NmtState.PRE_OPERATIONAL if initialising else state
-        return True
+        state = guarded_state(data)
+        if state is not None:
+            self.states[node_id] = state
+        return state is not None
 
     def take_answer(self, node_id: int, data: bytes) -> bool:
         """Take an SDO answer to the read of 0x1000."""
@@ -82,6 +81,15 @@ class _Lookout:
             return False
         self.answers[node_id] += 1
         return True
+
+
+def guarded_state(data: bytes) -> NmtState | None:
+    """Return the NMT state in a heartbeat or an answer to node guarding; None where it is none."""
+    if len(data) != 1 or data[0] & ~_TOGGLE not in frozenset(NmtState):
+        return None
+    state = NmtState(data[0] & ~_TOGGLE)
+    # A device that has booted up goes on without another message.
+    return NmtState.PRE_OPERATIONAL if state is NmtState.INITIALISING else state
 
 
 def discover(
@@ -115,7 +123,7 @@ def discover(
 
 
 def _watch(network: Network, lookout: _Lookout, node_id: int) -> None:
-    network.subscribe(_HEARTBEAT + node_id, lambda data, _now: lookout.take_state(node_id, data))
+    network.subscribe(ERROR_CONTROL + node_id, lambda data, _now: lookout.take_state(node_id, data))
     network.subscribe(_SDO_ANSWER + node_id, lambda data, _now: lookout.take_answer(node_id, data))
 
 
@@ -126,7 +134,7 @@ def _ask(network: Network, method: Method, node_ids: list[int]) -> None:
         if method is Method.SDO:
             network.send(_SDO_REQUEST + node_id, _READ_DEVICE_TYPE)
         elif method is Method.GUARDING:
-            network.request(_HEARTBEAT + node_id, 1)
+            network.request(ERROR_CONTROL + node_id, 1)
         else:
             return
         network.pump(_SPACING)

@@ -4,8 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from hil_bench.errors import printable
-from hil_bench.machine.commissioning.discovery import Sighting
-from hil_drivers import DriverTimeoutError, Network, Node, RemoteProtocolError, SdoAbortError
+from hil_bench.machine.commissioning.discovery import ERROR_CONTROL, Sighting, guarded_state
+from hil_drivers import (
+    DriverTimeoutError,
+    Network,
+    NmtState,
+    Node,
+    RemoteProtocolError,
+    SdoAbortError,
+)
 from hil_drivers.node import object_name
 
 PROFILES = {
@@ -27,6 +34,10 @@ MOST_BYTES = 1024
 
 LONGEST_READING = 10.0
 """Time after which no more is read of a node that goes on answering slowly [s]."""
+
+
+GUARDING_PATIENCE = 0.1
+"""Longest wait for the answer to a guarding request [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,12 +110,39 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
         if all(fact in (None, ()) for fact in facts.values()):
             facts["problem"] = "every read is answered by an abort"
     state = node.nmt_state if node.nmt_state is not None else sighting.nmt_state
+    if state is None and not facts.get("problem") and not facts["heartbeat_ms"]:
+        state = _guarded_state(reading, sighting.node_id, network)
     return NodeDescription(
         node_id=sighting.node_id,
         nmt_state=None if state is None else state.name,
         clash=sighting.answers > 1,
         **facts,  # type: ignore[arg-type]  # each reader returns its field's type
     )
+
+
+def _guarded_state(reading: "_Reading", node_id: int, network: Network) -> NmtState | None:
+    """Ask a node without heartbeat for its NMT state by node guarding, where that begins nothing.
+
+    A node with 0x100C and 0x100D set would wait for further requests, and is not asked.
+    """
+    try:
+        guard_time, life_time_factor = reading.number(0x100C), reading.number(0x100D)
+    except (DriverTimeoutError, RemoteProtocolError):
+        return None
+    if guard_time is None or (guard_time and life_time_factor):
+        return None
+    found: list[NmtState] = []
+
+    def take(data: bytes, _now: float) -> bool:
+        state = guarded_state(data)
+        if state is not None:
+            found.append(state)
+        return state is not None
+
+    network.subscribe(ERROR_CONTROL + node_id, take)
+    network.request(ERROR_CONTROL + node_id, 1)
+    network.wait_for(lambda: bool(found), GUARDING_PATIENCE)
+    return found[-1] if found else None
 
 
 class _Reading:

@@ -32,6 +32,48 @@ def test_a_node_is_described_as_its_eds_says(open_bench):
     assert found.problem == ""
 
 
+def run_unheard(bench):
+    """Let the bench run before anybody listens."""
+    bench.run(0.2)
+    while bench.bus.recv(0.0):
+        pass
+
+
+@pytest.mark.parametrize("state", ["PRE_OPERATIONAL", "OPERATIONAL"])
+def test_a_node_without_heartbeat_is_asked_for_its_state(open_bench, state):
+    bench, network = open_bench()
+    run_unheard(bench)
+    if state == "OPERATIONAL":
+        network.start_node(2)
+    for _ in range(2):  # with both toggle bits
+        assert describe(network, Sighting(2)).nmt_state == state
+
+
+@pytest.mark.parametrize(
+    ("guard_time", "life_time_factor", "asked"), [(0, 0, True), (100, 0, True), (100, 3, False)]
+)
+def test_guarding_is_not_begun_where_the_node_would_expect_more(
+    open_bench, guard_time, life_time_factor, asked
+):
+    bench, network = open_bench()
+    run_unheard(bench)
+    bench.nodes["pressure_a"]["0x100C"] = guard_time
+    bench.nodes["pressure_a"]["0x100D"] = life_time_factor
+    found = describe(network, Sighting(2))
+    assert found.nmt_state == ("PRE_OPERATIONAL" if asked else None)
+    network.pump(1.0)
+    assert found.error_register == 0
+    assert bench.nodes["pressure_a"]["0x1001"] == 0
+
+
+def test_a_node_with_a_heartbeat_is_not_asked(open_bench):
+    bench, network = open_bench()
+    bench.nodes["pressure_a"]["0x1017"] = 30_000
+    run_unheard(bench)
+    assert describe(network, Sighting(2)).nmt_state is None
+    assert not [each for each in bench.frames if each.frame.is_remote]
+
+
 def test_the_history_of_errors_is_read_newest_first(open_bench):
     bench, network = open_bench()
     history = bench.bench.nodes[0].object_dictionary

@@ -16,7 +16,7 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
 )
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import TEMPERATURE_C, find_oil, known_oil
-from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import EFFICIENCY, derive_pump
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import PUMP_KEYS
 from hil_bench.plants.hydraulic_cylinder.keys import (
@@ -140,7 +140,17 @@ class SuppliesSection:
                 place = self._problems.place(f"{TABLE}.{name}", "oil")
                 self._problems.add(place, f"missing; tank_volume_l is given and needs it; {right}")
             return None
-        return TankConfig(**{**convert(settings, TANK_KEYS), "oil": oil})
+        losses = "pump_efficiency_percent", "pump_volumetric_efficiency_percent"
+        efficiency, volumetric = sheet.si(losses[0]), sheet.si(losses[1], EFFICIENCY)
+        if sheet.has(*losses) and efficiency > volumetric:
+            wrong = (
+                f"{sheet.number(losses[0]):g} is above {losses[1]} = {sheet.number(losses[1]):g}"
+            )
+            sheet.refuse(losses[0], f"{wrong}, which is a part of it; give that or less")
+        # The leakage of a pump that swivels is a constant of its own.
+        volumetric = 1.0 if variable_pump(settings) else volumetric
+        given = {**convert(settings, TANK_KEYS), "oil": oil, "volumetric": volumetric}
+        return TankConfig(**given)
 
     def resolve(self) -> None:
         """Do nothing: the axes connect the supplies."""

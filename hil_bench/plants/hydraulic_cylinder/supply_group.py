@@ -276,7 +276,7 @@ class SupplyGroup:
         self._temperature = config.temperature
         self._efficiency = self._packed_at = 1.0
         if config.tank is not None:
-            self.tank, self._efficiency = Tank(config.tank), config.tank.efficiency
+            self.tank = Tank(config.tank)
             self._pack(self.tank)
 
     @property
@@ -306,10 +306,11 @@ class SupplyGroup:
     def _pack(self, tank: Tank) -> None:
         """Let all plants have the oil that the tank has now."""
         self._packed_at = tank.temperature
-        viscosity, density = tank.oil_now()
-        self.supply.warm(viscosity)
+        oil = tank.oil_now()
+        pump_share, self._efficiency = tank.config.pump_at(oil.dynamic)
+        self.supply.warm(oil, pump_share)
         for each in self._movers:
-            each.model.warm(viscosity, density)
+            each.model.warm(oil)
 
     def influence(self, name: str, value: float | None) -> None:
         """Set P_S [Pa] or a defect of the unit; let go, it fills up."""
@@ -325,15 +326,15 @@ class SupplyGroup:
 
 def passed_on_by(model: FullOrderCylinder, before: Sequence[float]) -> float:
     """Return what a plant has done on its load and stored in mass and oil since then [J]."""
-    p, options = model.parameters, model.options
+    p, options, modulus = model.parameters, model.options, model.modulus
     x_0, v_0, a_0, b_0, *_ = before
     x_1, v_1, a_1, b_1, *_ = model.seen
     x = 0.5 * (x_0 + x_1)
     load = model.load + (options.load_at(x, model.time) if options.loads else 0.0)
     within = min(max(x, -p.h), p.h)
     stored = (p.m + options.load_mass) * (v_1 * v_1 - v_0 * v_0)
-    stored += (p.V_A0 + p.A_A * within) / p.E * (a_1 * a_1 - a_0 * a_0)
-    stored += (p.V_B0 - p.A_B * within) / p.E * (b_1 * b_1 - b_0 * b_0)
+    stored += (p.V_A0 + p.A_A * within) / modulus * (a_1 * a_1 - a_0 * a_0)
+    stored += (p.V_B0 - p.A_B * within) / modulus * (b_1 * b_1 - b_0 * b_0)
     return load * (x_1 - x_0) + 0.5 * stored
 
 

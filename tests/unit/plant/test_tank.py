@@ -146,11 +146,58 @@ def test_hot_oil_leaks_by_its_viscosity():
     state = PlantState(0.0, 0.0, 60e5, 40e5, 0.0, 0.0)
     plant = FullOrderPlant(p, options=PlantOptions.bench(), state=state)
     tank = Tank(replace(TANK, start=100.0))
-    plant.warm(*tank.oil_now())
+    plant.warm(tank.oil_now())
     end = plant.step(PlantInput(0.0), 20_000)  # 1 s
     dynamic = 6.8 / 46.0 * (1.0 + 7e-4 * 25.0) / (1.0 + 7e-4 * 85.0)
-    rate = 1e-12 / dynamic * p.E * (1.0 / p.V_A0 + 1.0 / p.V_B0)
+    rate = 1e-12 / dynamic * stiffness(p.E, 60.0) * (1.0 / p.V_A0 + 1.0 / p.V_B0)
     assert end.P_A - end.P_B == pytest.approx(20e5 * math.exp(-rate), rel=1e-4)
+
+
+def stiffness(E, warmer):
+    """1 / E grows by that of the oil, 1 / 1400 MPa, times 10^(0.0024 dT) - 1."""
+    return 1.0 / (1.0 / E + (10.0 ** (0.0024 * warmer) - 1.0) / 1.4e9)
+
+
+@pytest.mark.parametrize(("E", "temperature"), [(1.4e9, 0.0), (1.4e9, 80.0), (0.7e9, 80.0)])
+def test_oil_softens_as_it_warms_and_hoses_do_not(E, temperature):
+    """A shut chamber that is compressed by 1e-4 of its volume: dP = E dV / V."""
+    p = replace(paper_parameters(), E=E, F_c=0.0, F_s=0.0, sigma=0.0)
+    plant = FullOrderPlant(p, options=PlantOptions.bench(), dt=1e-6)
+    plant.warm(Tank(replace(TANK, start=temperature)).oil_now())
+    start = plant.output
+    plant.restart(plant.state._replace(v=0.1))
+    end = plant.step(PlantInput(0.0), 100)
+    per_volume = p.A_B * (end.x - start.x) / p.V_B0
+    expected = stiffness(E, temperature - 40.0)
+    assert (end.P_B - start.P_B) / per_volume == pytest.approx(expected, rel=2e-3)
+    assert plant.modulus == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("dynamic", [0.2, 1.0, 14.0])
+def test_a_pump_slips_by_thin_oil_and_rubs_in_thick_oil(dynamic):
+    """Of 8 % of slip and 4.3 % of drag at 40 °C one half each goes with the viscosity."""
+    share, efficiency = replace(TANK, efficiency=0.88, volumetric=0.92).pump_at(dynamic)
+    slip = 0.04 + 0.04 / dynamic
+    drag = (0.92 / 0.88 - 1.0) * 0.5 * (1.0 + dynamic)
+    assert share == pytest.approx((1.0 - slip) / 0.92)
+    assert efficiency == pytest.approx((1.0 - slip) / (1.0 + drag))
+    if dynamic == 1.0:
+        assert (share, efficiency) == pytest.approx((1.0, 0.88))
+
+
+def test_hot_oil_takes_flow_from_the_pump(write):
+    """Idle, P_S is P_R + Q / G; 30 l/min over 30 l/min a bar at 40 °C."""
+    config = load_config(
+        write("tank_volume_l = 5", "tank_volume_l = 500\nstart_temperature_c = 80")
+    )
+    with VirtualBench(config) as bench:
+        bench.run(0.3)
+        a, b = (math.log10(math.log10(nu + 0.7)) for nu in (46.0, 6.8))
+        share = math.log10(353.15 / 313.15) / math.log10(373.15 / 313.15)
+        nu = 10.0**10.0 ** (a + share * (b - a)) - 0.7
+        dynamic = nu / 46.0 * (1.0 + 7e-4 * 25.0) / (1.0 + 7e-4 * 65.0)
+        flow = 30.0 * (1.0 - 0.04 - 0.04 / dynamic) / 0.92
+        assert bench.signals["lift.P_S"][-1] == pytest.approx((100.0 + flow / 30.0) * 1e5, rel=1e-6)
 
 
 def test_cold_oil_rubs_and_is_throttled_more(write):
@@ -216,6 +263,14 @@ def test_check_says_what_the_heat_does(write, capsys):
             "pump_efficiency_percent = 80",
             "pump_efficiency_percent = 120",
             "_percent: 120 is out of",
+        ),
+        (
+            "pump_flow_l_min = 30",
+            (
+                "pump_displacement_cm3 = 20\npump_speed_rpm = 1500\n"
+                "pump_volumetric_efficiency_percent = 70"
+            ),
+            "pump_efficiency_percent: 80 is above pump_volumetric_efficiency_percent = 70",
         ),
     ],
 )

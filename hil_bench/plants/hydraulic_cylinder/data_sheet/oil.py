@@ -11,6 +11,9 @@ KELVIN = 273.15
 EXPANSION = 7e-4
 """A typical thermal expansion of mineral oil [1/K]."""
 
+SOFTENING: Final = 0.0024
+"""Decades by which the bulk modulus of mineral oil falls for each K [1/K]."""
+
 TEMPERATURE_C = 40.0
 """Of an oil of which none is given: that of the viscosity in its name."""
 
@@ -33,6 +36,14 @@ class Oil(NamedTuple):
     def density_at(self, temperature: float) -> float:
         """Return the density [kg/m³] at a temperature [°C]."""
         return self.density / (1.0 + EXPANSION * (temperature - 15.0))
+
+    def stiffness_at(self, temperature: float) -> float:
+        """Return the bulk modulus at a temperature [°C] over that at 40 °C.
+
+        It falls by 10^0.0024 for each K (A. T. J. Hayward, How to estimate the bulk modulus of
+        hydraulic fluids, Hydraulic Pneumatic Power 16, 1970, for isentropic compression).
+        """
+        return float(10.0 ** (SOFTENING * (TEMPERATURE_C - temperature)))
 
     def viscosity_at(self, temperature: float) -> float:
         """Return the kinematic viscosity [mm²/s] at a temperature [°C], by ASTM D341.

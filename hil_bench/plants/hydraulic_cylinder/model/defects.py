@@ -17,7 +17,6 @@ from hil_bench.plants.hydraulic_cylinder.model.extensions import (
     MeteringLands,
     SupplyUnit,
 )
-from hil_bench.plants.hydraulic_cylinder.model.line import Line
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
     Load,
@@ -107,39 +106,6 @@ def pack_defective(
     # which no one would configure.
     row[RELIEF_PRESSURE] = max(row[RELIEF_PRESSURE] - defects.relief_sag, 0.0)
     return row
-
-
-def warmed(
-    parameters: PlantParameters, options: PlantOptions, viscosity: float, density: float
-) -> tuple[PlantParameters, PlantOptions]:
-    """Return a plant with warmer or colder oil: what flows laminarly, shears or is throttled.
-
-    Args:
-        parameters: of the plant.
-        options: of the plant.
-        viscosity: kinematic, over that of the parameters.
-        density: over that of the parameters; lines with waves keep theirs, with their wave time.
-    """
-    density = 1.0 if options.has_lines else density
-    dynamic = viscosity * density
-    parameters = replace(
-        parameters,
-        C_L=parameters.C_L / dynamic,
-        sigma=parameters.sigma * dynamic,
-        rho=parameters.rho * density,
-    )
-    options = replace(
-        options,
-        C_LA=options.C_LA / dynamic,
-        C_LB=options.C_LB / dynamic,
-        line_a=_thin(options.line_a, viscosity),
-        line_b=_thin(options.line_b, viscosity),
-    )
-    return parameters, options
-
-
-def _thin(line: Line | None, viscosity: float) -> Line | None:
-    return None if line is None else replace(line, viscosity=line.viscosity * viscosity)
 
 
 def _aerate(air: EntrainedAir | None, more: float) -> EntrainedAir | None:

@@ -58,8 +58,10 @@ _EXTENSION = ROW
 LINES = _EXTENSION + 47
 SERIES = LINES + 8
 
-PUMP_FLOW, RELIEF_PRESSURE, RELIEF_GRADIENT = range(_EXTENSION + 10, _EXTENSION + 13)
-"""Places of the pump's flow and of setting and gradient of the relief valve in the row."""
+LINE_COMPLIANCE, PUMP_FLOW, RELIEF_PRESSURE, RELIEF_GRADIENT = range(
+    _EXTENSION + 9, _EXTENSION + 13
+)
+"""Places of the supply line, the pump's flow, and the relief valve's setting and gradient."""
 
 
 class ExtensionState(NamedTuple):

@@ -16,9 +16,9 @@ from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, pac
 from hil_bench.plants.hydraulic_cylinder.model.defects import (
     Defects,
     pack_defective,
-    warmed,
 )
 from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    LINE_COMPLIANCE,
     PUMP_FLOW,
     RELIEF_GRADIENT,
     RELIEF_PRESSURE,
@@ -60,6 +60,7 @@ from hil_bench.plants.hydraulic_cylinder.model.stepping import (
 )
 from hil_bench.plants.hydraulic_cylinder.model.swing_limit import largest_midpoint_step
 from hil_bench.plants.hydraulic_cylinder.model.validation import require_kind, require_not_negative
+from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow, warmed
 from hil_bench.plants.hydraulic_cylinder.model.waves import (
     CAVITY,
     QUEUE,
@@ -139,7 +140,7 @@ class FullOrderPlant:
         kernel = advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
         self._advance = ready(kernel)
         self._defects = Defects()
-        self._oil = 1.0, 1.0
+        self._oil = AS_GIVEN
         self._leave: Callable[[], None] | None = None
         self._constants = make_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
@@ -204,13 +205,15 @@ class FullOrderPlant:
         self._state[SUPPLY] = pressure
         self._constants[PUMP_FLOW] = flow
 
-    def relieve(self, opens_at: float, gradient: float) -> None:
-        """Let the relief valve of the plant's supply unit be another one.
+    def lend(self, line: float, opens_at: float, gradient: float) -> None:
+        """Let line and relief valve of the plant's supply unit be others.
 
         Args:
-            opens_at: its setting [Pa].
+            line: compliance of the line [m³/Pa].
+            opens_at: setting of the relief valve [Pa].
             gradient: its flow per pressure above that [m³/(s Pa)].
         """
+        self._constants[LINE_COMPLIANCE] = line
         self._constants[RELIEF_PRESSURE] = opens_at
         self._constants[RELIEF_GRADIENT] = gradient
 
@@ -240,21 +243,19 @@ class FullOrderPlant:
         self._defects = defects
         self._pack(P_S)
 
-    def warm(self, viscosity: float, density: float) -> None:
-        """Go on with warmer or colder oil.
-
-        Args:
-            viscosity: kinematic, over that of the parameters.
-            density: over that of the parameters; lines with waves keep theirs.
-        """
-        self._oil = viscosity, density
+    def warm(self, oil: OilNow) -> None:
+        """Go on with warmer or colder oil."""
+        self._oil = oil
         self._pack(self.supply_pressure)
+
+    @property
+    def modulus(self) -> float:
+        """Bulk modulus of the oil in the chambers now, without air [Pa]."""
+        return self.parameters.E if self._oil is AS_GIVEN else self._oil.modulus(self.parameters.E)
 
     def _pack(self, P_S: float) -> None:
         """Take defects and oil into the constants, and go on from P_S [Pa]."""
-        parameters, options = self.parameters, self.options
-        if self._oil != (1.0, 1.0):
-            parameters, options = warmed(parameters, options, *self._oil)
+        parameters, options = warmed(self.parameters, self.options, self._oil)
         constants = pack_defective(
             parameters, options, self.dt, self._defects, is_extended=self.is_extended
         )

@@ -47,6 +47,7 @@ from hil_bench.plants.hydraulic_cylinder.model.supply import (
     relief_flow,
     supply_compliance,
 )
+from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow
 
 FINE = 0.1
 """Change of a share's pressure between two exchanges that is fine, as a share of the relief
@@ -102,32 +103,41 @@ class SharedSupply:
         exchange: int,
     ) -> None:
         self.pressure, self._tank = pressure, tank
-        self.drop, self._viscosity = 0.0, 1.0
+        self.drop = 0.0
+        self._oil, self._pump_share = AS_GIVEN, 1.0
         self._unit, self._modulus = unit, modulus
         self._plants, self._shares = tuple(plants), tuple(shares)
         self._dt, self._exchange_steps = plants[0][0].dt, exchange
         self._draws = [0.0] * len(plants)
         self.work = 0.0
         self.drawn = [0.0] * len(plants)
-        self._leakage = 0.0 if unit.variable is None else unit.variable.leakage
         self._senses = unit.variable is not None and unit.variable.senses_load
         self.flow = 0.0 if unit.variable is not None else unit.pump_flow
         self.wear(Defects())
 
     def wear(self, defects: Defects) -> None:
         """Let pump, relief valve and accumulator be worn; the plants' shares are not touched."""
-        self._worn = defects
+        self._worn, oil = defects, self._oil
         worn = wear_supply(self._unit, defects)
-        line, flow, opens_at, *rest = supply_constants(worn, self._modulus)
+        modulus = self._modulus if oil is AS_GIVEN else oil.modulus(self._modulus)
+        line, flow, opens_at, *rest = supply_constants(worn, modulus)
         opens_at = max(opens_at - defects.relief_sag, 0.0)
+        flow *= self._pump_share
         self._constants: SupplyConstants = (line, flow, opens_at, *rest)  # type: ignore[assignment]
         self._pump = pump_constants(worn)
         resistance, bypass = filter_constants(worn)
-        self._element: FilterConstants = (resistance * self._viscosity, bypass)
+        self._element: FilterConstants = (resistance * oil.viscosity, bypass)
+        self._leakage = self._pump[2] / oil.dynamic
+        self._lends = bool(resistance) or oil is not AS_GIVEN
 
-    def warm(self, viscosity: float) -> None:
-        """Go on with warmer or colder oil, of a kinematic viscosity over that of the unit."""
-        self._viscosity = viscosity
+    def warm(self, oil: OilNow, pump_share: float) -> None:
+        """Go on with warmer or colder oil.
+
+        Args:
+            oil: as it is now.
+            pump_share: what the pump gives, over its flow as configured.
+        """
+        self._oil, self._pump_share = oil, pump_share
         self.wear(self._worn)
 
     @property
@@ -164,9 +174,9 @@ class SharedSupply:
         ]
         unit, _ = _behind_filter(P_S, given, constants, self._element)
         pressures = []
-        if self._element[0]:
+        if self._lends:
             for (plant, _), share in zip(self._plants, self._shares, strict=True):
-                plant.relieve(unit[2], share * unit[3])
+                plant.lend(share * unit[0], unit[2], share * unit[3])
         for (plant, mover), command, flow in zip(self._plants, commands, flows, strict=True):
             plant.feed(P_S, flow)
             mover.drive(command, steps)

@@ -58,6 +58,7 @@ VARIANTS = {
     "boom": ("leak_l_min_bar=0.1", "BO-1"),
     "drum": ("leak_l_min_bar=0.1", "DR-2"),
     "crane": ("jib_share=1.0", "CR-1"),
+    "tail_lift": ("blocked_percent=95", "TL-4"),
 }
 
 
@@ -111,6 +112,20 @@ def test_the_boom_of_the_crane_gets_what_the_jib_leaves():
     assert signals["jib.Q_S"][at] * 6e4 == pytest.approx(40.0, rel=1e-3)
     assert signals["boom.Q_S"][at] * 6e4 == pytest.approx(left, rel=5e-3)
     assert leaked == pytest.approx(0.72, abs=0.01)
+
+
+@pytest.mark.long  # a minute of bench time
+def test_the_cold_oil_of_the_tail_lift_warms_as_by_hand():
+    """docs/machines.md, worked out with a pocket calculator."""
+    scenario = load_scenario(MACHINES / "tail_lift.scenario.toml")
+    signals = play(prepare(scenario), PlayOptions(keeps_evidence=True)).evidence.signals
+    time, warm = signals["time"], signals["lift.T_oil"]
+    for temperature, rate in ((-5.0, 0.341), (6.6, 0.300)):
+        at = int(np.searchsorted(warm, temperature))
+        found = (warm[at + 500] - warm[at - 500]) / (time[at + 500] - time[at - 500])
+        assert found == pytest.approx(rate, rel=0.01)
+    at = int(np.searchsorted(time, 63.0))
+    assert signals["lift.filter_drop"][at] == pytest.approx(1.92e5, rel=0.01)
 
 
 @pytest.mark.long  # ten seconds of bench time for each machine

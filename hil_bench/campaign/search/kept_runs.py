@@ -49,7 +49,8 @@ class KeptRuns:
     def keep(self) -> str:
         """Write the runs of this search beside those of earlier ones; return why that failed."""
         try:
-            Store(self.folder, {}).write(self._fresh)
+            if self._fresh:
+                Store(self.folder, {}).write(self._fresh)
         except ConfigError as error:
             return str(error)
         return ""

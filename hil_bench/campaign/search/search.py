@@ -1,13 +1,13 @@
 """A search: methods one after the other, each with its runs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from time import monotonic
 
 from hil_bench.campaign.distributions import Distribution
 from hil_bench.campaign.executing import Note
 from hil_bench.campaign.plan import make_spec
 from hil_bench.campaign.pool import Backend
-from hil_bench.campaign.records import Case, RunResult
+from hil_bench.campaign.records import Case, RunResult, RunSpec
 from hil_bench.campaign.sampling import Point, points_at
 from hil_bench.campaign.search.methods import build_search
 from hil_bench.campaign.search.records import Budget, Find, Method, SearchResult, Trial
@@ -34,6 +34,7 @@ class Searcher:
     ) -> None:
         self._case, self._space, self._backend = case, space, backend
         self._timeout, self._note = timeout, note
+        self._is_interrupted = False
         self._requirements = [each.id for each in case.scenario.expectations]
 
     def search(
@@ -56,22 +57,14 @@ class Searcher:
                 before = len(trials)
                 for trial in self.trials(method, budget.runs, seed, monotonic() + share):
                     trials.append(trial)
-                    if ends_at_failure and self._all_failed(trials[before:]):
+                    is_over = ends_at_failure and not self._is_interrupted
+                    if is_over and self._all_failed(trials[before:]):
                         break
                 has_ended_early |= len(trials) - before < budget.runs
         except KeyboardInterrupt:
             has_ended_early = is_interrupted = True
         finds = tuple(_find(each, trials) for each in self._requirements)
         return SearchResult(tuple(trials), finds, has_ended_early, is_interrupted)
-
-    def run(self, points: Sequence[Point]) -> list[RunResult]:
-        """Return what comes of some points, in their order."""
-        specs = [make_spec(self._case, point, self._space, None, self._timeout) for point in points]
-        found = {}
-        for result in self._backend({spec.key: spec for spec in specs}.values()):
-            found[result.key] = result
-            self._note(result)
-        return [found[spec.key] for spec in specs]
 
     def trials(
         self, method: Method, runs: int, seed: int, until: float = float("inf")
@@ -85,21 +78,46 @@ class Searcher:
             until: when no other batch begins, on the machine's clock [s].
 
         Yields:
-            Each run with what came of it.
+            Each run with what came of it; of a batch that is interrupted, those that are done.
+
+        Raises:
+            KeyboardInterrupt: as it came, after these.
         """
         search = build_search(method, self._requirements, len(self._space), runs, seed)
         done = 0
         while done < runs and monotonic() < until:
             shares = search.ask()[: runs - done]
             points = list(points_at(self._space, shares))
-            results = self.run(points)
-            search.tell(shares, results)
-            for number, (point, result) in enumerate(zip(points, results, strict=True), done + 1):
-                yield Trial(method, number, point, result)
+            specs = [
+                make_spec(self._case, point, self._space, None, self._timeout) for point in points
+            ]
+            found: dict[str, RunResult] = {}
+            try:
+                for result in self._backend({spec.key: spec for spec in specs}.values()):
+                    found[result.key] = result
+                    self._note(result)
+            except KeyboardInterrupt:
+                self._is_interrupted = True
+                yield from _trials_of(method, done, points, specs, found)
+                raise
+            search.tell(shares, [found[spec.key] for spec in specs])
+            yield from _trials_of(method, done, points, specs, found)
             done += len(points)
 
     def _all_failed(self, trials: Sequence[Trial]) -> bool:
         return all(_find(each, trials).is_failed for each in self._requirements)
+
+
+def _trials_of(
+    method: Method,
+    before: int,
+    points: Sequence[Point],
+    specs: Sequence[RunSpec],
+    found: Mapping[str, RunResult],
+) -> Iterator[Trial]:
+    for number, (point, spec) in enumerate(zip(points, specs, strict=True), before + 1):
+        if spec.key in found:
+            yield Trial(method, number, point, found[spec.key])
 
 
 def _find(requirement: str, trials: Sequence[Trial]) -> Find:

@@ -236,6 +236,16 @@ def test_everything_is_reached_by_keyboard(page):
     expect(page.locator(".active-faults")).to_contain_text("freeze position")
 
 
+def test_nothing_is_wider_than_a_phone(pages, port, keep):
+    phone = {"viewport": {"width": 360, "height": 740}, "is_mobile": True, "has_touch": True}
+    page = pages.open(port, **phone)
+    wait_for_rows(page)
+    for name in VIEWS:
+        expect(view(page, name)).to_be_visible()
+        assert page.locator("html").evaluate("html => html.scrollWidth") <= 360, name
+        keep(page, f"{name}-phone")
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_nothing_serious_is_found_by_axe(pages, port, scheme, keep):
     page = pages.open(port, color_scheme=scheme, viewport={"width": 1024, "height": 768})

@@ -101,6 +101,11 @@ class PositionControl:
         for window in (self._window, self._outer_window, self._speed_window):
             window.add_check(_check_window)
 
+    @property
+    def has_integral(self) -> bool:
+        """Whether the loop is closed, and its controller integrates."""
+        return self.is_closed and self._integral_time.value > 0
+
     def measure(self, position: float, speed: float) -> None:
         """Take and show what the sensor measures [m], [m/s].
 
@@ -145,6 +150,17 @@ class PositionControl:
             self._held = self._demand.value if asked == HOLD_DEMAND else self._actual.value
         is_setpoint = self._hold_target.value == HOLD_SETPOINT
         return self._control(self._hold_setpoint.value if is_setpoint else self._held, now)
+
+    def shift(self, opening: float, position: float) -> None:
+        """Integrate on from where another valve is, of which this one is the twin.
+
+        Args:
+            opening: by how much its spool is elsewhere [-].
+            position: by how much its axis is [m].
+        """
+        if self.has_integral:
+            integral = self._integral + opening + self._gain.value * position
+            self._integral = min(max(integral, -1.0), 1.0)
 
     def watch(self, now: int) -> bool:
         """Return whether the deviation has just lasted too long, at `now` [ns]; while closed."""

@@ -223,9 +223,15 @@ class ValveDevice:
         self._hear_events()
         self._machine.adopt(state)
 
-    def shift_ramp(self, offset: float) -> None:
-        """Have the ramp go on from elsewhere; the offset is a fraction of full opening."""
-        self._generator.shift_ramp(offset * self._reference.value)
+    def shift(self, spool: float, position: float) -> None:
+        """Have the ramp and the axis' controller go on from elsewhere.
+
+        Args:
+            spool: by how much the spool is elsewhere, as fraction of full opening.
+            position: by how much the axis is [m].
+        """
+        self._generator.shift_ramp(spool * self._reference.value)
+        self.position_control.shift(spool, position)
 
     def _present_status(self) -> int:
         status = STATUS_BITS[self._machine.state]

@@ -223,14 +223,20 @@ class AxisTwin:
         if self._joined_at is None:
             self._joined_at = now
             self._anchor_all()
-        elif now - self._joined_at >= _SETTLING:
+        elif now - self._joined_at >= _SETTLING and self._can_shift():
             self._anchor_all()
             self._begin(now)
+
+    def _can_shift(self) -> bool:
+        if self.valve is None:
+            return True
+        spool = self.axis.plant.output[self.axis.follower] / self.axis.valve.full_opening
+        return self.valve.can_shift(spool + self._apart[self._spool])
 
     def _anchor_all(self) -> None:
         """Set the spool, and what commands it, to what the machine says, too."""
         if self.valve is not None:
-            self.valve.shift_ramp(self._apart[self._spool])
+            self.valve.shift(self._apart[self._spool], self._apart[POSITION])
         self._anchor((*self._anchors, self._spool))
 
     def _begin(self, time: float) -> None:

@@ -1,9 +1,15 @@
 """The twin's valve: it obeys what it hears, and is corrected by what the machine's valve says."""
 
 import math
+from collections.abc import Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Final
 
 from hil_bench.canopen_device.nmt import NmtState
-from hil_bench.devices.valve_408 import LOCAL_BIT, ValveDevice
+from hil_bench.devices.position_control import POSITION
+from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW
+from hil_bench.devices.valve_408 import LOCAL_BIT, SPOOL, ValveDevice
 from hil_bench.devices.valve_state_machine import FAULT_STATES, STATUS_BITS, ValveState
 from hil_bench.machine.shadow.node_states import GRACE
 
@@ -11,6 +17,18 @@ _STATE_BITS = 0b1111
 _STATES = {bits: state for state, bits in STATUS_BITS.items()}
 """By the status word's bits; 0 is NOT_READY too, which the valve leaves by itself."""
 _NS = 1e-9
+
+_SPOOL_SETPOINT, _PRESSURE_SETPOINT, _AXIS_SETPOINT = (0x6300, 1), (0x6380, 1), (0x6600, 1)
+_SETPOINTS: Final[Mapping[int, tuple[tuple[int, int], ...]]] = MappingProxyType(
+    {
+        SPOOL: (_SPOOL_SETPOINT,),
+        PRESSURE: (_PRESSURE_SETPOINT,),
+        PRESSURE_AND_FLOW: (_SPOOL_SETPOINT, _PRESSURE_SETPOINT),
+        POSITION: (_AXIS_SETPOINT,),
+    }
+)
+"""What commands the valve, by its control mode."""
+_AT_ITS_END: Final = 0.95
 
 
 class FollowedValve:
@@ -34,7 +52,7 @@ class FollowedValve:
         self.full_opening = device.full_opening
         self.reported: ValveState | None = None
         self.is_local = False
-        self._is_commanded = False
+        self._heard: set[tuple[int, int]] = set()
         self._device = device
         self._state = device.state
         self._changed_at = -math.inf
@@ -42,14 +60,22 @@ class FollowedValve:
         self._held_word = 0
         objects = device.node.object_dictionary
         self._word = objects.variable(0x6040)
-        objects.variable(0x6300, 1).add_hook(self._hear_setpoint)
+        self._mode = objects.find(0x6043)
+        for place in {place for places in _SETPOINTS.values() for place in places}:
+            if (setpoint := objects.find(*place)) is not None:
+                setpoint.add_hook(partial(self._hear_setpoint, place))
 
     @property
     def obstacle(self) -> str:
         """Why the bus does not show the set-point of an ACTIVE valve; empty where it does."""
         if self.is_local:
             return "not on the bus: the valve is under local control"
-        return "" if self._is_commanded else "not heard, and the valve is ACTIVE"
+        mode = SPOOL if self._mode is None else self._mode.value
+        lacking = [place for place in _SETPOINTS.get(mode, ()) if place not in self._heard]
+        if not lacking:
+            return ""
+        which = "" if mode == SPOOL else f" in control mode {mode}"
+        return f"not heard, and the valve is ACTIVE{which}"
 
     @property
     def state(self) -> ValveState:
@@ -70,9 +96,24 @@ class FollowedValve:
         """Take the spool position [m] at `now` [ns]."""
         self._device.publish(spool_position, now)
 
-    def shift_ramp(self, offset: float) -> None:
-        """Have a ramp of the valve go on from elsewhere; as fraction of full opening."""
-        self._device.shift_ramp(offset)
+    def can_shift(self, spool: float) -> bool:
+        """Return whether the machine's spool says where its axis' controller has come to.
+
+        At its end it says nothing of an integral behind it.
+
+        Args:
+            spool: where it is, as fraction of full opening.
+        """
+        return abs(spool) < _AT_ITS_END or not self._device.position_control.has_integral
+
+    def shift(self, spool: float, position: float) -> None:
+        """Have a ramp and the axis' controller of the valve go on from elsewhere.
+
+        Args:
+            spool: by how much the spool is elsewhere, as fraction of full opening.
+            position: by how much the axis is [m].
+        """
+        self._device.shift(spool, position)
 
     def hear(self, status_word: int, time: float) -> bool:
         """Take the machine's status word, and return whether the twin had to be corrected.
@@ -105,5 +146,5 @@ class FollowedValve:
         self._device.adopt(state)
         self._state = self._device.state
 
-    def _hear_setpoint(self, _increments: int) -> None:
-        self._is_commanded = True
+    def _hear_setpoint(self, place: tuple[int, int], _increments: int) -> None:
+        self._heard.add(place)

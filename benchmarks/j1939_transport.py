@@ -16,7 +16,7 @@ from j1939.j1939_21 import J1939_21
 
 from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.j1939.name import Name
-from hil_bench.devices.j1939.transport import MOST_BYTES
+from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
 
 if TYPE_CHECKING:
     from hil_bench.canopen_device.frame import Frame

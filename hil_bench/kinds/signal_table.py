@@ -28,7 +28,7 @@ from hil_bench.devices.j1939.signal_table import (
     SignalTable,
 )
 from hil_bench.devices.j1939.signals import Signal
-from hil_bench.devices.j1939.transport import MOST_BYTES
+from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
 from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage

@@ -16,7 +16,7 @@ from hil_bench.config.document import give
 from hil_bench.config.settings import Given, Key, Origin, Problems, Settings, convert, read_table
 from hil_bench.config.values import describe, number, text
 from hil_bench.devices.j1939.signals import Signal
-from hil_bench.devices.j1939.transport import MOST_BYTES
+from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
 from hil_bench.devices.scripted_objects import Course
 from hil_bench.errors import ConfigError
 from hil_bench.kinds.signal_table import SENT_KEYS, TAKEN_KEYS, SentConfig, TakenConfig

@@ -34,7 +34,8 @@ from hil_bench.devices.j1939.identifier import (
     split,
 )
 from hil_bench.devices.j1939.name import Name
-from hil_bench.devices.j1939.transport import MOST_BYTES, Transport
+from hil_bench.devices.j1939.transport import Transport
+from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
 
 USUAL_PRIORITY: Final = 6
 TRANSPORT_PRIORITY: Final = 7

@@ -1,17 +1,21 @@
-"""Compiles the core of the bench with mypyc into the wheel, where that is asked for.
+"""Compiles the core of the bench and the plant's kernels into the wheel, where that is asked for.
 
     HIL_BENCH_COMPILE=1 pip install .
 
 Without that variable, in an editable installation, and where there is no C compiler, the wheel is
-pure Python and does the same, slower. `pyproject.toml` names the modules. The wheel says in
-`hil_bench/compiled.json` of which sources its machine code was made.
+pure Python and does the same, slower. mypyc compiles the core, whose modules `pyproject.toml`
+names; Numba compiles the kernels ahead of time (`kernels`), on x86-64 only. Where one of them fails
+the wheel has the other. It says in `hil_bench/compiled.json` of which sources the core was made.
 """
 
 import hashlib
 import importlib.metadata
+import importlib.util
 import json
 import os
+import platform
 import shutil
+import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -22,37 +26,50 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 GROUP = "hil_bench_core"
 RECORD = "hil_bench/compiled.json"
-REQUIREMENTS = ["mypy>=2.4,<3", "setuptools>=70"]
+REQUIREMENTS = [
+    "mypy>=2.4,<3",
+    "numba>=0.61; platform_machine == 'x86_64' and python_version < '3.15'",
+    "setuptools>=70",
+]
+KERNELS = "hil_bench.plants.hydraulic_cylinder.model._kernels"
 
 
 class CompiledCore(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds the compiled modules to a wheel."""
+    """Adds the compiled modules and kernels to a wheel."""
 
     def dependencies(self) -> list[str]:
         """Return what a compiling build needs, nothing for any other."""
         return REQUIREMENTS if is_asked_for() else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile, and have the wheel carry it; a wheel without it where that fails."""
+        """Compile, and have the wheel carry it; a wheel without what fails."""
         if version == "editable" or not is_asked_for():
             return
         self._directory = tempfile.mkdtemp()
         root, built = Path(self.root), Path(self._directory)
         sources = matches(root, self.config["modules"]) - matches(root, self.config["uncompiled"])
         names = sorted(path.relative_to(root).as_posix() for path in sources)
+        included = build_data["force_include"]
         try:
-            compile_modules(root, names, built)
+            compile_modules(root, names, built / "core")
         except Problem as problem:
             self.app.display_warning(f"the core is not compiled: {problem}; it runs as Python")
-            return
-        record = built / "compiled.json"
-        record.write_text(json.dumps(record_of(root, names), indent=1) + "\n", encoding="utf-8")
-        included = {
-            str(path): path.relative_to(built / "lib") for path in built.rglob("lib/**/*.so")
-        }
-        build_data["force_include"] |= {path: str(place) for path, place in included.items()}
-        build_data["force_include"][str(record)] = RECORD
-        build_data["pure_python"], build_data["infer_tag"] = False, True
+        else:
+            record = built / "compiled.json"
+            text = json.dumps(record_of(root, names), indent=1) + "\n"
+            record.write_text(text, encoding="utf-8")
+            included[str(record)] = RECORD
+        try:
+            compile_kernels(root, built / "kernels")
+        except Problem as problem:
+            self.app.display_warning(
+                f"the plant's kernels are not compiled: {problem}; Numba does it at run time"
+            )
+        for part in ("core", "kernels"):
+            place = built / part / "lib"
+            included |= {str(path): str(path.relative_to(place)) for path in place.rglob("*.so")}
+        if included:
+            build_data["pure_python"], build_data["infer_tag"] = False, True
 
     def finalize(self, *_: object) -> None:
         """Remove what was compiled, which is in the wheel by now."""
@@ -85,13 +102,76 @@ def compile_modules(root: Path, names: list[str], built: Path) -> None:
     Args:
         root: of the project.
         names: of the sources, from there.
-        built: an empty directory.
+        built: a directory to come.
 
     Raises:
         Problem: there is no compiler, or it refuses.
     """
     from mypyc.build import mypycify  # noqa: PLC0415 - there only where it is asked for
-    from setuptools import Distribution  # noqa: PLC0415
+
+    options = ["--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
+    options += [
+        f"--cache-dir={built / 'cache'}",
+        f"--python-version={sys.version_info[0]}.{sys.version_info[1]}",
+    ]
+    here = Path.cwd()
+    os.chdir(root)
+    try:
+        extensions = mypycify(
+            [*options, *names],
+            opt_level="2",
+            debug_level="0",
+            multi_file=True,
+            group_name=GROUP,
+            target_dir=str(built / "c"),
+        )
+        build_extensions(extensions, built)
+    except SystemExit as error:
+        raise Problem(str(error) or "mypyc refuses the sources") from error
+    finally:
+        os.chdir(here)
+
+
+def compile_kernels(root: Path, built: Path) -> None:
+    """Compile the plant's kernels into an extension module in `built`/lib.
+
+    Args:
+        root: of the project.
+        built: a directory to come.
+
+    Raises:
+        Problem: for another processor, without Numba or a compiler, or where one of them refuses.
+    """
+    if platform.machine() != "x86_64":
+        raise Problem(f"they are made for x86-64 only, and this is {platform.machine()}")
+    if importlib.util.find_spec("numba") is None:
+        raise Problem("there is no Numba")
+    built.mkdir(parents=True)
+    command = [sys.executable, str(root / "kernels" / "compile.py"), str(built)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
+    if done.returncode:
+        last = done.stderr.strip().rpartition("\n")[2]
+        raise Problem(f"Numba refuses: {last}")
+    from setuptools import Extension  # noqa: PLC0415 - there only where it is asked for
+
+    extension = Extension(
+        KERNELS,
+        [str(root / "kernels" / "_kernels.c")],
+        include_dirs=[str(built)],
+        extra_objects=sorted(map(str, built.glob("*.o"))),
+        extra_compile_args=["-O2"],
+        libraries=["m"],
+    )
+    build_extensions([extension], built)
+
+
+def build_extensions(extensions: list[Any], built: Path) -> None:
+    """Build extension modules into `built`/lib.
+
+    Raises:
+        Problem: there is no compiler, or it refuses.
+    """
+    from setuptools import Distribution  # noqa: PLC0415 - there only where it is asked for
     from setuptools.command.build_ext import build_ext  # noqa: PLC0415
     from setuptools.errors import CompileError, LinkError, PlatformError  # noqa: PLC0415
 
@@ -110,27 +190,10 @@ def compile_modules(root: Path, names: list[str], built: Path) -> None:
             self.compiler.compile = compile_all
             super().build_extensions()
 
-    options = ["--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
-    options += [
-        f"--cache-dir={built / 'cache'}",
-        f"--python-version={sys.version_info[0]}.{sys.version_info[1]}",
-    ]
-    here = Path.cwd()
-    os.chdir(root)
+    command = InParallel(Distribution({"name": GROUP, "ext_modules": extensions}))
+    command.build_lib, command.build_temp = str(built / "lib"), str(built / "objects")
+    command.ensure_finalized()
     try:
-        extensions = mypycify(
-            [*options, *names],
-            opt_level="2",
-            debug_level="0",
-            multi_file=True,
-            group_name=GROUP,
-            target_dir=str(built / "c"),
-        )
-        command = InParallel(Distribution({"name": GROUP, "ext_modules": extensions}))
-        command.build_lib, command.build_temp = str(built / "lib"), str(built / "objects")
-        command.ensure_finalized()
         command.run()
-    except (CompileError, LinkError, PlatformError, SystemExit) as error:
-        raise Problem(str(error) or "mypyc refuses the sources") from error
-    finally:
-        os.chdir(here)
+    except (CompileError, LinkError, PlatformError) as error:
+        raise Problem(str(error)) from error

@@ -133,10 +133,12 @@ class _ShowVersion(argparse.Action):
         print(f"{parser.prog} {hil_bench.__version__}")
         if {"-v", "-vv", "--verbose"} & set(namespace.given_words):
             from hil_bench.bench.compiled import look_at_core  # noqa: PLC0415 - for this alone
-            from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED  # noqa: PLC0415
+            from hil_bench.plants.hydraulic_cylinder.model.moving import (  # noqa: PLC0415
+                describe_kernels,
+            )
 
             print(f"core of the bench: {look_at_core()}")
-            print(f"plant kernel: {'compiled by Numba' if IS_COMPILED else 'interpreted'}")
+            print(f"plant kernel: {describe_kernels()}")
             print(f"Python {platform.python_version()}")
         parser.exit()
 

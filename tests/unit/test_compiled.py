@@ -136,28 +136,90 @@ def test_without_a_compiler_the_wheel_is_pure_python(hook, monkeypatch):
 
     monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
     monkeypatch.setattr(hook, "compile_modules", refuse)
+    monkeypatch.setattr(hook, "compile_kernels", refuse)
 
     data, warnings = build(hook)
 
     assert data == {"force_include": {}, "pure_python": True, "infer_tag": False}
-    assert warnings == ["the core is not compiled: command 'cc' failed; it runs as Python"]
+    assert warnings == [
+        "the core is not compiled: command 'cc' failed; it runs as Python",
+        "the plant's kernels are not compiled: command 'cc' failed; Numba does it at run time",
+    ]
+
+
+CORE, KERNELS = "hil_bench/frame.so", "hil_bench/plants/_kernels.so"
+
+
+def compile_one(name):
+    """What compiles in place of a compiler: one module."""
+
+    def compile_it(_root, *others):
+        file = others[-1] / "lib" / name
+        file.parent.mkdir(parents=True)
+        file.touch()
+
+    return compile_it
 
 
 def test_what_is_compiled_goes_into_a_wheel_of_this_python(hook, monkeypatch):
-    def compile_one(_root, _names, built):
-        (built / "lib" / "hil_bench").mkdir(parents=True)
-        (built / "lib" / "hil_bench" / "frame.so").touch()
-
     monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
-    monkeypatch.setattr(hook, "compile_modules", compile_one)
+    monkeypatch.setattr(hook, "compile_modules", compile_one(CORE))
+    monkeypatch.setattr(hook, "compile_kernels", compile_one(KERNELS))
 
     data, _ = build(hook)
 
-    assert sorted(data["force_include"].values()) == [
-        "hil_bench/compiled.json",
-        "hil_bench/frame.so",
-    ]
+    assert sorted(data["force_include"].values()) == ["hil_bench/compiled.json", CORE, KERNELS]
     assert (data["pure_python"], data["infer_tag"]) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("broken", "included"),
+    [
+        ("compile_modules", [KERNELS]),
+        ("compile_kernels", ["hil_bench/compiled.json", CORE]),
+    ],
+)
+def test_a_wheel_has_what_could_be_compiled(hook, monkeypatch, broken, included):
+    def refuse(*_):
+        raise hook.Problem("refused")
+
+    monkeypatch.setenv("HIL_BENCH_COMPILE", "1")
+    monkeypatch.setattr(hook, "compile_modules", compile_one(CORE))
+    monkeypatch.setattr(hook, "compile_kernels", compile_one(KERNELS))
+    monkeypatch.setattr(hook, broken, refuse)
+
+    data, warnings = build(hook)
+
+    assert sorted(data["force_include"].values()) == included
+    assert len(warnings) == 1
+    assert data["infer_tag"]
+
+
+def test_kernels_are_made_for_x86_64_only(hook, monkeypatch, tmp_path):
+    monkeypatch.setattr(hook.platform, "machine", lambda: "aarch64")
+
+    with pytest.raises(hook.Problem, match="for x86-64 only, and this is aarch64"):
+        hook.compile_kernels(ROOT, tmp_path / "kernels")
+
+
+def test_without_numba_no_kernels_are_compiled(hook, monkeypatch, tmp_path):
+    monkeypatch.setattr(hook.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(hook.importlib.util, "find_spec", lambda _name: None)
+
+    with pytest.raises(hook.Problem, match="there is no Numba"):
+        hook.compile_kernels(ROOT, tmp_path / "kernels")
+
+
+def test_a_compiler_of_kernels_that_fails_is_named(hook, monkeypatch, tmp_path):
+    """As with a Numba whose inner functions have other names: its last line says it."""
+    (tmp_path / "kernels").mkdir()
+    program = "import sys; print('Traceback', file=sys.stderr); sys.exit('no such flag')"
+    (tmp_path / "kernels" / "compile.py").write_text(program)
+    monkeypatch.setattr(hook.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(hook.importlib.util, "find_spec", lambda _name: True)
+
+    with pytest.raises(hook.Problem, match=r"^Numba refuses: no such flag$"):
+        hook.compile_kernels(tmp_path, tmp_path / "built")
 
 
 def test_the_record_has_the_digest_of_each_source(hook, tmp_path, monkeypatch):

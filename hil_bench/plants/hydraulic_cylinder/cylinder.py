@@ -101,7 +101,11 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
             and -LOAD_LIMIT <= load <= LOAD_LIMIT
         )
         if is_within and type(command) is float and type(load) is float:
-            return self._move(command, load, steps)
+            try:
+                self.seen = seen = self._advance(command, load, steps)
+            except FloatingPointError:
+                self._refuse_divergence()
+            return seen
         return self.step(PlantInput(command, load), steps)
 
     def _wear(self, name: str, amount: float) -> None:

@@ -4,11 +4,14 @@ import struct
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeGuard, cast
 
-import numpy as np
-
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.model.constants import ROW
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, Floats, ready
+from hil_bench.plants.hydraulic_cylinder.model.moving import (
+    bind_group,
+    is_machine_code,
+    make_plant_row,
+    piece_of,
+)
 from hil_bench.plants.hydraulic_cylinder.model.side_by_side import (
     ALL_MOVED,
     BLOCK,
@@ -67,23 +70,19 @@ class SideBySide:
 
     def __init__(self, cylinders: Sequence[FullOrderCylinder], leave: Callable[[], None]) -> None:
         self._cylinders = tuple(cylinders)
-        count = len(cylinders)
-        commands = np.zeros(2 * count)
-        self._commands = commands.data
-        self._write = struct.Struct(f"={2 * count}d").pack_into
-        self._seen = np.zeros((count, SEEN))
-        states, constants = np.empty((count, STATE)), np.empty((count, ROW))
-        for cylinder, state, row in zip(cylinders, states, constants, strict=True):
-            cylinder.move_rows(cast("Floats", state), cast("Floats", row), leave)
-        self._move: Callable[..., int] = ready(move_group)
-        self._rows: Any = (
-            commands,
-            states.reshape(-1),
-            constants.reshape(-1),
-            self._seen.reshape(-1),
-            np.empty(BLOCK),
-            count,
+        count = self._count = len(cylinders)
+        rows = max(count, 1)  # no memory has a shape without rows
+        commands, states, constants, seen, block = (
+            make_plant_row([0.0] * size)
+            for size in (2 * count, count * STATE, count * ROW, rows * SEEN, BLOCK)
         )
+        self._commands = memoryview(cast("Any", commands))
+        self._write = struct.Struct(f"={2 * count}d").pack_into
+        self._seen = memoryview(cast("Any", seen)).cast("B").cast("d", (rows, SEEN))
+        for number, cylinder in enumerate(cylinders):
+            state = piece_of(states, number * STATE, STATE)
+            cylinder.move_rows(state, piece_of(constants, number * ROW, ROW), leave)
+        self._move = bind_group(move_group, commands, states, constants, seen, block)
         self.drive([0.0] * count, 0)
 
     def drive(self, commands: Sequence[float], steps: int) -> Sequence[Sequence[float]]:
@@ -92,8 +91,10 @@ class SideBySide:
         A command that is not finite and a solver that has diverged are refused.
         """
         cylinders = self._cylinders
+        if not cylinders:
+            return []
         self._write(self._commands, 0, *commands, *[cylinder.load for cylinder in cylinders])
-        moved: int = self._move(*self._rows, steps)
+        moved = self._move(self._count, steps)
         if moved == NONE_MOVED:
             return [
                 cylinder.drive(command, steps)
@@ -101,7 +102,7 @@ class SideBySide:
             ]
         if moved != ALL_MOVED:
             cylinders[moved].drive(commands[moved], 0)  # which refuses its state
-        outputs: list[list[float]] = self._seen.tolist()
+        outputs = cast("list[list[float]]", self._seen.tolist())  # of two dimensions
         for cylinder, seen in zip(cylinders, outputs, strict=True):
             cylinder.seen = seen
         return outputs
@@ -114,6 +115,6 @@ def is_plain(cylinder: Plant) -> TypeGuard[FullOrderCylinder]:
 
 def group_cylinders(cylinders: Sequence[Plant]) -> CylinderGroup | None:
     """Return a group of cylinders; None where too few can move side by side."""
-    if not IS_COMPILED or sum(map(is_plain, cylinders)) < FEWEST:
+    if not is_machine_code() or sum(map(is_plain, cylinders)) < FEWEST:
         return None
     return CylinderGroup(cylinders)

@@ -7,7 +7,9 @@ from typing import Any
 
 from hil_bench.bench.compiled import HOW, Core, look_at_core
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, IS_INSTALLED, ready
+from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED, ready
+from hil_bench.plants.hydraulic_cylinder.model.machine_code import WANTS_PYTHON, find_machine_code
+from hil_bench.plants.hydraulic_cylinder.model.moving import describe_kernels
 from hil_bench.session.doctor.finding import Finding, Topic, Verdict, good
 
 _LIBRARIES = ("numpy", "python-can", "canopen")
@@ -38,14 +40,16 @@ def _core(core: Core) -> Finding:
 
 
 def _kernel() -> Finding:
-    name = "plant kernel"
+    name, what = "plant kernel", describe_kernels()
+    if find_machine_code().bind is not None:
+        return good(name, what)
     if not IS_COMPILED:
-        advice = f"pip install 'hil-bench[fast]'; {_INTERPRETED}"
-        if IS_INSTALLED:
-            advice = f"unset NUMBA_DISABLE_JIT; {_INTERPRETED}"
-        return Finding(name, Verdict.HINT, "interpreted", advice)
+        remedy = "unset NUMBA_DISABLE_JIT" if WANTS_PYTHON else "pip install 'hil-bench[fast]'"
+        return Finding(name, Verdict.HINT, what, f"{remedy}; {_INTERPRETED}")
+    if find_machine_code().refusal:
+        return Finding(name, Verdict.HINT, what, "each start imports Numba, which takes 0.7 s")
     statistics: Any = ready(advance_implicit_midpoint).stats  # type: ignore[attr-defined]  # Numba's
-    version = f"compiled by Numba {importlib.metadata.version('numba')}"
+    version = f"{what} {importlib.metadata.version('numba')}"
     if statistics.cache_path is None:
         advice = "NUMBA_CACHE_DIR=DIR names a directory of yours, or each start compiles for 1 s"
         return Finding(name, Verdict.HINT, f"{version}, nowhere to cache it", advice)

@@ -13,12 +13,14 @@ from hil_bench.plants.hydraulic_cylinder import group
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
 from hil_bench.plants.hydraulic_cylinder.group import FEWEST, CylinderGroup, group_cylinders
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, paper_parameters
-from hil_bench.plants.hydraulic_cylinder.model.kernel import IS_COMPILED
+from hil_bench.plants.hydraulic_cylinder.model.moving import is_machine_code
 from hil_bench.plants.quantity import SUPPLY
 
 STEPS = 20
 
-pytestmark = pytest.mark.skipif(not IS_COMPILED, reason="Numba is missing: all move one by one")
+pytestmark = pytest.mark.skipif(
+    not is_machine_code(), reason="kernels run as Python: all move one by one"
+)
 
 
 def cylinders(count, *, extended=()):
@@ -132,7 +134,7 @@ def test_only_enough_plants_without_extensions_make_a_group(plants, is_grouped):
 
 
 def test_without_numba_plants_move_one_by_one(monkeypatch):
-    monkeypatch.setattr(group, "IS_COMPILED", False)
+    monkeypatch.setattr(group, "is_machine_code", lambda: False)
     assert group_cylinders(cylinders(FEWEST)) is None
 
 

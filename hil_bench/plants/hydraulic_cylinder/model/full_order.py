@@ -1,9 +1,9 @@
 """The full-order model of the valve-controlled cylinder, Ruderman 2017 eqs. (1)-(13)."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import NoneType
+from typing import NoReturn
 
 from hil_bench.plants.hydraulic_cylinder.model.checks import (
     check_components,
@@ -29,8 +29,9 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, make_row, ready
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats
 from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import advance_lined_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.moving import Advance, bind_advance, make_plant_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.pump import sensed_pressure
@@ -137,18 +138,20 @@ class FullOrderPlant:
         # Only the bench's solver has a second kernel, shorter by what no extension needs.
         is_midpoint = solver is Solver.LINEARLY_IMPLICIT_MIDPOINT
         self.is_extended = is_extended = self.options.is_extended or not is_midpoint
-        kernel = advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
-        self._advance = ready(kernel)
+        self._kernel: Advance = (
+            advance_lined_midpoint if self.options.has_lines else _ADVANCE[solver, is_extended]
+        )
         self._defects = Defects()
         self._oil = AS_GIVEN
         self._leave: Callable[[], None] | None = None
-        self._constants = make_row(
+        self._constants = make_plant_row(
             (pack_extended if is_extended else pack)(parameters, self.options, dt)
         )
         lines = self._lines_at_start(start, waves)
-        self._state = make_row(
+        self._state = make_plant_row(
             (*start, t / dt, z_f, P_S, 0.0, 0.0, *inner, *lines) if is_extended else (*start, 0.0)
         )
+        self._bind()
         self._move(0.0, 0.0, 0)
 
     @property
@@ -260,8 +263,9 @@ class FullOrderPlant:
             parameters, options, self.dt, self._defects, is_extended=self.is_extended
         )
         if self.is_extended:
-            self._constants = make_row(constants)
+            self._constants = make_plant_row(constants)
             self._state[SUPPLY] = P_S
+            self._bind()
             return
         for place, value in enumerate(constants):  # in place: a group may hold the row
             self._constants[place] = value
@@ -279,6 +283,7 @@ class FullOrderPlant:
             for place in range(len(values)):
                 row[place] = values[place]
         self._state, self._constants, self._leave = state, constants, leave
+        self._bind()
 
     def _extend(self) -> None:
         """Go on with the extended kernels, which give the same while nothing is extended."""
@@ -286,8 +291,8 @@ class FullOrderPlant:
             return
         P_S, states = self.supply_pressure, self.state
         extra = float(self._state[PLAIN_EXTRA])
-        self._state = make_row((*states, 0.0, 0.0, P_S, 0.0, extra, 0.0, 0.0, 0.0))
-        self._advance = ready(_ADVANCE[self.solver, True])
+        self._state = make_plant_row((*states, 0.0, 0.0, P_S, 0.0, extra, 0.0, 0.0, 0.0))
+        self._kernel = _ADVANCE[self.solver, True]
         self.is_extended = True
         if self._leave is not None:
             self._leave()
@@ -330,11 +335,18 @@ class FullOrderPlant:
         return 0.0, 0.0, A, B, *rest, A, B, A, B, A, B, *queues
 
     def _move(self, u: float, F_L: float, steps: int) -> Seen:
-        seen = self._advance(self._state, self._constants, u, F_L, steps)
-        if not math.isfinite(seen[0] + seen[1] + seen[2] + seen[3]):
-            raise divergence(self.dt, self.solver)
-        self.seen = seen
+        try:
+            self.seen = seen = self._advance(u, F_L, steps)
+        except FloatingPointError:
+            self._refuse_divergence()
         return seen
+
+    def _refuse_divergence(self) -> NoReturn:
+        raise divergence(self.dt, self.solver) from None
+
+    def _bind(self) -> None:
+        """Have the kernel move on the rows as they are now."""
+        self._advance = bind_advance(self._kernel, self._state, self._constants)
 
 
 def largest_step(parameters: PlantParameters, options: PlantOptions, solver: Solver) -> float:

@@ -15,7 +15,6 @@ import functools
 import hashlib
 import importlib.util
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar, cast
 
 from hil_bench.errors import HilBenchError
+from hil_bench.plants.hydraulic_cylinder.model.machine_code import WANTS_PYTHON
 
 logger = logging.getLogger(__name__)
 
@@ -31,8 +31,8 @@ _Kernel = TypeVar("_Kernel", bound=Callable[..., Any])
 IS_INSTALLED = importlib.util.find_spec("numba") is not None
 """Whether Numba is there."""
 
-IS_COMPILED = IS_INSTALLED and os.environ.get("NUMBA_DISABLE_JIT", "0") in {"", "0"}
-"""Whether kernels become machine code."""
+IS_COMPILED = IS_INSTALLED and not WANTS_PYTHON
+"""Whether Numba makes machine code of kernels."""
 
 
 _SOURCES: Final = Path(__file__).parents[2]

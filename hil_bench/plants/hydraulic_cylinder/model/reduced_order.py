@@ -7,7 +7,7 @@ from types import NoneType
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model.checks import check_cavity, check_position
 from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S
-from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row, ready
+from hil_bench.plants.hydraulic_cylinder.model.moving import bind_advance, make_plant_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
 from hil_bench.plants.hydraulic_cylinder.model.reduced_steps import (
@@ -104,9 +104,9 @@ class ReducedOrderPlant:
         F_L = self.options.load_at(0.0, 0.0)
         start = balanced_reduced_state(parameters, F_L=F_L) if state is None else state
         _check_state(start, parameters, self.options)
-        self._advance = ready(_ADVANCE[solver])
-        self._constants = make_row(pack_reduced(parameters, self.options, dt))
-        self._state = make_row((*_motion(start), 0.0, 0.0, 0.0))
+        self._constants = make_plant_row(pack_reduced(parameters, self.options, dt))
+        self._state = make_plant_row((*_motion(start), 0.0, 0.0, 0.0))
+        self._advance = bind_advance(_ADVANCE[solver], self._state, self._constants)
         self._nu = start.nu
         self._delay_steps = round(delay / dt)
         self._made = 0
@@ -175,9 +175,10 @@ class ReducedOrderPlant:
             self._arriving.append((self._made + self._delay_steps, u))
 
     def _advance_by(self, nu: float, F_L: float, steps: int) -> PlantOutput:
-        seen = self._advance(self._state, self._constants, nu, F_L, steps)
-        if not math.isfinite(seen[0] + seen[1] + seen[2]):
-            raise divergence(self.dt, self.solver)
+        try:
+            seen = self._advance(nu, F_L, steps)
+        except FloatingPointError:
+            raise divergence(self.dt, self.solver) from None
         self._made += steps
         self._output = PlantOutput._make(seen)
         return self._output

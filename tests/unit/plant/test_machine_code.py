@@ -31,6 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model.machine_code import (
     fingerprint,
 )
 from hil_bench.plants.hydraulic_cylinder.model.moving import describe_kernels
+from hil_bench.plants.hydraulic_cylinder.model.warm_oil import AS_GIVEN, OilNow
 
 ROOT = Path(__file__).parents[3]
 CARRIED = find_machine_code().bind is not None
@@ -187,11 +188,11 @@ def run_full():
     plant = FullOrderPlant(paper_parameters())
     seen = [plant.step(PlantInput(1e-3, 5e3), 5)]
     plant.supply_pressure = 9e6
-    plant.warm(2.0, 0.98)
+    plant.warm(OilNow(2.0, 0.98, 0.9))
     seen.append(plant.step(PlantInput(1e-3, 5e3), 5))
     plant.defects = Defects(leakage_a=1e-12)  # from here on it is extended
     seen.append(plant.step(PlantInput(-1e-3), 5))
-    plant.warm(1.0, 1.0)
+    plant.warm(AS_GIVEN)
     plant.restart(plant.state._replace(v=0.1))
     return [*seen, plant.step(PlantInput(-1e-3), 5), plant.state, plant.extension]
 

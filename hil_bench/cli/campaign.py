@@ -75,7 +75,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--sampler",
         choices=[each.value for each in Sampler],
-        help="how points are chosen (default: sobol); monte_carlo allows a bound",
+        metavar="NAME",
+        help=f"how points are chosen: {', '.join(Sampler)} (default: sobol); monte_carlo allows a "
+        "bound",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler (default: 0)")
     add_jobs_argument(parser)

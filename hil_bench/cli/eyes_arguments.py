@@ -60,12 +60,13 @@ def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="show only this node, by name or ID; repeat it for more",
     )
-    group.add_argument(
-        "--only", action="append", default=[], choices=services, help="show only this service"
-    )
-    group.add_argument(
-        "--hide", action="append", default=[], choices=services, help="hide this service"
-    )
+    for option, what in (
+        ("--only", f"show only this kind of frames: {', '.join(services)}"),
+        ("--hide", "hide this kind of frames"),
+    ):
+        group.add_argument(
+            option, action="append", default=[], choices=services, metavar="KIND", help=what
+        )
     group.add_argument(
         "--changes", action="store_true", help="hide frames that repeat the last content"
     )

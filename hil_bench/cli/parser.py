@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.help_format import HelpFormatter
 
 _MOST_CHOICES = 8  # more of them are for --help
 
@@ -14,7 +15,7 @@ _MOST_CHOICES = 8  # more of them are for --help
 class Parser(argparse.ArgumentParser):
     """An argument parser for people: errors of one line, with the nearest name that is right.
 
-    Its description and its epilog stand as they are written.
+    Its description and its epilog stand as they are written, where the terminal is wide enough.
 
     It leaves an optional positional for the arguments that stand behind an option. In
     ``FILE --virtual bench.toml`` Python before 3.12.7 has bench.toml's place empty as soon as it
@@ -22,7 +23,7 @@ class Parser(argparse.ArgumentParser):
     """
 
     def __init__(self, **options: Any) -> None:  # noqa: ANN401 - as argparse
-        super().__init__(**{"formatter_class": argparse.RawDescriptionHelpFormatter, **options})
+        super().__init__(**{"formatter_class": HelpFormatter, **options})
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where help is, without the usage of all options, and exit."""

@@ -1,9 +1,10 @@
 """Arguments that name a bench, its file, seed, bus and axis; and where output goes."""
 
 import argparse
+import contextlib
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimePolicy, load_config
@@ -171,3 +172,17 @@ def make_directory(path: Path) -> None:
     """Make the output directory where it is not there yet."""
     with about_file(f"--output {path}", what="cannot be made", right="give a directory of yours"):
         path.mkdir(parents=True, exist_ok=True)
+
+
+@contextlib.contextmanager
+def output_directory(path: Path) -> Iterator[None]:
+    """Make the output directory; take it away again if the work fails before it wrote anything."""
+    made = [each for each in (path, *path.parents) if not each.exists()]
+    make_directory(path)
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(OSError):  # something was written
+            for each in made:
+                each.rmdir()
+        raise

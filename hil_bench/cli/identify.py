@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
 from hil_bench.bench.configuration import BenchConfig, load_config
-from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
+from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.identify_design import (
     Question,
@@ -133,19 +133,24 @@ def run(args: argparse.Namespace) -> int:
     if axis.model is not Model.FULL_ORDER:
         raise ConfigError(f'plant.{axis.name}: identification needs model = "full-order"')
     check_options(axis.options)
-    make_directory(args.output)
     chains = _find_chains(config, axis)
     sensors = find_sensors(*chains)
     choice = _choose(args, config, axis, sensors)
     asked = Question(config, files.bench, axis, choice.names, sensors, chains, None)
+    with output_directory(args.output):
+        return _answer(args, asked, files)
+
+
+def _answer(args: argparse.Namespace, asked: Question, files: "Files") -> int:
+    """Identify what there are recordings of, write and print."""
+    found: Identification | None = None
+    is_right = True
     if files.recordings:
         found, asked = _fit(args, asked, files.recordings)
         asked = asked._replace(knowledge=Knowledge.of(found))
         is_right = is_explained(found)
-    else:
-        found, is_right = None, True
-        if files.result is not None:
-            asked = asked._replace(knowledge=read_knowledge(files.result))
+    elif files.result is not None:
+        asked = asked._replace(knowledge=read_knowledge(files.result))
     _finish(args, found, asked, files.recordings, has_design=args.design and is_right)
     return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
 

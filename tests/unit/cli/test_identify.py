@@ -123,6 +123,19 @@ def test_an_output_that_is_a_file_is_refused_before_the_work(
     assert "--output" in refusal(capsys, recording, bench, "--output", recording)
 
 
+def test_a_refusal_leaves_no_empty_folder(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+
+    for output in (tmp_path / "new" / "lift", mine):
+        refusal(capsys, recording, "--output", output)
+
+    assert not (tmp_path / "new").exists()
+    assert mine.is_dir()
+
+
 def test_a_recording_full_of_gaps_is_refused(
     bench: Path, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

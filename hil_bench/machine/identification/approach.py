@@ -16,6 +16,7 @@ SIDE_MINIMUM = 1.3
 _HOPELESS = 4.0  # times the noise, after the first steps
 _STEPS, _MORE = 6, 3  # of a first fine fit, and how often it may go on
 _APART = 3.0  # deviations
+_NEAR = 1.0  # deviations: close enough to compare, and for the last fit to begin
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +93,7 @@ def _follow(
     fitter.forget()
     fit = _advance(fitter, unknowns, variables, every)
     for _ in range(_MORE):
-        if fit.optimum.is_reached or fit.whole_residual > _HOPELESS:
+        if fit.optimum.decrement < _NEAR or fit.whole_residual > _HOPELESS:
             break
         fit = _advance(fitter, unknowns, fit.variables, every)
     return fit
@@ -102,4 +103,4 @@ def _advance(fitter: Fitter, unknowns: Unknowns, variables: Values, every: Piece
     """Return the fine fit some steps further, after lost starts have been found again."""
     fitter.retry()
     pieces = fitter.explained(unknowns, variables, every)
-    return fitter.polish(unknowns, variables, pieces, _STEPS)
+    return fitter.polish(unknowns, variables, pieces, _STEPS, _NEAR)

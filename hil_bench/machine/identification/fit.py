@@ -117,6 +117,11 @@ class Fitter:
         self._settled.clear()
         self._stuck.clear()
 
+    def begin_at(self, fit: "Fit") -> None:
+        """Take all of the finest pieces again, from the starts of a fit where it has some."""
+        self.forget()
+        self._settled.update(fit.polish.shooting.starts)
+
     def retry(self) -> None:
         """Take stuck pieces again, from where they have stuck."""
         self._stuck.clear()
@@ -139,7 +144,7 @@ class Fitter:
                 f"the recording has {clear} pieces of {stage.length:g} s clear of the "
                 f"end stops to fit to and {at_stops} at a stop; {_FEWEST_PIECES} or more are needed"
             )
-        return pieces.share(stage.share)
+        return pieces.share(stage.share, stage.most)
 
     def shooting(self, stage: Stage, pieces: Pieces, known: PlantParameters) -> Shooting:
         """Return pieces beside the model, as finely as a stage wants.
@@ -210,14 +215,20 @@ class Fitter:
         return every.chosen(others)
 
     def polish(
-        self, unknowns: Unknowns, variables: Values, pieces: Pieces, most: int = MOST_STEPS
+        self,
+        unknowns: Unknowns,
+        variables: Values,
+        pieces: Pieces,
+        most: int = MOST_STEPS,
+        near: float = 0.0,
     ) -> Fit:
         """Return the fit to the finest pieces that starts at `variables`, in so many steps.
 
-        The starts of the pieces are as `explained` has settled them.
+        The starts of the pieces are as `explained` has settled them. It ends as soon as the optimum
+        is nearer than `near` deviations.
         """
         polish = Polish(unknowns, self.shooting(FINE, pieces, unknowns.known))
-        optimum = polish.run(variables, lambda: self.report(FINE.name), most)
+        optimum = polish.run(variables, lambda: self.report(FINE.name), most, near)
         self._settled.update(polish.shooting.starts)
         if not optimum.is_reached:
             self._stuck.update(pieces.rows[optimum.is_stuck].tolist())
@@ -243,7 +254,9 @@ class Fitter:
             )
             self.report(stage.name)
             variables = solution.x
-            is_done, cost = solution.cost > (1.0 - stage.enough) * cost, solution.cost
+            is_done = solution.cost > (1.0 - stage.enough) * cost
+            is_done |= solution.cost < stage.near * len(solution.fun)
+            cost = solution.cost
             if is_done:
                 break
         return Rough(variables, float(cost))

@@ -31,9 +31,10 @@ class Pieces(NamedTuple):
         rows = self.rows[:, np.newaxis] + np.arange(self.length + 1)
         return np.asarray(record.at_stop[rows, 0].any(axis=1))
 
-    def share(self, share: float) -> "Pieces":
+    def share(self, share: float, most: int | None = None) -> "Pieces":
         """Return some of the pieces, spread evenly by chance; the same at each call."""
         count = max(1, round(share * len(self.rows)))
+        count = count if most is None else min(count, most)
         chosen = np.random.default_rng(3).permutation(len(self.rows))[:count]
         return Pieces(np.sort(self.rows[chosen]), self.length)
 

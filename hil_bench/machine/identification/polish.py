@@ -42,7 +42,7 @@ One standard deviation off the optimum costs 0.5.
 MOST_STEPS = 40
 _MEASURED = 1.0  # decrement below which the gradient is measured
 _REACH = 0.5  # deviations, over which it is
-_IDLE = 3  # steps one after the other that gain nothing
+_IDLE = 5  # steps one after the other that gain nothing
 _STUCK = 0.1  # of the cost, that a piece's start could still gain
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-8, 1e8
 _EASE, _TIGHTEN = 0.1, 10.0
@@ -102,13 +102,20 @@ class Polish:
         self._tangents = Tangents(self.unknowns, self.shooting)
         self._own_damping = np.full(len(self.shooting.states), _FIRST_OWN)
 
-    def run(self, variables: Values, report: Callable[[], None], most: int = MOST_STEPS) -> Optimum:
+    def run(
+        self,
+        variables: Values,
+        report: Callable[[], None],
+        most: int = MOST_STEPS,
+        near: float = 0.0,
+    ) -> Optimum:
         """Return the optimum next to these variables; the starts end there too.
 
         Args:
             variables: where to start.
             report: is called after each step.
             most: steps at most.
+            near: decrement below which a step is the last, whether the optimum is reached or not.
         """
         damping, idle = _FIRST_DAMPING, 0
         (costs,) = self._costs(variables, [self.shooting.states])
@@ -116,7 +123,9 @@ class Polish:
         optimum, quadratic = self._look(variables, cost)
         is_near = False
         while not optimum.is_reached and optimum.steps < most and idle < _IDLE:
-            found = self._step(optimum, quadratic, damping)
+            if optimum.decrement < near:
+                break
+            found = self._step(optimum, quadratic, damping, GAINED if is_near else 0.0)
             if found is None:
                 return replace(optimum, gain=0.0)
             variables, cost, damping = found
@@ -156,11 +165,13 @@ class Polish:
         ), quadratic
 
     def _step(
-        self, here: Optimum, quadratic: Quadratic, damping: float
+        self, here: Optimum, quadratic: Quadratic, damping: float, slack: float
     ) -> tuple[Values, float, float] | None:
         """Make a step that lowers the cost; return variables, cost and damping, None for none.
 
-        Each piece's start goes as far as is best for it, so that no piece holds up the others.
+        Each piece's start goes as far as is best for it, so that no piece holds up the others. The
+        cost may rise by `slack`: where it jumps by more than a step gains, the gradient measured
+        over half a deviation knows better.
         """
         pull, information = quadratic.reduce(self._own_damping)
         free = self._free(here.variables, pull)
@@ -174,7 +185,7 @@ class Polish:
             costs = self._costs(trial, list(states))
             best = np.argmin(costs, axis=0)
             cost = float(costs[best, pieces].sum()) + self._expect(trial)
-            if cost < here.cost:
+            if cost < here.cost + slack:
                 self.shooting.states = states[best, pieces]
                 found = self._own_damping * _NEXT_OWN[best]
                 self._own_damping = np.clip(found, _LEAST_OWN, _MOST_OWN)

@@ -87,6 +87,11 @@ def limits_text(limits: Limits) -> str:
     return (
         f"position {low:g} to {high:g} mm, speed to {1e3 * limits.speed:g} mm/s, "
         f"pressure {lowest:g} to {highest:g} bar, time to {limits.time:g} s"
+        + (
+            ""
+            if limits.contact_speed is None
+            else f", contact to {1e3 * limits.contact_speed:g} mm/s"
+        )
     )
 
 

@@ -22,12 +22,18 @@ from hil_bench.machine.design.course import shorten_course
 from hil_bench.machine.design.foresight import Foresight
 from hil_bench.machine.design.knowledge import Knowledge
 from hil_bench.machine.design.twin import Twin
-from hil_bench.machine.identification.unknowns import SENSING, Sensors, Unknowns, kind_of
+from hil_bench.machine.identification.unknowns import (
+    SENSING,
+    SESSION_FLOW,
+    Sensors,
+    Unknowns,
+    kind_of,
+)
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 from hil_bench.scenario.records import Controller, Expectation, Scenario, SetStep
 from hil_bench.scenario.writing import to_toml
-from hil_bench.units import BAR, MICROMETRE
+from hil_bench.units import BAR, MICROMETRE, MILLIMETRE, MILLIMETRE_PER_SECOND
 
 Values = npt.NDArray[np.float64]
 Chains = tuple[ChainParameters | None, ChainParameters | None]
@@ -35,7 +41,7 @@ Chains = tuple[ChainParameters | None, ChainParameters | None]
 _SCENARIO, _COURSE = "design.scenario.toml", "design.csv"
 _BEGIN = 0.5  # [s], by which the example controller has set the devices up
 _TYPICAL = (3e-6, 5e3)  # [m], [Pa]: noise of sensors of which nothing is said
-_SPOOL = ("omega_0", "xi")
+_SPOOL, _STOP = ("omega_0", "xi"), "h"
 _LONGEST = 600.0  # [s]
 
 
@@ -110,11 +116,15 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
     limits = _limits(plan, asked)
     twin, notes = _twin(asked, plan)
     spool = _SPOOL if twin.has_spool else ()
-    names = tuple(name for name in asked.names if name not in spool)
+    names = tuple(name for name in asked.names if name not in {*spool, SESSION_FLOW})
     if not names:
         raise ConfigError("--design: the spool alone is sought, and its position tells it")
+    bounds, known, aside = Bounds.of(asked.axis, limits), asked.knowledge, tuple[str, ...]()
+    if bounds.stops and not {_STOP, *args.fix} & {*names, "stroke_mm"}:
+        names, aside = (*names, _STOP), (_STOP,)
+        if known is not None:
+            known = known.beside(_STOP, kind_of(_STOP).spread * asked.axis.parameters.h)
     unknowns = Unknowns(asked.axis.parameters, names, 1, asked.sensors)
-    known = asked.knowledge
     is_known = known is not None and set(names) <= set(known.deviations)
     with tqdm(unit=" manoeuvres", disable=True if args.quiet else None) as bar:
 
@@ -124,9 +134,10 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
 
         designer = Designer(
             Foresight(twin, unknowns),
-            Bounds.of(asked.axis, limits),
+            bounds,
             known.covariance(names) if known is not None and is_known else None,
             {name: _spool_deviation(name, twin.parameters, known) for name in spool},
+            aside,
             report,
         )
         found = designer.design(20.0 if args.duration is None else args.duration)
@@ -135,6 +146,10 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
             *notes,
             "today: the result lacks some of the sought parameters, and counts as none",
         )
+    if bounds.stops:
+        stops = " and ".join(f"{MILLIMETRE.from_si(stop):g} mm" for stop in bounds.stops)
+        speed = MILLIMETRE_PER_SECOND.from_si((limits and limits.contact_speed) or 0.0)
+        notes = (*notes, f"the piston may touch the end stops at {stops}, at up to {speed:g} mm/s")
     if plan is None:
         notes = (*notes, "limits: the stroke alone; give --plan for those of speed and pressure")
     return found, notes

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from hil_bench.errors import HilBenchError
-from hil_bench.machine.commissioning.plan import Limits
+from hil_bench.machine.commissioning.plan import NEAR_STOP, Limits
 
 
 class LimitError(HilBenchError):
@@ -29,6 +29,11 @@ def check_sample(sample: Sample, limits: Limits) -> None:
     _check_range("speed", sample.speed, (-limits.speed, limits.speed), 1e-3, "mm/s")
     _check_range("pressure at A", sample.pressure_a, limits.pressure, 1e5, "bar")
     _check_range("pressure at B", sample.pressure_b, limits.pressure, 1e5, "bar")
+    if limits.contact_speed is not None:
+        low, high = limits.position
+        lowest = -limits.contact_speed if sample.position < low + NEAR_STOP else -math.inf
+        highest = limits.contact_speed if sample.position > high - NEAR_STOP else math.inf
+        _check_range("speed at the end stop", sample.speed, (lowest, highest), 1e-3, "mm/s")
 
 
 def _check_range(

@@ -26,6 +26,12 @@ from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
 SETTLING = 0.3
 """Time of steady motion before a sweep [s]."""
 
+SUNK = 3e-3
+"""How far beyond the stroke limits may lie that allow contact [m]: stops give, sensors are off."""
+
+NEAR_STOP = 15e-3
+"""Way before such a limit on which the contact speed holds [m]."""
+
 
 class StepKind(StrEnum):
     """The steps there are."""
@@ -54,12 +60,15 @@ class Limits:
         speed: highest, either way [m/s].
         pressure: lowest and highest of either chamber [Pa].
         time: longest duration of the step [s].
+        contact_speed: highest towards an end stop, close to it [m/s]; None where the piston may not
+            touch one.
     """
 
     position: tuple[float, float]
     speed: float
     pressure: tuple[float, float]
     time: float
+    contact_speed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,11 +177,18 @@ def check_against(plan: CommissioningPlan, axis: CylinderConfig) -> None:
     half = axis.parameters.h
     for step in plan.steps:
         low, high = step.limits.position
-        if low < -half or high > half:
+        is_touching = step.limits.contact_speed is not None
+        most = half + (SUNK if is_touching else 0.0)
+        if low < -most or high > most:
+            allowed = (
+                f"at most {SUNK * 1e3:g} mm beyond it"
+                if is_touching
+                else "within it, or contact_speed_mm_s too if the piston may touch its stops"
+            )
             problems.add(
                 problems.place(step.kind),
                 f"may go from {low * 1e3:g} to {high * 1e3:g} mm, the stroke is "
-                f"{-half * 1e3:g} to {half * 1e3:g} mm; give position_mm within it",
+                f"{-half * 1e3:g} to {half * 1e3:g} mm; give position_mm {allowed}",
             )
         travel = expected_travel(step, axis.parameters)
         room = high - low

@@ -61,6 +61,13 @@ LIMIT_KEYS = (
     ),
     Key("pressure_bar", interval(BAR), None, BAR, "pressure", "[-1, 120]"),
     _quantity("time_s", 60.0, SECOND, 0.1, 3600.0),
+    Key(
+        "contact_speed_mm_s",
+        number(MILLIMETRE_PER_SECOND, low=0.001, high=1000.0),
+        None,
+        MILLIMETRE_PER_SECOND,
+        "contact_speed",
+    ),
 )
 
 STEP_LIMIT_KEYS = tuple(key._replace(default=None, example="") for key in LIMIT_KEYS)

@@ -20,6 +20,7 @@ from hil_bench.machine.design.manoeuvres import (
     Manoeuvre,
     Pace,
     come_back,
+    draw_contacts,
     draw_manoeuvres,
     measure_paces,
     pace_of_return,
@@ -123,6 +124,7 @@ class Designer:
         covariance: of the sought parameters so far [SI]; None where none was identified yet.
         spool: the standard deviation so far of each parameter that the recorded position of the
             spool tells by itself [SI].
+        aside: parameters that are sought with the others, but do not choose between manoeuvres.
         report: is called after each candidate.
     """
 
@@ -130,6 +132,7 @@ class Designer:
     bounds: Bounds
     covariance: Values | None = None
     spool: Mapping[str, float] = field(default_factory=dict)
+    aside: tuple[str, ...] = ()
     report: Callable[[str], None] = lambda _: None
 
     def design(self, duration: float) -> Design:
@@ -180,7 +183,10 @@ class Designer:
         if not paces:
             return [], {"speed": 1}
         candidates = []
-        for manoeuvre in draw_manoeuvres(twin, self.bounds, paces):
+        for manoeuvre in (
+            *draw_manoeuvres(twin, self.bounds, paces),
+            *draw_contacts(twin, self.bounds, paces),
+        ):
             candidate = self._look(manoeuvre, pace_of_return(paces))
             if isinstance(candidate, str):
                 refused[candidate] = refused.get(candidate, 0) + 1
@@ -213,6 +219,8 @@ class Designer:
         whole = sum((one.information for one in candidates), nothing)
         after = self._variances(prior, whole)
         counts = (after < _TOLD) | (after < 0.25 * before)
+        # The position of a stop must be known to use what happens there, but nobody asks for it.
+        counts &= np.array([name not in self.aside for name in self.foresight.unknowns.names])
         return np.asarray(counts if counts.any() else np.ones_like(counts))
 
     def _rank(

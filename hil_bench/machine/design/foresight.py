@@ -18,6 +18,7 @@ from hil_bench.machine.identification.quadratic import project
 from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.spool import fit_spool
 from hil_bench.machine.identification.stages import FINE, LENGTH
+from hil_bench.machine.identification.stops import find_stops
 from hil_bench.machine.identification.tangent import Tangents
 from hil_bench.machine.identification.uncertainty import invert, leave_out_wild
 from hil_bench.machine.identification.unknowns import PROMPT, SENSING, Guess, Unknowns
@@ -57,12 +58,14 @@ class Foresight:
             Shape (variables, variables); zero where nothing can be fitted to.
         """
         record = self.twin.record(setpoints, states)
+        if self.twin.options.end_stop is not None:
+            record = find_stops(record, self.twin.parameters.h)
         part = range(_SETTLED, len(setpoints) if end is None else end)
         rows = record.rows_in(LENGTH)
         nothing = np.zeros((len(self.start), len(self.start)))
         if len(part) <= rows:
             return nothing
-        pieces = cut_pieces(record, [part], rows, self.twin.parameters.h)
+        pieces = cut_pieces(record, [part], rows, self.twin.parameters.h, has_stops=True)
         if not len(pieces.rows):
             return nothing
         return self._of_pieces(record, pieces, states)

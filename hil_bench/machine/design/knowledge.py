@@ -47,6 +47,16 @@ class Knowledge(NamedTuple):
             found.record.spool is not None,
         )
 
+    def beside(self, name: str, deviation: float) -> "Knowledge":
+        """Return the same with a parameter of which only what is expected is known [SI]."""
+        if name in self.deviations:
+            return self
+        count = len(self.deviations)
+        correlations = np.eye(count + 1)
+        correlations[:count, :count] = self.correlations
+        deviations = {**self.deviations, name: deviation}
+        return self._replace(deviations=deviations, correlations=correlations)
+
     def covariance(self, names: tuple[str, ...]) -> Values:
         """Return the covariance of some parameters [SI]."""
         places = [list(self.deviations).index(name) for name in names]

@@ -1,5 +1,6 @@
 """Candidates: steps, ramps, chirps, sums of sines, holding, each from rest to rest."""
 
+import itertools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -20,6 +21,10 @@ _RETURN = 0.15  # of the levels: at that opening the piston goes back
 _AWAY = 1e-3  # [m] from the start: below, nothing goes back
 _SINES = 6
 _QUIET = 0.2  # [s] with the valve closed at the end
+_CREEP = 2e-3  # [m/s] below which a way takes too long
+_CLOSE = 0.9  # of the room, behind which the piston goes to an end stop slowly
+_CAREFUL = 0.9  # of the speed at which it may touch the stop
+_SURE = (1.15, 0.2)  # times the time to the stop by the model, and so much more [s]
 
 
 class Manoeuvre(NamedTuple):
@@ -113,6 +118,72 @@ def draw_manoeuvres(twin: Twin, bounds: Bounds, paces: list[Pace]) -> Iterator[M
             yield Manoeuvre(
                 f"chirp of a tenth about {name} both ways", grid.biased(u, min(span, 1.2))
             )
+
+
+def draw_contacts(twin: Twin, bounds: Bounds, paces: list[Pace]) -> Iterator[Manoeuvre]:
+    """Yield motions to each end stop that may be touched, slowly on the last part of the way.
+
+    The piston stands at the stop while the valve is open, closed, open again and closed: what its
+    pressures do then tells compliance, delay and leakage.
+
+    Args:
+        twin: of the machine.
+        bounds: of the motion.
+        paces: as `measure_paces` returns them.
+    """
+    grid, back = _Grid(twin.interval), pace_of_return(paces)
+    for stop in bounds.stops:
+        side = 1.0 if stop > bounds.middle else -1.0
+        levels = [_gait(twin, bounds, pace.opening, side) for pace in paces]
+        levels += [_gait(twin, bounds, opening, side) for opening in _careful(twin, paces)]
+        usable = [gait for gait in levels if gait.mean > _CREEP]
+        slow = [gait for gait in usable if gait.peak < _CAREFUL * bounds.contact_speed]
+        if not slow:
+            continue
+        near = max(slow, key=lambda gait: gait.mean)
+        # Fast motion would end nobody knows where, since the machine is not known yet.
+        allowed = [gait for gait in usable if gait.opening <= back.opening]
+        far = max((near, *allowed), key=lambda gait: gait.mean)
+        way = _CLOSE * bounds.room
+        times, more = _SURE
+        pattern = [
+            (far.opening, way / far.mean),
+            (near.opening, times * (abs(stop - bounds.middle) - way) / near.mean + more),
+            (0.0, 0.3),
+            (near.opening, 0.1),
+            (0.0, 0.2),
+        ]
+        yield Manoeuvre(
+            f"to the end stop at {1e3 * stop:+.0f} mm with {1e3 * near.mean:.0f} mm/s",
+            np.concatenate([grid.hold(side * value, duration) for value, duration in pattern]),
+        )
+
+
+class _Gait(NamedTuple):
+    """How the piston goes at an opening to one side: a slow one sticks and slips.
+
+    Attributes:
+        opening: as a share of the full opening.
+        mean: speed [m/s].
+        peak: highest speed [m/s].
+    """
+
+    opening: float
+    mean: float
+    peak: float
+
+
+def _gait(twin: Twin, bounds: Bounds, opening: float, side: float) -> _Gait:
+    rows = round(_MEASURED / twin.interval)
+    states = twin.run(np.full(2 * rows, side * opening), bounds.middle)
+    mean = side * (states[-1, 0] - states[rows, 0]) / ((rows - 1) * twin.interval)
+    return _Gait(opening, float(mean), float((side * states[:, 1]).max()))
+
+
+def _careful(twin: Twin, paces: list[Pace]) -> list[float]:
+    """Return openings between those of the candidates."""
+    openings = [dead_share(twin), *(pace.opening for pace in paces)]
+    return [0.5 * sum(pair) for pair in itertools.pairwise(openings)]
 
 
 def come_back(twin: Twin, bounds: Bounds, setpoints: Values, pace: Pace) -> tuple[Values, Values]:

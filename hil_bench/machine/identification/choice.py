@@ -17,6 +17,7 @@ from hil_bench.machine.identification.unknowns import (
     KINDS,
     PROMPT,
     SENSING,
+    SESSION_FLOW,
     Sensors,
 )
 from hil_bench.plants.hydraulic_cylinder.keys import PARAMETER_KEYS
@@ -27,6 +28,7 @@ _SECOND_NS = 1e9
 KEYS: Mapping[str, Key] = {
     **{key.field: key for key in PARAMETER_KEYS},
     "gain": Key("command_gain", number(), 1.0, ONE, "gain"),
+    SESSION_FLOW: Key(SESSION_FLOW, number(), 1.0, ONE, SESSION_FLOW),
     **{name: Key(f"{name}_ms", number(MILLISECOND), 0.0, MILLISECOND, name) for name in SENSING},
 }
 """The key of each unknown: those of `bench.toml`, and the others'."""

@@ -18,6 +18,7 @@ from hil_bench.machine.identification.unknowns import (
     KINDS,
     PROMPT,
     SENSING,
+    SESSION_FLOW,
     Sensors,
     Unknowns,
     check_names,
@@ -61,6 +62,9 @@ class Identification:
         parameters: what was found, and as configured what was not.
         offsets: errors of the pressure sensors in each recording, shape (recordings, 2) [Pa].
         offset_deviations: their standard deviations, of the same shape [Pa].
+        flows: what the valve passes in each recording, as factors of the first; None where that was
+            not sought.
+        flow_deviations: their standard deviations, 0 for the first.
         estimates: one a sought parameter.
         correlations: of the errors of the estimates, shape (estimates, estimates).
         residual: rms of the fit's residuals of each signal, as a multiple of its noise, shape (3,);
@@ -88,6 +92,8 @@ class Identification:
     pieces: int
     left_out: int
     trial: Trial
+    flows: Values | None = None
+    flow_deviations: Values | None = None
 
     @property
     def told(self) -> list[Estimate]:
@@ -130,18 +136,22 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         report: takes a few words after each piece of work.
     """
     check_options(options)
-    check_names(names)
+    check_names(names, len(record.sessions))
+    has_flows = SESSION_FLOW in names
+    names = tuple(name for name in names if name != SESSION_FLOW)
     pieces = trial_pieces(record, known.h)
     spool = fit_spool(record, known)
     with_spool = replace(known, **{name: value for name, (value, _) in spool.items()})
     sought = tuple(name for name in names if name not in spool)
-    unknowns = Unknowns(with_spool, sought, len(record.sessions), sensors)
+    unknowns = Unknowns(with_spool, sought, len(record.sessions), sensors, has_flows)
     is_behind = sensors != PROMPT or not set(SENSING).isdisjoint(names)
     fitter = Fitter(record, options, step, report, is_behind)
     found = _fit(fitter, unknowns, starts, seed)
     guess = found.unknowns.guess(found.fit.variables)
     estimates = _estimates(found, names, spool)
     plant = set(PlantParameters.__slots__)
+    last = len(sought) + 2 * len(record.sessions)
+    deviations = _deviations(found.unknowns, found.fit)
     told = {one.name: one.value for one in estimates if one.is_told and one.name in plant}
     if any(one.name == "gain" and one.is_told for one in estimates):
         told |= {name: getattr(guess.parameters, name) for name in ("w", "alpha", "beta")}
@@ -151,7 +161,9 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         sensors=sensors,
         parameters=replace(known, **told),
         offsets=guess.offsets,
-        offset_deviations=_deviations(found.unknowns, found.fit)[len(sought) :].reshape(-1, 2),
+        offset_deviations=deviations[len(sought) : last].reshape(-1, 2),
+        flows=np.array(guess.flows) if has_flows else None,
+        flow_deviations=np.array([0.0, *deviations[last:]]) if has_flows else None,
         estimates=tuple(estimates),
         correlations=_correlations(found.unknowns, found.fit, names),
         residual=found.fit.residual,
@@ -184,7 +196,7 @@ def _fit(fitter: Fitter, unknowns: Unknowns, starts: int, seed: int) -> _Found:
     # Oil that rings looks like noise; the fit knows better, unless it misses something.
     scale = np.where(fit.residual <= SIDE_MINIMUM, fit.residual, 1.0)
     fitter = fitter.with_record(record.with_noise(scale * record.noise))
-    fitter.forget()  # what another start may have left
+    fitter.begin_at(fit)  # not where another start may have left the pieces
     pieces = fitter.explained(unknowns, fit.variables, every)
     for _ in range(_REPEATS):
         fit = fitter.polish(unknowns, fit.variables, pieces)

@@ -92,8 +92,14 @@ def to_json(found: Identification) -> dict[str, Any]:
                 "name": session.name,
                 "signals": [*_names(session)],
                 "pressure_offsets_bar": [BAR.from_si(offset) for offset in offsets],
+                "flow_factor": flow,
             }
-            for session, offsets in zip(found.record.sessions, found.offsets.tolist(), strict=True)
+            for session, offsets, flow in zip(
+                found.record.sessions,
+                found.offsets.tolist(),
+                [1.0] * len(found.offsets) if found.flows is None else found.flows.tolist(),
+                strict=True,
+            )
         ],
         "notes": [*found.record.notes],
         "fit_residual": _by_signal(found.residual),
@@ -214,6 +220,7 @@ def _trial_lines(found: Identification) -> list[str]:
         f"on the part not fitted, in pieces of {piece:.3g} s: {residual} times the noise",
         f"there, in runs of up to {longest:.3g} s: position {error:.3g} mm rms",
     ]
+    lines += _flow_lines(found)
     for session, offsets, deviations in zip(
         record.sessions, found.offsets, found.offset_deviations, strict=True
     ):
@@ -225,6 +232,20 @@ def _trial_lines(found: Identification) -> list[str]:
             if abs(offset) > EXPLAINED * deviation
         ]
     return lines
+
+
+def _flow_lines(found: Identification) -> list[str]:
+    """Return how the flow of each recording differs from that of the first."""
+    if found.flows is None or found.flow_deviations is None:
+        return []
+    first, *others = found.record.sessions
+    return [
+        f"{session.name}: the valve passes {factor:.4f} +- {deviation:.2g} of what it passes in "
+        f"{first.name}"
+        for session, factor, deviation in zip(
+            others, found.flows[1:], found.flow_deviations[1:], strict=True
+        )
+    ]
 
 
 def _warnings(found: Identification) -> list[str]:

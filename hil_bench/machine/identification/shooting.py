@@ -7,6 +7,7 @@ unknowns too: they start at smoothed measurements, and what a change of them cou
 out of the residuals (variable projection: Kaufman 1975, BIT 15, 49-57).
 """
 
+import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ from hil_bench.machine.identification.record import AxisRecord
 from hil_bench.machine.identification.sensing import sense
 from hil_bench.machine.identification.spool import recorded_spool
 from hil_bench.machine.identification.unknowns import PROMPT, Guess
-from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
+from hil_bench.plants.hydraulic_cylinder.model import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.batch import (
     LANES,
     NO_CUTS,
@@ -103,6 +104,7 @@ class Shooting:
     _smooth: Values = field(init=False)
     _measured: Values = field(init=False)
     _session: npt.NDArray[np.int64] = field(init=False)
+    _blocks: list[slice] = field(init=False)
     _setpoints: list[Values] = field(init=False)
     _cuts: list[Cuts] = field(init=False, default_factory=list)
     _basis: Values = field(init=False)
@@ -116,9 +118,10 @@ class Shooting:
         self.restart()
         rows = self.pieces.rows[:, np.newaxis] + 1 + np.arange(self.pieces.length)
         self._measured = self.record.measured[rows]
+        self._blocks = _cut_blocks(self._session)
         self._setpoints = [
-            spread_setpoints(np.repeat(block, self.substeps, axis=1))
-            for block in np.split(self.record.setpoints[rows], range(LANES, len(rows), LANES))
+            spread_setpoints(np.repeat(self.record.setpoints[rows[block]], self.substeps, axis=1))
+            for block in self._blocks
         ]
         self.is_there = self.record.counts_at(rows)
         if self.is_behind:
@@ -166,16 +169,16 @@ class Shooting:
             recorded_spool(guess.parameters, self.record)[self.pieces.rows] for guess in guesses
         ]
         seen = np.empty((len(guesses), *self._measured.shape))
-        blocks = range(len(self._setpoints))
+        blocks = range(len(self._blocks))
         jobs = [(number, block) for number in range(len(guesses)) for block in blocks]
 
         def show(job: tuple[int, int]) -> None:
             number, block = job
-            pieces = slice(block * LANES, (block + 1) * LANES)
+            pieces = self._blocks[block]
             starts = np.hstack([states[number][pieces], spools[number][pieces]])
             guess, known = guesses[number], None if cuts is None else cuts[block]
             fine = self._fineness if guess.sensors != PROMPT else 1
-            run = self._run(guess.parameters, block, starts, known, self.substeps // fine)
+            run = self._run(guess, block, starts, known, self.substeps // fine)
             shown = run[:, :, [0, 2, 3]]
             if guess.sensors != PROMPT:
                 begin = starts[:, np.newaxis, [0, 2, 3]]
@@ -329,21 +332,22 @@ class Shooting:
         """Return the states that the model has at the end of each piece, shape (pieces, 4)."""
         spool = recorded_spool(guess.parameters, self.record)[self.pieces.rows]
         ends = np.empty_like(self.states)
-        for block in range(len(self._setpoints)):
-            part = slice(block * LANES, (block + 1) * LANES)
+        for block in range(len(self._blocks)):
+            part = self._blocks[block]
             starts = np.hstack([self.states[part], spool[part]])
-            ends[part] = self._run(guess.parameters, block, starts)[:, -1, :4]
+            ends[part] = self._run(guess, block, starts)[:, -1, :4]
         return ends
 
     def _run(
         self,
-        parameters: PlantParameters,
+        guess: Guess,
         block: int,
         starts: Values,
         cuts: Cuts | None = None,
         every: int | None = None,
     ) -> Values:
         """Return what a plant shows in the pieces of a block, as `run_starts` does."""
+        parameters = guess.plant_in(int(self._session[self._blocks[block].start]))
         furthest = parameters.h + _SUNK
         starts[:, 0] = np.clip(starts[:, 0], -furthest, furthest)
         run = run_extended_starts if self.options.is_extended else run_starts
@@ -383,3 +387,13 @@ class Shooting:
         starts[..., 2:] += offsets * self.has[:, 1:]
         starts /= self.spreads
         return np.concatenate([seen.reshape(*seen.shape[:2], -1), starts], axis=2)
+
+
+def _cut_blocks(session: npt.NDArray[np.int64]) -> list[slice]:
+    """Return the pieces that run side by side, at most `LANES` of one recording."""
+    edges = [0, *(np.flatnonzero(np.diff(session)) + 1).tolist(), len(session)]
+    return [
+        slice(first, min(first + LANES, stop))
+        for start, stop in itertools.pairwise(edges)
+        for first in range(start, stop, LANES)
+    ]

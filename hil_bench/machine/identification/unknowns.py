@@ -20,6 +20,12 @@ Values = npt.NDArray[np.float64]
 OFFSETS = ("offset_A", "offset_B")
 """Errors of the pressure sensors: sought beside the parameters, and no part of the result."""
 
+SESSION_FLOW = "session_flow"
+"""What the valve passes in each recording, as a factor of what it passes in the first.
+
+It is sought beside the parameters, one for each recording but the first.
+"""
+
 _OFFSET_SCALE = 1e5  # [Pa]: the standard deviation that they are expected to have
 
 
@@ -67,6 +73,7 @@ EXTRAS: Mapping[str, Kind] = {
     "P_T": Kind(is_log=False, lowest=-0.9, highest=20.0, spread=2.0, step=5e-3, told_within=0.5),
     "h": _RATIO._replace(lowest=-0.02, highest=0.02, spread=0.005, step=1e-3, told_within=0.005),
     "gain": _RATIO._replace(lowest=-7.0, highest=7.0, spread=2.0, told_within=0.05),
+    SESSION_FLOW: _RATIO._replace(lowest=-0.7, highest=0.7, spread=0.1),
     "position_delay": Kind(
         is_log=False, lowest=-2.0, highest=10.0, spread=2.0, step=1e-3, told_within=0.5
     ),
@@ -81,7 +88,7 @@ EXTRAS: Mapping[str, Kind] = {
     ),
 }
 """Unknowns that are sought on demand only: pressures of supply and tank, what a command stands for,
-delay and first-order lag of the sensors."""
+how the flow drifts, delay and first-order lag of the sensors."""
 
 SENSING = ("position_delay", "position_lag", "pressure_delay", "pressure_lag")
 """Those of `EXTRAS` that make up `Sensors`, in its order."""
@@ -112,12 +119,20 @@ class Guess(NamedTuple):
         offsets: errors of both pressure sensors in each recording, shape (recordings, 2) [Pa].
         sensors: how far they are behind.
         gain: of the command: times the set-points as they were read.
+        flows: what the valve passes in each recording, as factors; empty where it does not differ.
     """
 
     parameters: PlantParameters
     offsets: Values
     sensors: Sensors = PROMPT
     gain: float = 1.0
+    flows: tuple[float, ...] = ()
+
+    def plant_in(self, session: int) -> PlantParameters:
+        """Return the parameters in a recording."""
+        if not self.flows or self.flows[session] == 1.0:
+            return self.parameters
+        return replace(self.parameters, w=self.flows[session] * self.parameters.w)
 
     def value(self, name: str) -> float:
         """Return the value of an unknown [SI]."""
@@ -128,25 +143,28 @@ class Guess(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Unknowns:
-    """The free variables of a fit: one for each name, then the sensors' offsets by recording.
+    """The free variables of a fit: one a name, then the sensors' offsets and flows by recording.
 
     Attributes:
         known: what is configured; what is not sought stays as it is there.
         names: the sought parameters, of `KINDS` and `EXTRAS`.
         sessions: how many recordings there are.
         sensors: as configured.
+        has_flows: whether the flow differs from recording to recording.
     """
 
     known: PlantParameters
     names: tuple[str, ...]
     sessions: int = 1
     sensors: Sensors = PROMPT
+    has_flows: bool = False
 
     @property
     def kinds(self) -> list[Kind]:
         """How each free variable is sought."""
         offsets = [_OFFSET] * (len(OFFSETS) * self.sessions)
-        return [*(kind_of(name) for name in self.names), *offsets]
+        flows = [kind_of(SESSION_FLOW)] * (self.sessions - 1 if self.has_flows else 0)
+        return [*(kind_of(name) for name in self.names), *offsets, *flows]
 
     @property
     def start(self) -> Values:
@@ -189,19 +207,23 @@ class Unknowns:
             # The spool is linear: a gain of the command is one of what the valve makes of it.
             values["w"] = self.known.w * gain
             values |= {name: getattr(self.known, name) / gain for name in _VALVE[1:]}
-        offsets = _OFFSET_SCALE * variables[len(self.names) :].reshape(self.sessions, -1)
+        first, last = len(self.names), len(self.names) + len(OFFSETS) * self.sessions
+        offsets = _OFFSET_SCALE * variables[first:last].reshape(self.sessions, -1)
+        flows = (1.0, *np.exp(variables[last:]).tolist()) if self.has_flows else ()
         parameters = replace(self.known, **values)
-        return Guess(parameters, offsets, self.sensors._replace(**sensing), gain)
+        return Guess(parameters, offsets, self.sensors._replace(**sensing), gain, flows)
 
     def variables_of(self, guess: Guess) -> Values:
         """Return the free variables that stand for a guess, within the bounds."""
         variables = [self._variable(name, guess) for name in self.names]
         lowest, highest = self.bounds
         offsets = guess.offsets.reshape(-1) / _OFFSET_SCALE
-        return np.asarray(np.clip([*variables, *offsets], lowest, highest))
+        factors = (guess.flows or (1.0,) * self.sessions) if self.has_flows else ()
+        flows = np.log(np.array(factors[1:]))
+        return np.asarray(np.clip([*variables, *offsets, *flows], lowest, highest))
 
     def slopes_si(self, variables: Values) -> Values:
-        """Return the slopes of parameters and offsets [SI] by the free variables, square."""
+        """Return the slopes of parameters, offsets and flows [SI] by the free variables, square."""
         step = 1e-6
         here = self._si(variables)
         moved = [self._si(variables + shift) for shift in step * np.eye(len(variables))]
@@ -209,7 +231,8 @@ class Unknowns:
 
     def _si(self, variables: Values) -> Values:
         guess = self.guess(variables)
-        return np.array([*map(guess.value, self.names), *guess.offsets.reshape(-1)])
+        offsets = guess.offsets.reshape(-1)
+        return np.array([*map(guess.value, self.names), *offsets, *guess.flows[1:]])
 
     def _variable(self, name: str, guess: Guess) -> float:
         if name == "F_s":
@@ -225,12 +248,14 @@ def kind_of(name: str) -> Kind:
     return KINDS[name] if name in KINDS else EXTRAS[name]
 
 
-def check_names(names: Sequence[str]) -> None:
-    """Refuse unknowns that act alike.
+def check_names(names: Sequence[str], sessions: int) -> None:
+    """Refuse unknowns that act alike, or that one recording alone cannot tell.
 
     Raises:
-        ConfigError: some do.
+        ConfigError: there are some.
     """
+    if SESSION_FLOW in names and sessions < 2:
+        raise ConfigError(f"{SESSION_FLOW} compares recordings; give two or more of them")
     if "gain" in names and not set(_VALVE).isdisjoint(names):
         raise ConfigError(
             "command_gain is not decidable beside the valve's width, opening and overlap, which "

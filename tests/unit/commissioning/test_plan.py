@@ -105,7 +105,14 @@ def test_what_is_wrong_with_a_plan(load, text, message):
             LIMITS.replace("100", "250") + "[communication]\n",
             (
                 "communication: may go from -250 to 250 mm, the stroke is -200 to 200 mm; give "
-                "position_mm within it"
+                "position_mm within it, or contact_speed_mm_s too if the piston may touch its stops"
+            ),
+        ),
+        (
+            LIMITS.replace("100", "204") + "contact_speed_mm_s = 50\n[communication]\n",
+            (
+                "communication: may go from -204 to 204 mm, the stroke is -200 to 200 mm; give "
+                "position_mm at most 3 mm beyond it"
             ),
         ),
         (

@@ -313,3 +313,24 @@ def test_a_limit_is_told_in_the_units_of_the_plan(values, text):
     with pytest.raises(LimitError) as raised:
         check_sample(sample(**values), LIMITS)
     assert str(raised.value) == text
+
+
+@pytest.mark.parametrize(
+    ("position", "speed", "is_allowed"),
+    [
+        (0.19, 0.04, True),  # 13 mm before the limit, slowly
+        (0.19, 0.06, False),
+        (0.19, -0.3, True),  # away from the stop
+        (-0.19, -0.06, False),
+        (-0.19, 0.3, True),
+        (0.18, 0.3, True),  # 23 mm before the limit
+    ],
+)
+def test_towards_an_end_stop_the_contact_speed_holds(position, speed, is_allowed):
+    limits = replace(LIMITS, position=(-0.203, 0.203), contact_speed=0.05)
+    one = sample(position=position, speed=speed)
+    if is_allowed:
+        check_sample(one, limits)
+        return
+    with pytest.raises(LimitError, match=r"^speed at the end stop .*beyond its limit of -?50 mm/s"):
+        check_sample(one, limits)

@@ -85,8 +85,14 @@ def test_a_choice_with_a_mistake_is_refused(
 
 def test_a_gain_of_the_command_needs_a_known_valve() -> None:
     with pytest.raises(ConfigError, match="command_gain is not decidable beside the valve"):
-        check_names(["gain", "w"])
-    check_names(["gain", "m"])
+        check_names(["gain", "w"], 1)
+    check_names(["gain", "m"], 1)
+
+
+def test_a_flow_by_recording_takes_two_recordings() -> None:
+    with pytest.raises(ConfigError, match="session_flow compares recordings; give two or more"):
+        check_names(["w", "session_flow"], 1)
+    check_names(["w", "session_flow"], 2)
 
 
 def test_the_hysteresis_of_the_sensors_counts_as_noise() -> None:

@@ -67,6 +67,29 @@ def test_the_model_shows_the_pressure_that_was_not_recorded(found: Identificatio
     assert run.model[:, 2] == pytest.approx(whole["axis1.P_B"][run.rows], abs=1e5)
 
 
+@pytest.mark.long
+def test_a_flow_that_drifts_between_two_recordings_is_told() -> None:
+    """2 % less in the second; w is that of the first."""
+    drifted = replace(MACHINE, w=0.98 * MACHINE.w)
+    first = Machine(parameters=MACHINE).record(SHORT)
+    second = Machine(parameters=drifted).record(random_steps(0.4e-3, 1.1e-3, 34, 100)[::-1])
+    record = join_records([read(first, "a"), read(second, "b")])
+    names = ("w", "E", "F_c", "m", "session_flow")
+
+    found = identify(
+        record, paper_parameters(), PlantOptions.bench(), step=STEP, names=names, starts=1
+    )
+
+    assert found.flows is not None
+    assert found.flow_deviations is not None
+    assert abs(found.flows[1] - 0.98) < 4.0 * found.flow_deviations[1] < 0.002
+    assert found.parameters.w == pytest.approx(0.022, rel=1e-3)
+    assert found.residual == pytest.approx(1.0, abs=0.2)
+    assert "b: the valve passes 0.98" in summarise(found)
+    assert to_json(found)["recordings"][1]["flow_factor"] == pytest.approx(0.98, abs=1e-3)
+    assert [one.name for one in found.estimates] == ["w", "E", "F_c", "m"]
+
+
 def test_the_report_says_what_each_record_gives(found: Identification) -> None:
     text, content = summarise(found), to_json(found)
 

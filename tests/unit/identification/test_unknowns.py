@@ -91,3 +91,16 @@ def test_delays_and_the_supply_are_unknowns_too() -> None:
     assert start.sensors.position_delay == pytest.approx(2e-3)
     assert guess.parameters.P_S == pytest.approx(90e5)  # of 100 bar
     assert guess.sensors.position_delay == pytest.approx(1.5e-3)
+
+
+def test_each_recording_but_the_first_has_a_flow_of_its_own() -> None:
+    unknowns = Unknowns(paper_parameters(), ("w",), sessions=3, has_flows=True)
+
+    guess = unknowns.guess(np.array([0.0, *6 * [0.0], np.log(0.98), np.log(1.04)]))
+
+    w = paper_parameters().w
+    assert [guess.plant_in(session).w for session in range(3)] == pytest.approx(
+        [w, 0.98 * w, 1.04 * w]
+    )
+    assert unknowns.guess(unknowns.variables_of(guess)).flows == pytest.approx((1.0, 0.98, 1.04))
+    assert unknowns.guess(unknowns.start).flows == (1.0, 1.0, 1.0)

@@ -7,6 +7,7 @@ from hil_bench.bench.configuration import AxisConfig, BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.machine.fmu_export.export import export_axis, validate
+from hil_bench.machine.together import axes_with
 
 _EXAMPLES = """\
 examples:
@@ -24,7 +25,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser(
         "export-fmu",
         description="Write an axis of a bench as an FMU for co-simulation (FMI 2.0): inputs are "
-        "its command,\nload and supply pressure, outputs all of its quantities, in SI.",
+        "its command,\nload and supply pressure, outputs all of its quantities, in SI. Axes "
+        "that share a supply\nare exported together.",
         epilog=_EXAMPLES,
     )
     parser.add_argument("fmu", type=Path, metavar="FMU", help="file to write")
@@ -42,7 +44,9 @@ def run(args: argparse.Namespace) -> int:
     export_axis(config, axis, args.fmu)
     problems = validate(args.fmu)
     size = args.fmu.stat().st_size / 1e6
-    print(f"wrote {args.fmu}: {axis.name}, a {axis.kind.name}, {size:.1f} MB")
+    axes = axes_with(config, axis)
+    what = " and ".join(f"{each.name}, a {each.kind.name}" for each in axes)
+    print(f"wrote {args.fmu}: {what}, {size:.1f} MB")
     for problem in problems:
         print(f"{args.fmu}: {problem}")
     return ExitCode.CHECK_FAILED if problems else ExitCode.DONE

@@ -5,7 +5,7 @@ set-points of a recording drive the plant of a configuration from the recording'
 what the plant then does is compared with what was recorded.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig
 from hil_bench.errors import ConfigError
+from hil_bench.machine.together import axes_with, build_together
 from hil_bench.outside.realtime.clock import Clock
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -23,8 +24,6 @@ from hil_bench.outside.recording.channels import (
     recording_dtype,
 )
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.plants.hydraulic_cylinder.configuration import require_own_supply
-from hil_bench.plants.plant import Plant
 from hil_bench.plants.quantity import Quantity
 
 
@@ -147,10 +146,15 @@ def drive_plant(config: BenchConfig, recording: Recording) -> Recording:
     if not driven:
         right = ", ".join(map(_command_of, axes))
         raise ConfigError(f"the recording has no spool set-point; it must have {right}")
+    moved = {
+        axis.name: rows
+        for axes in _together(config, driven)
+        for axis, rows in zip(axes, _drive(config, axes, recording), strict=True)
+    }
     columns = [recording[TIME.name]]
     channels = [TIME]
     for axis in driven:
-        columns += list(_drive(config, axis, recording).T)
+        columns += list(moved[axis.name].T)
         channels += [Channel(f"{axis.name}.{each.name}", each.unit) for each in compared(axis)]
     rows = np.column_stack(columns)
     return np.ascontiguousarray(rows).view(recording_dtype(channels)).reshape(-1)
@@ -217,35 +221,59 @@ def _quantity(channel: Channel) -> str:
     return channel.name.rpartition(".")[2]
 
 
-def _drive(config: BenchConfig, axis: AxisConfig, recording: Recording) -> npt.NDArray[np.float64]:
-    """Return the `compared` quantities of an axis, a row a row of the recording.
+def _together(config: BenchConfig, driven: Sequence[AxisConfig]) -> Iterator[list[AxisConfig]]:
+    """Yield the axes that move at once: those of each supply, and all others by themselves.
 
     Raises:
-        ConfigError: the recording's time goes back, or the axis shares its supply.
+        ConfigError: an axis of a supply has no recorded command.
     """
-    require_own_supply(axis, "replay")
-    full = config.full_scale(axis)
-    quantities = compared(axis)
-    plant = _plant_at_start(axis, config.dt, recording, full)
+    left = [axis.name for axis in driven]
+    for axis in driven:
+        if axis.name not in left:
+            continue
+        axes = axes_with(config, axis)
+        for each in axes:
+            if each.name not in left:
+                wrong = f"the recording has no {_command_of(each)}"
+                right = f"it must have one, for {each.name} and {axis.name} share their supply"
+                raise ConfigError(f"{wrong}; {right}")
+            left.remove(each.name)
+        yield axes
+
+
+def _drive(
+    config: BenchConfig, axes: Sequence[AxisConfig], recording: Recording
+) -> list[npt.NDArray[np.float64]]:
+    """Return the `compared` quantities of axes that move at once, a row a row of the recording.
+
+    Raises:
+        ConfigError: the recording's time goes back, or it has no state to begin with.
+    """
+    starts = [_state_at_start(axis, recording, config.full_scale(axis)) for axis in axes]
+    group = build_together(config, axes, starts)
     times = recording[TIME.name]
     steps = np.rint(np.diff(times, prepend=times[0]) / config.dt).astype(np.int64)
     if np.any(steps < 0):
         raise ConfigError("the recording's time goes back; give a recording in the order of time")
-    setpoints = recording[_command_of(axis)]
-    if axis.kind.command.is_share:
-        setpoints = setpoints * full
-    rows = np.empty((len(recording), len(quantities)))
-    for number, (u, count) in enumerate(zip(setpoints.tolist(), steps.tolist(), strict=True)):
-        output = plant.drive(u, count)
-        rows[number] = [output[quantity.output or 0] for quantity in quantities]
-    for column, quantity in enumerate(quantities):
-        if quantity.is_share:
-            rows[:, column] /= full
-    return rows
+    commands = []
+    for axis in axes:
+        share = config.full_scale(axis) if axis.kind.command.is_share else 1.0
+        commands.append((recording[_command_of(axis)] * share).tolist())
+    places = [[quantity.output or 0 for quantity in compared(axis)] for axis in axes]
+    tables = [np.empty((len(recording), len(each))) for each in places]
+    for number, count in enumerate(steps.tolist()):
+        outputs = group.drive([each[number] for each in commands], count)
+        for table, output, place in zip(tables, outputs, places, strict=True):
+            table[number] = [output[each] for each in place]
+    for axis, table in zip(axes, tables, strict=True):
+        for column, quantity in enumerate(compared(axis)):
+            if quantity.is_share:
+                table[:, column] /= config.full_scale(axis)
+    return tables
 
 
-def _plant_at_start(axis: AxisConfig, dt: float, recording: Recording, full: float) -> Plant:
-    """Return the plant of an axis in the state of the recording's first row.
+def _state_at_start(axis: AxisConfig, recording: Recording, full: float) -> dict[str, float]:
+    """Return the state of an axis in the recording's first row.
 
     Raises:
         ConfigError: the recording does not have it.
@@ -259,4 +287,4 @@ def _plant_at_start(axis: AxisConfig, dt: float, recording: Recording, full: flo
     if axis.kind.start_with not in start:
         needed = f"{axis.name}.{axis.kind.start_with}"
         raise ConfigError(f"the recording has no {needed}; it must have one to begin with")
-    return axis.kind.build(axis, dt, start)
+    return start

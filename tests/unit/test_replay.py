@@ -142,3 +142,70 @@ def test_a_recording_without_pressures_begins_at_rest(recorded):
         rows[channel.name] = recorded[channel.name]
     (position,) = compare_recordings(load_config(), rows, drive_plant(load_config(), rows), {})
     assert position.maximum < 1e-6
+
+
+SHARED = """
+[supply.hpu]
+pump_flow_l_min = 30
+start_temperature_c = 50
+accumulator_volume_l = 0
+
+[plant.lift]
+supply = "hpu"
+
+[plant.winch]
+kind = "rotary"
+displacement_cm3_rev = 28
+inertia_kg_m2 = 0.05
+supply = "hpu"
+
+[nodes.lift_valve]
+profile = "valve_408"
+axis = "lift"
+node_id = 1
+
+[nodes.winch_valve]
+profile = "valve_408"
+axis = "winch"
+node_id = 2
+"""
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory):
+    """Two axes on one pump, one after the other: the bench's configuration and what it did."""
+    path = tmp_path_factory.mktemp("shared") / "bench.toml"
+    path.write_text(SHARED)
+    config = load_config(path)
+    with VirtualBench(config) as bench:
+        bench.run(0.05)
+        for axis in bench.bench.axes:
+            axis.valve.command = lambda _now, full=axis.valve.full_opening: 0.5 * full
+            bench.run(0.1)
+        return config, bench.signals
+
+
+def test_axes_on_one_supply_are_driven_together(shared):
+    config, recorded = shared
+    assert recorded["lift.P_S"].min() < 0.6 * recorded["lift.P_S"].max()
+    deviations = compare_recordings(config, recorded, drive_plant(config, recorded), {})
+    for each in deviations:
+        size = np.abs(recorded[each.channel]).max()
+        assert each.maximum <= 1e-9 * size, each.channel
+    assert {"lift.P_S", "winch.Q_S", "lift.T_oil", "winch.angle"} <= {d.channel for d in deviations}
+
+
+def test_they_go_on_from_the_middle_of_a_motion(shared):
+    config, recorded = shared
+    later = recorded[170:]
+    for each in compare_recordings(config, later, drive_plant(config, later), {}):
+        assert each.is_within, each
+
+
+def test_one_of_them_alone_is_refused(shared):
+    config, recorded = shared
+    names = [name for name in recorded.dtype.names if name != "winch.spool_setpoint"]
+    with pytest.raises(ConfigError) as caught:
+        drive_plant(config, recorded[names])
+    right = "it must have one, for winch and lift share their supply"
+    assert str(caught.value) == f"the recording has no winch.spool_setpoint; {right}"

@@ -1,9 +1,9 @@
-"""What runs in an exported FMU: the axis of the bench's file that lies beside it.
+"""What runs in an exported FMU: the axes of the bench's file that lies beside it.
 
 It is imported by the FMU alone, in a Python that has hil-bench.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement
@@ -12,14 +12,17 @@ from pythonfmu import Fmi2Causality, Fmi2Variability, Real
 from pythonfmu.default_experiment import DefaultExperiment
 
 from hil_bench.bench.configuration import load_config
-from hil_bench.machine.fmu_export.inputs import input_starts
+from hil_bench.machine.fmu_export.inputs import find_inputs, prefixes
+from hil_bench.machine.together import axes_with, build_together
+from hil_bench.plants.kind import AxisConfig
+from hil_bench.plants.plant import Plant
 
 BENCH_FILE = "bench.toml"
 """Name of the bench's file among the resources."""
 
 
 class AxisSlave:
-    """The first axis of a bench; inputs and outputs are its quantities, in SI.
+    """The axes of a bench that has one, or one supply; inputs and outputs are quantities in SI.
 
     It is no subclass of PythonFMU's slave but has one: the class that PythonFMU makes instances of
     must be made anew with each, or the second one crashes.
@@ -30,24 +33,28 @@ class AxisSlave:
 
     def __init__(self, slave: Any) -> None:  # noqa: ANN401 - PythonFMU has no types
         config = load_config(Path(slave.resources) / BENCH_FILE)
-        axis = config.axes[0]
-        kind = axis.kind
-        self._slave, self._dt, self._full = slave, config.dt, config.full_scale(axis)
-        self._plant = kind.build(axis, config.dt)
-        self._units = {each.name: each.unit for each in kind.outputs}
-        self._units |= {each.name: each.unit for each in axis.influences}
-        self._command = kind.command.name
-        self._inputs = {self._command: 0.0, **input_starts(axis)}
-        self._acting = dict(self._inputs)
+        axes = axes_with(config, config.axes[0])
+        group = build_together(config, axes)
+        self._slave, self._dt, self._group = slave, config.dt, group
+        self._full = [config.full_scale(axis) for axis in axes]
+        self._acting = find_inputs(config, axes)
+        self._units = {each.name: each.unit for each in self._acting}
+        starts = [(prefix + axis.kind.command.name, 0.0) for axis, prefix in _named(axes)]
+        self._commands = [name for name, _ in starts]
+        self._inputs = dict([*starts, *((each.name, each.start) for each in self._acting)])
+        self._acted = dict(self._inputs)
+        kinds = " and ".join(dict.fromkeys(axis.kind.name for axis in axes))
         slave.modelName, slave.author = "Axis", "hil-bench"
-        slave.description = f"{kind.name}, moved on in steps of {config.step_ns // 1000} us"
+        slave.description = f"{kinds}, moved on in steps of {config.step_ns // 1000} us"
         slave.default_experiment = DefaultExperiment(0.0, 1.0, config.tick_ns * 1e-9)
         for name, start in self._inputs.items():
             self._register(name, Fmi2Causality.input, self._reader(name), start=start)
-        for quantity in kind.outputs:
-            scale = 1.0 / self._full if quantity.is_share else 1.0
-            reader = self._shown(quantity.output or 0, scale)
-            self._register(quantity.name, Fmi2Causality.output, reader)
+        for plant, full, (axis, prefix) in zip(group.plants, self._full, _named(axes), strict=True):
+            for quantity in axis.kind.outputs:
+                scale = 1.0 / full if quantity.is_share else 1.0
+                reader = _shown(plant, quantity.output or 0, scale)
+                self._units[prefix + quantity.name] = quantity.unit
+                self._register(prefix + quantity.name, Fmi2Causality.output, reader)
 
     def complete(self, root: Element) -> Element:
         """Return the description with the units and the initial unknowns that it lacks."""
@@ -93,20 +100,29 @@ class AxisSlave:
 
         return write
 
-    def _shown(self, place: int, scale: float) -> Callable[[], float]:
-        return lambda: float(self._plant.output[place]) * scale
-
     def step(self, step_size: float) -> bool:
         """Move the plant on; a step that is no multiple of the plant's own is refused."""
         steps = round(step_size / self._dt)
         if steps < 1 or abs(steps * self._dt - step_size) > 1e-9:
             return False
-        for name, value in self._inputs.items():
-            if name != self._command and value != self._acting[name]:
-                self._acting[name] = value
-                self._plant.influence(name, value)
-        self._plant.drive(self._inputs[self._command] * self._full, steps)
+        for each in self._acting:
+            value = self._inputs[each.name]
+            if value != self._acted[each.name]:
+                self._acted[each.name] = value
+                self._group.plants[each.axis].influence(each.influence, value)
+        commands = [
+            self._inputs[name] * full for name, full in zip(self._commands, self._full, strict=True)
+        ]
+        self._group.drive(commands, steps)
         return True
+
+
+def _named(axes: list[AxisConfig]) -> Iterable[tuple[AxisConfig, str]]:
+    return zip(axes, prefixes(axes), strict=True)
+
+
+def _shown(plant: Plant, place: int, scale: float) -> Callable[[], float]:
+    return lambda: float(plant.output[place]) * scale
 
 
 def _spell(unit: str) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 from hil_bench.bench.configuration import AxisConfig, BenchConfig
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, whole_file
-from hil_bench.machine.fmu_export.inputs import input_starts
+from hil_bench.machine.fmu_export.inputs import find_inputs
+from hil_bench.machine.together import axes_with, find_supply
 
 _MODULE = "hil_bench_axis"
 _SCRIPT = """\
@@ -31,11 +32,10 @@ class Axis(Fmi2Slave):
         return self._axis.step(step_size)
 """
 _GIVEN = {Origin.FILE, Origin.ENVIRONMENT, Origin.COMMAND_LINE}
-_VALVE = '\n[nodes.valve]\nprofile = "valve_408"\nnode_id = 1\n'
 
 
 def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
-    """Write an axis as an FMU for co-simulation (FMI 2.0).
+    """Write an axis, with those that share its supply, as an FMU for co-simulation (FMI 2.0).
 
     Args:
         config: the bench.
@@ -52,16 +52,17 @@ def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
 
     if path.suffix != ".fmu":
         raise ConfigError(f"{path}: is no name of an FMU; give one that ends in .fmu")
-    input_starts(axis)  # refuses what is no axis of ours
+    find_inputs(config, axes_with(config, axis))  # refuses what is no axis of ours
     searched = list(sys.path)
     with (
         tempfile.TemporaryDirectory() as folder,
         about_file(path),
         whole_file(path) as file,
     ):
+        path.parent.resolve(strict=True)  # PythonFMU would make it
         script, bench = Path(folder) / f"{_MODULE}.py", Path(folder) / "bench.toml"
         script.write_text(_SCRIPT, encoding="utf-8")
-        bench.write_text("\n".join(_bench_lines(config, axis)) + _VALVE, encoding="utf-8")
+        bench.write_text("\n".join(_bench_lines(config, axis)), encoding="utf-8")
         sys.path.insert(0, folder)
         try:
             FmuBuilder.build_FMU(script, file, [bench], needsExecutionTool="true")
@@ -78,11 +79,18 @@ def validate(path: Path) -> list[str]:
 
 
 def _bench_lines(config: BenchConfig, axis: AxisConfig) -> Iterator[str]:
-    """Yield the lines of a bench that has this axis alone, as it was given."""
+    """Yield the lines of a bench that has this axis and its supply alone, as they were given."""
+    supply, axes = find_supply(config, axis), axes_with(config, axis)
     yield "[bench]"
     yield f"tick_us = {config.tick_ns // 1000}"
     yield f"step_us = {config.step_ns // 1000}"
-    yield f"\n[plant.{axis.name}]"
-    for setting in config.settings:
-        if setting.table == f"plant.{axis.name}" and setting.origin in _GIVEN:
-            yield f"{setting.key.name} = {json.dumps(setting.value)}"
+    tables = [] if supply is None else [f"supply.{supply.name}"]
+    for table in (*tables, *(f"plant.{each.name}" for each in axes)):
+        yield f"\n[{table}]"
+        for setting in config.settings:
+            if setting.table == table and setting.origin in _GIVEN:
+                yield f"{setting.key.name} = {json.dumps(setting.value)}"
+    for number, each in enumerate(axes, 1):
+        yield f'\n[nodes.valve{number}]\nprofile = "valve_408"\naxis = "{each.name}"'
+        yield f"node_id = {number}"
+    yield ""

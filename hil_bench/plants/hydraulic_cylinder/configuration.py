@@ -234,18 +234,6 @@ def require_cylinder(axis: AxisConfig, who: str) -> CylinderConfig:
     return axis
 
 
-def require_own_supply(axis: AxisConfig, who: str) -> None:
-    """Refuse an axis that shares its supply with others.
-
-    Raises:
-        ConfigError: it does, and `who` runs its plant alone.
-    """
-    cylinder = getattr(axis, "cylinder", None)
-    if isinstance(cylinder, CylinderConfig) and cylinder.is_fed:
-        wrong = f"shares its supply with other axes, and {who} runs it alone"
-        raise ConfigError(f'plant.{axis.name}: {wrong}; give it supply = "unit"')
-
-
 def full_opening_mm(axis: Settings) -> float:
     """Return the spool position [mm] from which on the orifices of an axis are fully open.
 

@@ -19,7 +19,7 @@ from hil_bench.plants.hydraulic_cylinder.model.shared_supply import (
     stored_oil,
 )
 from hil_bench.plants.hydraulic_cylinder.model.steady_motion import steady_motion
-from hil_bench.plants.hydraulic_cylinder.quantities import P_S
+from hil_bench.plants.hydraulic_cylinder.quantities import P_S, Q_S, T_OIL
 from hil_bench.plants.hydraulic_cylinder.summary import filter_facts
 from hil_bench.plants.hydraulic_cylinder.tank import Tank, TankConfig
 from hil_bench.plants.kind import AxisConfig, Fact, PlantKind
@@ -240,6 +240,7 @@ class SupplyGroup:
         config: of the supply.
         axes: those that it feeds.
         dt: step [s].
+        starts: states of the axes to begin with, by the names of their quantities; None for rest.
 
     Attributes:
         name: of the supply.
@@ -252,13 +253,20 @@ class SupplyGroup:
         defects: what may be worn or broken at it.
     """
 
-    def __init__(self, config: SupplyConfig, axes: Sequence[Fed], dt: float) -> None:
+    def __init__(
+        self,
+        config: SupplyConfig,
+        axes: Sequence[Fed],
+        dt: float,
+        starts: Sequence[Mapping[str, float]] | None = None,
+    ) -> None:
         self.name, self.axes = config.name, config.axes
         self.lowest, self.defects = config.tank_pressure, config.defects
         draws = _draws(config, axes)
         shares = [draw / math.fsum(draws) for draw in draws]
         self._movers = [
-            _build(config, axis, share, dt) for axis, share in zip(axes, shares, strict=True)
+            _build(config, axis, share, dt, start)
+            for axis, share, start in zip(axes, shares, starts or [{}] * len(axes), strict=True)
         ]
         self.supply = SharedSupply(
             config.unit,
@@ -278,6 +286,18 @@ class SupplyGroup:
         if config.tank is not None:
             self.tank = Tank(config.tank)
             self._pack(self.tank)
+        if starts:
+            self._resume(starts)
+
+    def _resume(self, starts: Sequence[Mapping[str, float]]) -> None:
+        """Go on from the pressure, the flows and the temperature that the axes had."""
+        first = starts[0]
+        self.supply.pressure = first.get(P_S, self.supply.pressure)
+        self.supply.resume([start.get(Q_S, 0.0) for start in starts])
+        if self.tank is not None and T_OIL in first:
+            self.tank.temperature = first[T_OIL]
+            self._pack(self.tank)
+        self._temperature = first.get(T_OIL, self._temperature)
 
     @property
     def temperature(self) -> float:
@@ -338,6 +358,8 @@ def passed_on_by(model: FullOrderCylinder, before: Sequence[float]) -> float:
     return load * (x_1 - x_0) + 0.5 * stored
 
 
-def _build(config: SupplyConfig, axis: Fed, share: float, dt: float) -> Hydraulic:
+def _build(
+    config: SupplyConfig, axis: Fed, share: float, dt: float, start: Mapping[str, float]
+) -> Hydraulic:
     unit = share_unit(config.unit, share, config.modulus, axis.cylinder.parameters.E)
-    return cast("Hydraulic", axis.kind.build(axis.fed_by(unit), dt))
+    return cast("Hydraulic", axis.kind.build(axis.fed_by(unit), dt, start or None))

@@ -11,7 +11,6 @@ from hil_bench.bench.configuration.plausibility import find_doubts
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
-from hil_bench.machine.fmu_export.inputs import input_starts
 from hil_bench.session.virtual_bench import VirtualBench
 
 BENCH = """
@@ -277,8 +276,3 @@ def test_a_pascal_in_a_bar_key_is_doubted(write):
     assert any(
         "supply.hpu.supply_pressure_bar: 2000" in each for each in find_doubts(load_config(path))
     )
-
-
-def test_one_axis_alone_cannot_be_exported(write):
-    with pytest.raises(ConfigError, match=r"plant.lift: shares its supply with other axes, and"):
-        input_starts(load_config(write()).axes[0])

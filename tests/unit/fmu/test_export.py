@@ -11,9 +11,11 @@ from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.machine.fmu_export.export import export_axis, validate
+from hil_bench.machine.together import build_together
 
 ROOT = Path(__file__).parents[3]
 DRUM = ROOT / "examples" / "machines" / "drum.toml"
+CRANE = DRUM.with_name("crane.toml")
 BACK = """
 [bench]
 step_us = 1000
@@ -84,6 +86,39 @@ def test_a_motor_runs_in_fmpy(tmp_path: Path) -> None:
     assert run["angle"][-1] == pytest.approx(seen[0], rel=1e-9)
 
 
+def test_axes_on_one_supply_are_one_fmu(tmp_path: Path) -> None:
+    """The crane with its load-sensing pump, against the bench's own group."""
+    import fmpy  # noqa: PLC0415 - an extra
+
+    path = export(tmp_path, CRANE)
+    assert validate(path) == []
+    run = fmpy.simulate_fmu(
+        str(path),
+        stop_time=0.3,
+        step_size=1e-3,
+        output_interval=1e-3,
+        start_values={"boom.spool_setpoint": 0.5, "jib.spool_setpoint": 0.6},
+    )
+    config = load_config(CRANE)
+    group = build_together(config, list(config.axes))
+    commands = [0.5 * config.full_scale(config.axes[0]), 0.6 * config.full_scale(config.axes[1])]
+    for _ in range(300):
+        boom, jib = group.drive(commands, 20)
+    assert run["boom.position"][-1] == pytest.approx(boom[0], rel=1e-9)
+    assert run["jib.P_A"][-1] == pytest.approx(jib[2], rel=1e-9)
+    assert run["jib.P_S"][-1] == run["boom.P_S"][-1] == pytest.approx(boom[8], rel=1e-9)
+    assert run["jib.speed"][-1] > 0.01
+
+
+def test_an_axis_alone_on_its_supply_keeps_its_names(tmp_path: Path) -> None:
+    import fmpy  # noqa: PLC0415 - an extra
+
+    path = export(tmp_path, CRANE.with_name("tail_lift.toml"))
+    run = fmpy.simulate_fmu(str(path), stop_time=0.1, step_size=2e-3, output_interval=2e-3)
+    assert run["T_oil"][-1] > -10.0
+    assert run["P_S"][-1] == pytest.approx(180.9e5, rel=1e-3)
+
+
 def test_two_instances_live_side_by_side(tmp_path: Path) -> None:
     """The first one goes on as if the second were not there."""
     export(tmp_path)
@@ -119,7 +154,8 @@ def test_only_axes_of_our_own_are_exported(tmp_path: Path) -> None:
     [
         (["axis.zip"], "axis.zip: is no name of an FMU; give one that ends in .fmu"),
         (["a.fmu", str(DRUM), "--axis", "b"], "--axis b: is no axis of this bench; give axis1"),
-        (["no/folder/axis.fmu"], ""),
+        (["no/axis.fmu"], "no/axis.fmu: cannot be written: No such file or directory"),
+        (["axis.fmu"], ""),
     ],
 )  # fmt: skip
 def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
@@ -130,7 +166,7 @@ def test_the_verb(tmp_path: Path, monkeypatch, capsys, words, message) -> None:
         assert (code, err.splitlines()[0]) == (ExitCode.USAGE, f"hil-bench: error: {message}")
     else:
         assert code == ExitCode.DONE
-        assert out.startswith("wrote no/folder/axis.fmu: axis1, a hydraulic_cylinder, ")
+        assert out.startswith("wrote axis.fmu: axis1, a hydraulic_cylinder, ")
 
 
 def test_without_the_extra_it_is_one_line(tmp_path: Path, monkeypatch) -> None:

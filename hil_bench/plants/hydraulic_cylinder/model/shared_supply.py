@@ -140,6 +140,13 @@ class SharedSupply:
         self._oil, self._pump_share = oil, pump_share
         self.wear(self._worn)
 
+    def resume(self, draws: Sequence[float]) -> None:
+        """Go on from what each plant drew [m³/s]; a pump that swivels gives as much."""
+        self._draws = list(draws)
+        self.drawn = list(draws)
+        if self._unit.variable is not None:
+            self.flow = min(max(math.fsum(draws), 0.0), self._constants[1])
+
     @property
     def sensed_pressure(self) -> float:
         """The highest pressure of a load [Pa]; that of the tank where no spool feeds a port."""
@@ -155,7 +162,8 @@ class SharedSupply:
             for number, draw in enumerate(self._draws):
                 sums[number] += draw * count
             left -= count
-        self.drawn = [total / steps for total in sums] if steps else sums
+        if steps:
+            self.drawn = [total / steps for total in sums]
 
     def _exchange(self, commands: Sequence[float], steps: int) -> None:
         """Move the plants on with their shares, then let the shares meet."""

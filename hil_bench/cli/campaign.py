@@ -32,6 +32,7 @@ from hil_bench.cli.campaign_view import CampaignView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.scenario_report import check_report_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 
@@ -115,6 +116,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Do the campaign, and print what came of it."""
+    check_report_argument(args)
     campaign = read_campaign(args.campaign)
     plan = Plan(campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed))
     if args.key:
@@ -127,11 +129,11 @@ def run(args: argparse.Namespace) -> int:
     outcome = collect(plan, store, args.shard)
     changes = compare(_before(args.compare), outcome.results) if args.compare else []
     sensitivity = sobol_indices(plan, outcome.results)
-    if args.report:
-        write_campaign_report(args.report, plan, outcome, changes, sensitivity)
     found = plan, outcome, changes, sensitivity
     lines = [*_lines(*found), f"  results are in {args.output}"]
     print_results(args, lines, _content(*found))
+    if args.report:
+        write_campaign_report(args.report, *found)
     return _exit_code(outcome)
 
 

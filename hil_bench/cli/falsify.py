@@ -15,6 +15,7 @@ from hil_bench.cli.campaign_arguments import add_jobs_argument, count
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.scenario_report import check_report_argument
 
 logger = logging.getLogger(__name__)
 
@@ -91,6 +92,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Search, and print what was found."""
+    check_report_argument(args)
     plan = SearchPlan(
         tuple(args.methods or ALL_METHODS),
         Budget(args.runs, args.minutes),
@@ -109,9 +111,9 @@ def run(args: argparse.Namespace) -> int:
         done = f"interrupted after {len(found.search.trials)} of {total} runs"
         further = found.problem or "the same command goes on from there"
         logger.warning("%s: %s; %s", args.scenario, done, further)
+    print_results(args, found.lines(), _content(found))
     if args.report:
         write_search_report(args.report, found)
-    print_results(args, found.lines(), _content(found))
     return ExitCode.INTERRUPTED if found.is_interrupted else _exit_code(found)
 
 

@@ -19,7 +19,7 @@ SHOWN_FRAMES = 20
 
 
 def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tuple[str, str]]:
-    """Return the sections of the report: frames, and faults and firmware where there are some."""
+    """Return the sections of the report that have something to say: frames, values, faults."""
     text, frames = FrameText(bench), list(bench.frames)
     news = list(text.news(frames))[-SHOWN_FRAMES:]
     sections = [
@@ -31,7 +31,7 @@ def describe_bench(bench: VirtualBench, firmware: FirmwareBus | None) -> list[tu
         sections.append(("faults", _fault_events(bench.faults)))
     if firmware is not None:
         sections.append(("firmware", firmware.report()))
-    return sections
+    return [(title, text) for title, text in sections if text]
 
 
 def attach_files(

@@ -157,6 +157,7 @@ def test_an_error_of_the_controller_shows_the_line_of_the_test(pytester):
     late, bug = re.split(r"_{5,} test_\w+ _{5,}", result.stdout.str())[1:]
     assert re.findall(r"^\S+\.py:\d+: in (\w+)$", late, re.MULTILINE) == ["test_late"]
     assert "virtual_bench.py" in bug  # what is not ours to explain is shown whole
+    assert " last " not in late  # its bench has not run: there are no frames and no values
 
 
 def test_a_report_reads_pdos_and_leaves_out_what_is_cyclic(pytester):

@@ -1,6 +1,7 @@
 // The J1939 devices: a card each with its address claim, its trouble codes, and its signals.
 
 import { chips, el, setText } from "./dom.js";
+import { valueText } from "./units.js";
 
 const CLAIM_STATES = ["off", "claiming", "claimed", "cannot claim"];
 const PERIOD = 500; // between two looks at the signals [ms]
@@ -9,6 +10,7 @@ export class EcuCard {
   constructor(name, device, model) {
     this.name = name;
     this.model = model;
+    this.isValve = device.kind === "auxiliary_valve"; // its signals are parts of the full flow
     this.claim = chips(CLAIM_STATES);
     this.title = el("h3", {}, "Address claim");
     this.codes = el("p", {});
@@ -21,7 +23,7 @@ export class EcuCard {
       this.title, this.claim.root,
       el("h3", {}, "Trouble codes"), this.codes,
       el("h3", {}, "Signals"), this.problem,
-      el("table", {}, el("tbody", {}, ...this.signals.map(({ root }) => root))));
+      el("table", { class: "signals" }, el("tbody", {}, ...this.signals.map(({ root }) => root))));
   }
 
   draw() {
@@ -40,11 +42,12 @@ export class EcuCard {
   signal(name, unit, isSettable) {
     const value = el("output", { class: "figure" });
     const symbol = unit === "-" ? "" : ` ${unit}`;
+    const words = this.isValve ? (found) => `${valueText(found, "-")} %` : (found) => `${Number(found.toPrecision(6))}${symbol}`;
     const field = isSettable ? el("input", { type: "number", step: "any", size: 8, "aria-label": `new value of ${this.name}.${name}` }) : null;
     const look = async () => {
       try {
         const found = await this.model.request("get_object", { node: this.name, name });
-        setText(value, found === null ? "no value" : `${Number(found.toPrecision(6))}${symbol}`);
+        setText(value, found === null ? "no value" : words(found));
       } catch {
         setText(value, "not read");
       }

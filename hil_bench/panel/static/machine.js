@@ -5,12 +5,11 @@ import { Plots } from "./plots.js";
 import { valueText } from "./units.js";
 
 const LEFT = 150; // inner end of the barrel
-const WIDTH = 400;
 const TOP = 60;
 const HEIGHT = 120;
 const PISTON = 26;
-const ROD = 380;
-const MIDDLE = LEFT + WIDTH / 2; // of the valve, too
+const WIDE = { width: 400, rod: 380, ticks: [-0.75, -0.5, -0.25, 0, 0.25, 0.5, 0.75], view: "110 0 910 434" };
+const NARROW = { width: 290, rod: 270, ticks: [-0.75, 0, 0.75], view: "130 -24 650 466" }; // with larger text
 const SPOOL = 34; // travel of the spool on the drawing, each way
 const SPAN = 10; // of the plots below [s]
 
@@ -25,6 +24,8 @@ export class MachineView {
     this.active = el("ul", { class: "active-faults" });
     this.problem = el("p", { class: "problem", role: "alert" });
     this.plots = new Plots(model, { height: 120 });
+    this.narrow = matchMedia("(max-width: 480px)");
+    this.narrow.addEventListener("change", () => this.machine && this.build());
     root.append(
       el("div", { class: "machine" },
         el("div", {}, this.axes, this.drawing),
@@ -94,47 +95,52 @@ export class MachineView {
 
   build() {
     const text = (x, y, anchor = "middle", kind = "") => svg("text", { x, y, "text-anchor": anchor, class: kind });
+    const narrow = this.narrow.matches;
+    this.shape = narrow ? NARROW : WIDE;
+    const end = LEFT + this.shape.width;
+    const middle = LEFT + this.shape.width / 2; // of the valve, too
     const p = (this.parts = {
       a: svg("rect", { x: LEFT, y: TOP, height: HEIGHT, class: "chamber" }),
       b: svg("rect", { y: TOP, height: HEIGHT, class: "chamber" }),
       piston: svg("rect", { y: TOP, width: PISTON, height: HEIGHT, class: "steel" }),
       rod: svg("rect", { y: TOP + HEIGHT / 2 - 13, height: 26, class: "steel" }),
       mass: svg("rect", { y: TOP + HEIGHT / 2 - 40, width: 60, height: 80, rx: 6, class: "mass" }),
-      pa: text(LEFT + 28, 270, "start", "big"),
-      pb: text(LEFT + WIDTH - 28, 270, "end", "big"),
-      pipeA: svg("path", { d: `M ${LEFT + 10} ${TOP + HEIGHT} V 290 H ${MIDDLE - 54} V 330`, class: "pipe" }),
-      pipeB: svg("path", { d: `M ${LEFT + WIDTH - 10} ${TOP + HEIGHT} V 290 H ${MIDDLE + 54} V 330`, class: "pipe" }),
+      pa: narrow ? text(middle, 243, "middle", "big") : text(LEFT + 28, 270, "start", "big"),
+      pb: narrow ? text(middle, 273, "middle", "big") : text(end - 28, 270, "end", "big"),
+      pipeA: svg("path", { d: `M ${LEFT + 10} ${TOP + HEIGHT} V 290 H ${middle - 54} V 330`, class: "pipe" }),
+      pipeB: svg("path", { d: `M ${end - 10} ${TOP + HEIGHT} V 290 H ${middle + 54} V 330`, class: "pipe" }),
       flowA: svg("path", { d: `M ${LEFT - 16} 286 V ${TOP + HEIGHT + 18}`, class: "flow" }),
-      flowB: svg("path", { d: `M ${LEFT + WIDTH + 16} ${TOP + HEIGHT + 18} V 286`, class: "flow" }),
+      flowB: svg("path", { d: `M ${end + 16} ${TOP + HEIGHT + 18} V 286`, class: "flow" }),
       spool: svg("g", {},
-        svg("rect", { x: MIDDLE - 94, y: 346, width: 188, height: 8, class: "steel" }),
-        ...[-86, -16, 54].map((x) => svg("rect", { x: MIDDLE + x, y: 334, width: 32, height: 32, class: "steel" }))),
-      supply: text(MIDDLE, 424, "middle", ""),
-      position: text(LEFT + WIDTH + 8, 38, "end", "huge"),
-      speed: text(LEFT + WIDTH + 90, 38, "start", "big"),
-      shares: text(MIDDLE + 128, 342, "start", ""),
-      state: text(MIDDLE + 128, 368, "start", "big"),
-      measured: text(LEFT - 8, 38, "start", ""),
+        svg("rect", { x: middle - 94, y: 346, width: 188, height: 8, class: "steel" }),
+        ...[-86, -16, 54].map((x) => svg("rect", { x: middle + x, y: 334, width: 32, height: 32, class: "steel" }))),
+      supply: text(middle, narrow ? 432 : 424, "middle", ""),
+      position: text(end + 8, 38, "end", "huge"),
+      speed: text(end + (narrow ? 40 : 90), 38, "start", "big"),
+      shares: text(middle + 128, narrow ? 334 : 342, "start", ""),
+      setpoint: text(middle + 128, 362, "start", ""),
+      state: text(middle + 128, narrow ? 392 : 368, "start", narrow ? "" : "big"),
+      measured: text(LEFT - 8, narrow ? 2 : 38, "start", ""),
       needle: svg("path", { class: "needle" }),
     });
-    const ticks = [-0.75, -0.5, -0.25, 0, 0.25, 0.5, 0.75].map((share) => {
+    const ticks = this.shape.ticks.map((share) => {
       const x = this.place(share * this.machine.half_stroke_m) + PISTON / 2;
       const label = text(x, TOP + HEIGHT + 34, "middle", "tick");
       label.textContent = valueText(share * this.machine.half_stroke_m, "m").replace(/\.0+$/, "");
       return svg("g", {}, svg("line", { x1: x, x2: x, y1: TOP + HEIGHT + 10, y2: TOP + HEIGHT + 18, class: "scale" }), label);
     });
     this.drawing.replaceChildren(
-      svg("svg", { viewBox: "110 0 910 434", role: "img", "aria-label": `drawing of ${this.axis}: cylinder and valve` },
+      svg("svg", { viewBox: this.shape.view, role: "img", "aria-label": `drawing of ${this.axis}: cylinder and valve` },
         svg("defs", {}, svg("marker", { id: "head", viewBox: "0 0 10 10", refX: 6, refY: 5, markerWidth: 4, markerHeight: 4, orient: "auto-start-reverse" },
           svg("path", { d: "M 0 0 L 10 5 L 0 10 z", class: "arrow-head" }))),
         p.pipeA, p.pipeB, p.flowA, p.flowB, p.a, p.b, p.rod, p.mass, p.piston,
-        svg("rect", { x: LEFT - 8, y: TOP - 8, width: WIDTH + 16, height: HEIGHT + 16, rx: 6, class: "barrel" }),
+        svg("rect", { x: LEFT - 8, y: TOP - 8, width: this.shape.width + 16, height: HEIGHT + 16, rx: 6, class: "barrel" }),
         ...ticks, p.needle, p.pa, p.pb,
-        svg("rect", { x: MIDDLE - 110, y: 330, width: 220, height: 40, rx: 4, class: "body" }),
+        svg("rect", { x: middle - 110, y: 330, width: 220, height: 40, rx: 4, class: "body" }),
         p.spool,
-        svg("path", { d: `M ${MIDDLE - 30} 370 V 400 H ${MIDDLE - 58} M ${MIDDLE + 30} 370 V 400 H ${MIDDLE + 58}`, class: "pipe thin" }),
-        labelText(MIDDLE - 70, 405, "P", "end"), labelText(MIDDLE + 70, 405, "T", "start"),
-        p.supply, p.position, p.speed, p.shares, p.state, p.measured,
+        svg("path", { d: `M ${middle - 30} 370 V 400 H ${middle - 58} M ${middle + 30} 370 V 400 H ${middle + 58}`, class: "pipe thin" }),
+        labelText(middle - 70, 405, "P", "end"), labelText(middle + 70, 405, "T", "start"),
+        p.supply, p.position, p.speed, p.shares, p.setpoint, p.state, p.measured,
       ),
     );
   }
@@ -143,7 +149,7 @@ export class MachineView {
   place(position) {
     const { half_stroke_m: half } = this.machine;
     const share = Math.min(1, Math.max(0, (position + half) / (2 * half)));
-    return LEFT + 20 + share * (WIDTH - PISTON - 40);
+    return LEFT + 20 + share * (this.shape.width - PISTON - 40);
   }
 
   draw() {
@@ -162,11 +168,11 @@ export class MachineView {
     };
     set(p.a, { width: x - LEFT });
     p.a.style.fill = this.fluid(pa);
-    set(p.b, { x: x + PISTON, width: LEFT + WIDTH - x - PISTON });
+    set(p.b, { x: x + PISTON, width: LEFT + this.shape.width - x - PISTON });
     p.b.style.fill = this.fluid(pb);
     set(p.piston, { x });
-    set(p.rod, { x: x + PISTON, width: ROD });
-    set(p.mass, { x: x + PISTON + ROD });
+    set(p.rod, { x: x + PISTON, width: this.shape.rod });
+    set(p.mass, { x: x + PISTON + this.shape.rod });
     p.pipeA.style.stroke = this.fluid(pa);
     p.pipeB.style.stroke = this.fluid(pb);
     setText(p.pa, `A ${valueText(pa, "Pa")} bar`);
@@ -175,7 +181,9 @@ export class MachineView {
     setText(p.speed, `${valueText(speed, "m/s")} mm/s`);
     set(p.needle, { d: `M ${x + PISTON / 2} ${TOP + HEIGHT + 8} l -6 12 h 12 z` });
     set(p.spool, { transform: `translate(${SPOOL * (Number.isFinite(spool) ? spool : 0)} 0)` });
-    setText(p.shares, `spool ${valueText(spool, "-")} %, set-point ${valueText(value("spool_setpoint"), "-")} %`);
+    const texts = [`spool ${valueText(spool, "-")} %`, `set-point ${valueText(value("spool_setpoint"), "-")} %`];
+    setText(p.shares, this.narrow.matches ? texts[0] : texts.join(", "));
+    setText(p.setpoint, this.narrow.matches ? texts[1] : "");
     setText(p.state, this.valveState());
     setText(p.supply, `supply ${valueText(this.machine.supply_pressure_pa, "Pa")} bar, tank`);
     setText(p.measured, this.measuredText());

@@ -4,7 +4,6 @@ import argparse
 import math
 from pathlib import Path
 
-from hil_bench.cli import lockstep_run, paced_run, scenario_run
 from hil_bench.cli.arguments import (
     add_bench_arguments,
     add_fault_arguments,
@@ -17,7 +16,10 @@ from hil_bench.cli.feed_side import add_feed_arguments, check_feed_arguments
 from hil_bench.cli.helpers import add_loss_argument
 from hil_bench.cli.recording_arguments import add_recording_arguments, check_recording_arguments
 from hil_bench.cli.results import add_json_argument
-from hil_bench.cli.scenario_run import add_scenario_arguments, check_scenario_arguments
+from hil_bench.cli.scenario_arguments import (
+    add_scenario_arguments,
+    check_scenario_arguments,
+)
 from hil_bench.errors import ConfigError
 from hil_bench.outside.transports.socketcand_hub import DEFAULT_PORT
 
@@ -135,9 +137,18 @@ def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the bench until it is told to stop, or its bus is lost."""
     check_arguments(args)
+    # Each brings much that the others do not need: above all what plays and judges a scenario.
     if args.scenario is not None:
+        from hil_bench.cli import scenario_run  # noqa: PLC0415
+
         return scenario_run.run(args)
-    return lockstep_run.run(args) if args.lockstep else paced_run.run(args)
+    if args.lockstep:
+        from hil_bench.cli import lockstep_run  # noqa: PLC0415
+
+        return lockstep_run.run(args)
+    from hil_bench.cli import paced_run  # noqa: PLC0415
+
+    return paced_run.run(args)
 
 
 def check_arguments(args: argparse.Namespace) -> None:

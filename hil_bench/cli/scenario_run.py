@@ -9,7 +9,6 @@ import functools
 import logging
 import math
 from collections.abc import Iterator
-from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
@@ -20,14 +19,13 @@ from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
 from hil_bench.cli.recording_arguments import recording_wish
 from hil_bench.cli.results import is_silent, print_results
+from hil_bench.cli.scenario_arguments import has_bus, read_parameter
 from hil_bench.cli.scenario_view import shown_stage
 from hil_bench.cli.status_line import Field, StatusLine, bench_status, bench_status_row
 from hil_bench.cli.verdicts import (
-    add_parameter_argument,
     exit_code_for,
     finding_content,
     finding_lines,
-    read_parameter,
     result_content,
     result_lines,
 )
@@ -47,70 +45,15 @@ from hil_bench.session.virtual_bench import VirtualBench
 logger = logging.getLogger(__name__)
 
 _LATE = 0.1  # how much a run may be behind real time without a word [s]
-_NEVER = ("config", "duration", "lockstep", "fault")
-_WITH_A_BUS = (
-    "modbus",
-    "strict_timing",
-    "histograms",
-    "realtime",
-    "realtime_priority",
-    "realtime_cpu",
-    "overrun",
-    "whole_bus",
-    "hub_unlimited",
-)
-_INSTEAD = {
-    "config": ("bench.toml", "the scenario names its bench"),
-    "duration": ("--duration", "the scenario has its duration_s"),
-    "lockstep": ("--lockstep", "give [controller] firmware in the scenario"),
-    "fault": ("--fault", "make it a step of the scenario"),
-}
-
-
-def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns a bench that plays a scenario."""
-    group = parser.add_argument_group("scenario")
-    group.add_argument(
-        "--scenario",
-        type=Path,
-        metavar="FILE",
-        help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
-        "own controller drives, with one the controller there",
-    )
-    add_parameter_argument(group)
-
-
-def check_scenario_arguments(args: argparse.Namespace) -> None:
-    """Refuse what does not go with a scenario.
-
-    Raises:
-        ConfigError: it says which option and what would be right.
-    """
-    if args.scenario is None:
-        if args.given:
-            raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
-        return
-    for name in _NEVER:
-        if getattr(args, name):
-            option, right = _INSTEAD[name]
-            raise ConfigError(f"{option}: not with --scenario; {right}")
-    for name in () if _has_bus(args) else _WITH_A_BUS:
-        if getattr(args, name):
-            option = f"--{name.replace('_', '-')}"
-            raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")
 
 
 def run(args: argparse.Namespace) -> int:
     """Play the scenario, print what was found and return the exit code."""
     scenario = load_scenario(args.scenario)
     given = dict(read_parameter(text) for text in args.given)
-    if _has_bus(args):
+    if has_bus(args):
         return _run_on_bus(args, scenario, given)
     return _run_alone(args, prepare(scenario, given, seed=args.seed))
-
-
-def _has_bus(args: argparse.Namespace) -> bool:
-    return args.hub is not None or "interface" in args or "channel" in args
 
 
 def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, float]) -> int:

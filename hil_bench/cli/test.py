@@ -9,6 +9,7 @@ from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
 from hil_bench.cli.machine_test import play_on_machine
 from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import (
     add_report_argument,
     check_report_argument,
@@ -18,9 +19,7 @@ from hil_bench.cli.scenario_report import (
 from hil_bench.cli.scenario_view import show_results
 from hil_bench.cli.selection import prepare_chosen
 from hil_bench.cli.verdicts import (
-    add_parameter_argument,
     exit_code_for,
-    read_parameter,
     result_content,
     result_lines,
 )

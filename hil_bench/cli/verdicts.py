@@ -1,46 +1,12 @@
-"""What the verbs that judge share: parameters, verdicts line by line, and the exit code."""
+"""What the verbs that judge share: verdicts line by line, and the exit code."""
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING
 
 from hil_bench.cli.exit_codes import ExitCode
-from hil_bench.errors import ConfigError
 from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.results import ScenarioResult, reason_of
-
-if TYPE_CHECKING:
-    import argparse
-
-
-def add_parameter_argument(parser: "argparse._ActionsContainer") -> None:
-    """Add --set, whose words `read_parameter` reads."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="given",
-        help="value of a parameter, in the unit of its name; again for more",
-    )
-
-
-def read_parameter(text: str) -> tuple[str, float]:
-    """Return name and value of ``--set``.
-
-    Raises:
-        ConfigError: it is not of this form.
-    """
-    name, _, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError:
-        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
-    if not math.isfinite(number):
-        raise ConfigError(f"--set {text}: is not finite; give a number")
-    return name, number
 
 
 def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:

@@ -1,0 +1,92 @@
+"""Arguments that concern a scenario; nothing here imports what plays it."""
+
+import argparse
+import math
+from pathlib import Path
+
+from hil_bench.errors import ConfigError
+
+_NEVER = ("config", "duration", "lockstep", "fault")
+_WITH_A_BUS = (
+    "modbus",
+    "strict_timing",
+    "histograms",
+    "realtime",
+    "realtime_priority",
+    "realtime_cpu",
+    "overrun",
+    "whole_bus",
+    "hub_unlimited",
+)
+_INSTEAD = {
+    "config": ("bench.toml", "the scenario names its bench"),
+    "duration": ("--duration", "the scenario has its duration_s"),
+    "lockstep": ("--lockstep", "give [controller] firmware in the scenario"),
+    "fault": ("--fault", "make it a step of the scenario"),
+}
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what concerns a bench that plays a scenario."""
+    group = parser.add_argument_group("scenario")
+    group.add_argument(
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="play a scenario, print its verdicts and end (docs/scenarios.md); without a bus its "
+        "own controller drives, with one the controller there",
+    )
+    add_parameter_argument(group)
+
+
+def check_scenario_arguments(args: argparse.Namespace) -> None:
+    """Refuse what does not go with a scenario.
+
+    Raises:
+        ConfigError: it says which option and what would be right.
+    """
+    if args.scenario is None:
+        if args.given:
+            raise ConfigError("--set: gives a parameter of a scenario; give --scenario FILE too")
+        return
+    for name in _NEVER:
+        if getattr(args, name):
+            option, right = _INSTEAD[name]
+            raise ConfigError(f"{option}: not with --scenario; {right}")
+    for name in () if has_bus(args) else _WITH_A_BUS:
+        if getattr(args, name):
+            option = f"--{name.replace('_', '-')}"
+            raise ConfigError(f"{option}: belongs to a bus; give -i and -c or --hub too")
+
+
+def has_bus(args: argparse.Namespace) -> bool:
+    """Return whether a bus is named."""
+    return args.hub is not None or "interface" in args or "channel" in args
+
+
+def add_parameter_argument(parser: "argparse._ActionsContainer") -> None:
+    """Add --set, whose words `read_parameter` reads."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="given",
+        help="value of a parameter, in the unit of its name; again for more",
+    )
+
+
+def read_parameter(text: str) -> tuple[str, float]:
+    """Return name and value of ``--set``.
+
+    Raises:
+        ConfigError: it is not of this form.
+    """
+    name, _, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        raise ConfigError(f"--set {text}: write NAME=NUMBER, as in sag_bar=45") from None
+    if not math.isfinite(number):
+        raise ConfigError(f"--set {text}: is not finite; give a number")
+    return name, number

@@ -10,6 +10,9 @@ from hil_bench.errors import ConfigError, RecordingError
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
+BUS_LOGS = (".asc", ".blf", ".log")
+"""Suffixes of what has frames alone: Vector's ASC and BLF, candump's log."""
+
 
 class BlockFile:
     """A file of a recording; what its format has no place for, it leaves out.

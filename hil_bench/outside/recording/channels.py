@@ -1,14 +1,17 @@
 """Channels: what is recorded each tick, kept in a ring that never grows."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil_bench.errors import ConfigError
 
-Recording = npt.NDArray[np.void]
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    Recording = npt.NDArray[np.void]
+else:
+    Recording = Any  # NumPy takes a tenth of a second to import: those who record have it
 """A structured array, a row a tick: field `time` [s] first, then a float64 field a channel."""
 
 
@@ -39,6 +42,8 @@ class ChannelRecorder:
     """
 
     def __init__(self, channels: Sequence[Channel], capacity: int) -> None:
+        import numpy as np  # noqa: PLC0415 - as above
+
         self.channels = (TIME, *channels)
         self._dtype = recording_dtype(self.channels)
         if capacity < 1:
@@ -66,18 +71,22 @@ class ChannelRecorder:
 
     def result(self) -> Recording:
         """Return a copy of the rows in the order of time."""
+        import numpy as np  # noqa: PLC0415 - as above
+
         rows = self._rows[: self._next]
         if self._is_full:
             rows = np.concatenate((self._rows[self._next :], rows))
         return np.ascontiguousarray(rows).copy().view(self._dtype).reshape(-1)
 
 
-def recording_dtype(channels: Sequence[Channel]) -> np.dtype[np.void]:
+def recording_dtype(channels: Sequence[Channel]) -> "np.dtype[np.void]":
     """Return the type of a recording's rows; each field carries its unit as metadata.
 
     Raises:
         ConfigError: two channels have one name.
     """
+    import numpy as np  # noqa: PLC0415 - as above
+
     names = [channel.name for channel in channels]
     for name in names:
         if names.count(name) > 1:

@@ -6,20 +6,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording import frames
-from hil_bench.outside.recording.block_file import BlockFile, why_unwritable
+from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile, why_unwritable
 from hil_bench.outside.recording.channels import TIME, Channel
-from hil_bench.outside.recording.frames import open_frame_file
-from hil_bench.outside.recording.mdf_writer import MdfFile
 from hil_bench.outside.recording.signal_csv import SignalCsvFile
 
 SIGNAL_SUFFIXES = (".csv", ".mf4")
 """Formats with a place for signals."""
 
-FRAME_SUFFIXES = (*frames.SUFFIXES, ".mf4")
+FRAME_SUFFIXES = (*BUS_LOGS, ".mf4")
 """Formats with a place for frames."""
 
-SUFFIXES = (".csv", *frames.SUFFIXES, ".mf4")
+SUFFIXES = (".csv", *BUS_LOGS, ".mf4")
 """All formats."""
 
 
@@ -76,8 +73,12 @@ def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFil
         case ".csv":
             return SignalCsvFile(path, (TIME, *channels))
         case ".mf4":
+            from hil_bench.outside.recording.mdf_writer import MdfFile  # noqa: PLC0415 - wants NumPy
+
             return MdfFile(
                 path, (TIME, *channels), comment=heading.comment, started=heading.started
             )
         case _:
+            from hil_bench.outside.recording.frames import open_frame_file  # noqa: PLC0415 - wants can
+
             return open_frame_file(path, heading.started)

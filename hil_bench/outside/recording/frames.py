@@ -17,14 +17,11 @@ from can.io.canutils import CanutilsLogReader
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame
-from hil_bench.outside.recording.block_file import BlockFile
+from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile
 from hil_bench.outside.recording.candump_lines import CompleteLines
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
 from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
-
-SUFFIXES = (".asc", ".blf", ".log")
-"""Vector's ASC and BLF, candump's log."""
 
 _Reader = Callable[[Any], Iterable[can.Message]]
 
@@ -46,7 +43,7 @@ def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
     """Return a file of frames on the recording's time base, written block by block.
 
     Args:
-        path: the file; its suffix, one of `SUFFIXES`, is its format.
+        path: the file; its suffix, one of `BUS_LOGS`, is its format.
         started: date of time 0, for the format that has one; None where time is virtual.
 
     Raises:
@@ -59,7 +56,7 @@ def open_frame_file(path: Path, started: datetime | None = None) -> BlockFile:
             return _AscFile(path, started)
         case ".blf":
             return _BlfFile(path)
-    right = f"give a file name that ends in one of {' '.join(SUFFIXES)}"
+    right = f"give a file name that ends in one of {' '.join(BUS_LOGS)}"
     raise ConfigError(f'{path}: no format has the suffix "{path.suffix}"; {right}')
 
 
@@ -208,8 +205,8 @@ def read_frames(
     if suffix == ".mf4":
         yield from _read_mf4(path, left_out, errors=errors)
         return
-    if suffix not in SUFFIXES:
-        right = f"give a file that ends in one of {' '.join(SUFFIXES)} .mf4"
+    if suffix not in BUS_LOGS:
+        right = f"give a file that ends in one of {' '.join(BUS_LOGS)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")

@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.formats import Heading, check_suffix, open_block_file
 from hil_bench.outside.recording.logged_frame import LoggedFrame
@@ -108,6 +106,8 @@ class Recorder:
 
     def write_block(self) -> None:
         """Write what was taken since the last block."""
+        import numpy as np  # noqa: PLC0415 - as `channels` does
+
         rows = np.frombuffer(b"".join(self._rows), dtype=np.float64).view(self._dtype)
         frames, self._rows, self._frames = self._frames, [], []
         if self._trigger is not None:
@@ -188,6 +188,8 @@ class _History:
 
     def since(self, trigger: float) -> tuple[Recording, list[LoggedFrame]]:
         """Return what is there of the reach before the trigger [s] and after it."""
+        import numpy as np  # noqa: PLC0415 - as `channels` does
+
         start = trigger - self._reach
         rows = np.concatenate(list(self._rows))
         frames = [logged for logged in self._frames if logged.now >= start * 1e9]

@@ -4,8 +4,6 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording
 from hil_bench.units import UNITS_OF
@@ -28,6 +26,8 @@ class Trigger(NamedTuple):
 
     def first(self, rows: Recording) -> int | None:
         """Return the number of the first row that is beyond the level, None for none."""
+        import numpy as np  # noqa: PLC0415 - whose rows these are
+
         values = rows[self.channel]
         hits = np.flatnonzero(values > self.level if self.is_above else values < self.level)
         return int(hits[0]) if hits.size else None

@@ -10,7 +10,8 @@ from support.dissection import dissect, require_tool, require_tshark
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.frames import SUFFIXES, LeftOut, open_frame_file, read_frames
+from hil_bench.outside.recording.block_file import BUS_LOGS
+from hil_bench.outside.recording.frames import LeftOut, open_frame_file, read_frames
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 MILLISECOND = 1_000_000  # [ns]
@@ -116,7 +117,7 @@ def test_a_full_disk_is_told_with_the_file(tmp_path: Path, suffix: str) -> None:
     assert caught.value.filename == str(path)
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", BUS_LOGS)
 def test_each_format_reads_back_on_the_same_time_base(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"bus{suffix}"
     # The first frame comes late: times count from the start, not from it.
@@ -150,7 +151,7 @@ def test_an_unknown_suffix_is_refused_before_anything_is_written(tmp_path: Path)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", BUS_LOGS)
 def test_a_directory_that_is_not_there_is_refused_at_once(tmp_path: Path, suffix: str) -> None:
     with pytest.raises(ConfigError) as caught:
         open_frame_file(tmp_path / "no" / f"bus{suffix}")

@@ -233,6 +233,26 @@ def test_scan_of_a_bus_builds_no_bench(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "1 True"
 
 
+def test_a_run_imports_what_it_needs(tmp_path: Path) -> None:
+    """With kernels that want no NumPy, as those that a wheel carries."""
+    program = (
+        "import sys; from hil_bench.cli import main; "
+        "code = main('-q run -i virtual -c nobody --speed max --duration 0.001'.split()); "
+        "unused = 'numba numpy scipy canopen hil_drivers hil_bench.scenario'.split(); "
+        "print(code, *sorted({*unused} & sys.modules.keys()))"
+    )
+    done = subprocess.run(  # noqa: S603 - the program just written
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+    )
+
+    assert done.stdout.splitlines()[-1] == "0"
+
+
 @pytest.mark.parametrize(
     ("is_terminal", "words", "says"),
     [(True, [], True), (True, ["-q"], False), (False, [], False), (False, ["-v"], True)],

@@ -111,16 +111,22 @@ def identify(dut: DeviceUnderTest) -> None:
 
 @CHAPTER.check("CiA 305, fastscan", "a device with a node-ID takes no part", Impact.WRITE)
 def configured(dut: DeviceUnderTest) -> None:
-    """Begin a fastscan, and ask for devices without node-ID."""
-    _check_available(dut, _address(dut))
-    for request in (
-        struct.pack("<BIBBB", _FASTSCAN, 0, 0x80, 0, 0),
-        bytes([_IDENTIFY_UNCONFIGURED, *bytes(7)]),
-    ):
-        dut.wire.send(Frame(_REQUEST, request))
+    """Begin a fastscan, and ask for devices without node-ID.
+
+    Raises:
+        Deviation: it answers a fastscan for its own address.
+        NotApplicable: another device answers, or nobody can say who.
+    """
+    address = _address(dut)
+    _check_available(dut, address)
+    answer = _ask_fastscan(dut, 0, 0x80, 0, 0)
+    if answer is not None and _is_found(dut, address):
+        raise Deviation(f"answer {shown(answer)}, though it has node-ID {dut.node_id}")
+    if answer is None:
+        dut.wire.send(Frame(_REQUEST, bytes([_IDENTIFY_UNCONFIGURED, *bytes(7)])))
         answer = _answer(dut)
-        if answer is not None:
-            raise NotApplicable(f"somebody without node-ID answers: {shown(answer)}")
+    if answer is not None:
+        raise NotApplicable(f"somebody without node-ID answers: {shown(answer)}")
 
 
 @CHAPTER.check(
@@ -146,6 +152,27 @@ def _configuring(dut: DeviceUnderTest, address: tuple[int, ...]) -> Iterator[Non
         yield
     finally:
         _wait(dut)
+
+
+def _is_found(dut: DeviceUnderTest, address: tuple[int, ...]) -> bool:
+    """Return whether the device at an LSS address takes part in the fastscan that has begun.
+
+    All bits of the four numbers are asked for. The last step asks for the same number next, so that
+    nobody is switched to CONFIGURATION.
+    """
+    last = len(address) - 1
+    return all(
+        _ask_fastscan(dut, number, 0, part, min(part + 1, last)) is not None
+        for part, number in enumerate(address)
+    )
+
+
+def _ask_fastscan(
+    dut: DeviceUnderTest, number: int, bit_check: int, part: int, following: int
+) -> bytes | None:
+    request = struct.pack("<BIBBB", _FASTSCAN, number, bit_check, part, following)
+    dut.wire.send(Frame(_REQUEST, request))
+    return _answer(dut)
 
 
 def _address(dut: DeviceUnderTest) -> tuple[int, ...]:

@@ -1,5 +1,9 @@
 """Devices that lack a service or a check: the suite names it, under one clause."""
 
+import struct
+
+import pytest
+
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.machine.conformance.suite import CHAPTERS, Outcome
 
@@ -17,6 +21,35 @@ def test_lss_that_is_claimed_and_mute(make_variant):
     assert failed(laboratory, "LSS") == [
         ("CiA 306, LSS_Supported", "a device that claims LSS answers to it")
     ]
+
+
+@pytest.mark.parametrize(
+    ("answers_own", "outcome"), [(True, Outcome.FAILED), (False, Outcome.NOT_APPLICABLE)]
+)
+def test_who_answers_a_fastscan_is_found_out(laboratory, answers_own, outcome):
+    """The device itself, which has a node-ID, or another one whose numbers differ."""
+    objects = laboratory.dut.objects
+    vendor, product, revision, serial = [objects.number(0x1018, part) for part in range(1, 5)]
+    own = (vendor, product, revision, serial)
+    bounds = (vendor, product, revision, revision, serial, serial)
+
+    def hears(frame):
+        if frame.can_id != 0x7E5 or frame.data[0] != 0x51:
+            return [frame]
+        number, bit_check, part = struct.unpack_from("<IBB", frame.data, 1)
+        if bit_check != 0x80 and not (answers_own and number == own[part]):
+            return []
+        # "Identify remote slave" by its own address has the same answer, 0x4F.
+        return [
+            frame._replace(data=struct.pack("<BI3x", specifier, bound))
+            for specifier, bound in enumerate(bounds, start=0x46)
+        ]
+
+    laboratory.hears = hears
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "LSS"]
+    found = {result.check.clause: result.outcome for result in laboratory.run(chapters=chapters)}
+    assert found.pop("CiA 305, fastscan") is outcome
+    assert set(found.values()) <= {Outcome.PASSED}
 
 
 def test_a_text_shorter_than_announced_is_taken(laboratory):

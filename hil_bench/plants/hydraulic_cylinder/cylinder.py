@@ -112,6 +112,15 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
         self.defects = replace(self.defects, **{name: amount})
 
 
+def at_valve(model: FullOrderPlant) -> tuple[float, ...]:
+    """Return the pressures at the valve's ends of the lines that a model has [Pa]."""
+    at_a, at_b = model.valve_pressures
+    options = model.options
+    if options.line_a is not None and options.line_b is not None:
+        return at_a, at_b
+    return (at_a if options.line_a is not None else at_b,)
+
+
 class LinedCylinder:
     """The full-order model with lines, which shows the pressures at the valve too.
 
@@ -124,8 +133,6 @@ class LinedCylinder:
 
     def __init__(self, model: FullOrderCylinder) -> None:
         self.model = model
-        self._has_a = model.options.line_a is not None
-        self._has_b = model.options.line_b is not None
 
     @property
     def output(self) -> Sequence[float]:
@@ -145,10 +152,7 @@ class LinedCylinder:
         self.model.influence(name, value)
 
     def _see(self, seen: Sequence[float]) -> Sequence[float]:
-        at_a, at_b = self.model.valve_pressures
-        if self._has_a and self._has_b:
-            return (*seen, at_a, at_b)
-        return (*seen, at_a if self._has_a else at_b)
+        return (*seen, *at_valve(self.model))
 
 
 class ReducedOrderCylinder(ReducedOrderPlant, _Cylinder):

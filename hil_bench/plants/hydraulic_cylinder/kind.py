@@ -12,13 +12,9 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
     apply_data_sheet,
     find_leftovers,
 )
-from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
-from hil_bench.plants.hydraulic_cylinder.quantities import (
-    QUANTITIES,
-    quantities_with_lines,
-)
+from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
 from hil_bench.plants.hydraulic_cylinder.valve_controlled import VALVE_NODES, ValveControlled
@@ -53,11 +49,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
         self, settings: Settings, folder: Path, problems: Problems
     ) -> "HydraulicCylinder":
         """Return the kind with the pressures at the valve, and with those of a shared supply."""
-        quantities = self.quantities
-        if settings["line_model"].value is not LineModel.VOLUME:
-            sides = "".join(s for s in "ab" if settings[f"line_{s}_length_m"].value)
-            quantities = quantities_with_lines(sides)
-        quantities = self.see_supply(quantities, settings)
+        quantities = self.see_more(self.quantities, settings)
         return self if quantities is self.quantities else SpecialCylinder(quantities)
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:

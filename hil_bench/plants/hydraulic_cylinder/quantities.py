@@ -62,16 +62,16 @@ QUANTITIES: Final = (
 )
 
 
-def quantities_with_lines(sides: str) -> tuple[Quantity, ...]:
-    """Return the quantities of a cylinder with lines at these sides, "a", "b" or "ab".
+def with_lines(quantities: Sequence[Quantity], sides: str) -> tuple[Quantity, ...]:
+    """Return the quantities of a plant with lines at these sides, "a", "b" or "ab".
 
     `P_A_valve` and `P_B_valve` are the pressures at the valve's ends of the lines.
     """
-    first = len(PlantOutput._fields)
+    first = _after(quantities)
     at_valve = (
         Quantity(f"P_{side.upper()}_valve", "Pa", first + place) for place, side in enumerate(sides)
     )
-    return (*QUANTITIES, *at_valve)
+    return (*quantities, *at_valve)
 
 
 P_S: Final = "P_S"
@@ -94,7 +94,7 @@ def with_supply(quantities: Sequence[Quantity], *, has_filter: bool) -> tuple[Qu
         quantities: of the plant.
         has_filter: whether the supply has one.
     """
-    first = 1 + max(each.output for each in quantities if each.output is not None)
+    first = _after(quantities)
     return (
         *quantities,
         Quantity(P_S, "Pa", first),
@@ -102,6 +102,11 @@ def with_supply(quantities: Sequence[Quantity], *, has_filter: bool) -> tuple[Qu
         Quantity(T_OIL, "°C", first + 2),
         *((Quantity(FILTER_DROP, "Pa", first + 3),) if has_filter else ()),
     )
+
+
+def _after(quantities: Sequence[Quantity]) -> int:
+    """Return the first place behind the outputs of a plant."""
+    return 1 + max(each.output for each in quantities if each.output is not None)
 
 
 LOAD: Final = "load"

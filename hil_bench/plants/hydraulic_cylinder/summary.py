@@ -39,7 +39,7 @@ def summarise(axis: CylinderConfig, tick_us: int, step_us: int) -> Sequence[Fact
         *_cushion_facts(axis),
         *_rest_facts(axis),
         *(() if axis.is_fed else filter_facts(axis.options.supply)),
-        *_line_facts(axis, step_us),
+        *line_facts(axis, step_us),
         *_swing_facts(axis, tick_us, step_us),
         *_impact_facts(axis),
     ]
@@ -175,7 +175,8 @@ def filter_facts(unit: SupplyUnit | None) -> Iterator[Fact]:
     yield Fact("drop of the filter", BAR.from_si(drop), "bar", note)
 
 
-def _line_facts(axis: CylinderConfig, step_us: int) -> Iterator[Fact]:
+def line_facts(axis: CylinderConfig, step_us: int) -> Iterator[Fact]:
+    """Yield time, frequency, drop and surge of the lines with waves."""
     p, options = axis.parameters, axis.options
     top = _fastest(axis, cushioned=False)
     for side, line, area, volume in (
@@ -188,7 +189,7 @@ def _line_facts(axis: CylinderConfig, step_us: int) -> Iterator[Fact]:
         note = f"at {line.wave_speed(p.rho):.4g} m/s; {steps} steps"
         yield Fact(f"wave time of line {side}", time * 1e3, "ms", note)
         frequency = line_frequency(line, p.rho, volume / p.E)
-        yield Fact("  its eigenfrequency", frequency, "Hz", "valve shut, piston held at mid-stroke")
+        yield Fact("  its eigenfrequency", frequency, "Hz", "valve shut, held at mid-stroke")
         drop = line_drop(line, p.rho, area * top)
         yield Fact("  its pressure drop", BAR.from_si(drop), "bar", "at the higher top speed")
         surge = line.impedance(p.rho) * area * top

@@ -23,6 +23,8 @@ from hil_bench.plants.hydraulic_cylinder.configuration import (
     hydraulic_options,
 )
 from hil_bench.plants.hydraulic_cylinder.keys import Supply
+from hil_bench.plants.hydraulic_cylinder.line_settings import build_lines
+from hil_bench.plants.hydraulic_cylinder.model.checks import check_lines
 from hil_bench.plants.hydraulic_cylinder.model.extensions import SupplyUnit
 from hil_bench.plants.hydraulic_cylinder.model.loads import (
     ConstantLoad,
@@ -110,6 +112,7 @@ def configure(
     motor = convert(axis, (*MOTOR_KEYS, *VOLUME_KEYS, *FRICTION_KEYS, *LOAD_KEYS, SERIES_KEY))
     try:
         cylinder = _build_cylinder(kind, name, axis, motor)
+        check_lines(cylinder.parameters, cylinder.options, step_us * 1e-6)
     except ParameterError as error:
         explain_refusal(f"plant.{name}", error, problems)
         return None
@@ -148,9 +151,10 @@ def _build_cylinder(
         delta=motor["exponent"],
         h=SMALLEST,  # the volumes do not change, however far the shaft turns
     )
+    of_axis: dict[str, Any] = hydraulic_options(axis) | build_lines(axis)
     options = PlantOptions(
         **convert(axis, VALVE_OPTION_KEYS),
-        **hydraulic_options(axis),
+        **of_axis,
         tanh_gain=SIGN_STEEPNESS / stribeck,
         loads=_build_loads(motor, r),
     )

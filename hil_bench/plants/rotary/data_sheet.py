@@ -9,6 +9,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_
 from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
+from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
 from hil_bench.plants.rotary.keys import RATING_KEYS
 
 PORT_SHARE = 1.0
@@ -125,7 +126,8 @@ def _derive_losses(sheet: Sheet) -> Iterator[Derived]:
 def _derive_volume(sheet: Sheet, side: str) -> Iterator[Derived]:
     """Yield the volume between the valve and the rotor on one side."""
     length, inner = f"line_{side}_length_m", f"line_{side}_inner_mm"
-    lines = sheet.given((length, inner))
+    has_waves = sheet.settings["line_model"].value is LineModel.WAVES
+    lines = () if has_waves else sheet.given((length, inner))
     if len(lines) == 1:
         other = inner if lines[0] == length else length
         sheet.refuse(lines[0], f"does not say the line's volume by itself; give {other} too")

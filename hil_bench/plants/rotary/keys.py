@@ -19,11 +19,13 @@ from hil_bench.plants.hydraulic_cylinder.keys import (
     COMPENSATOR_KEY,
     FILTER_KEYS,
     LAND_KEYS,
+    LINE_MODEL_KEY,
     OPTION_KEYS,
     PARAMETER_KEYS,
     SUPPLY_KEY,
     SUPPLY_KEYS,
     VISCOSITY_KEY,
+    WALL_KEYS,
 )
 from hil_bench.units import (
     BAR,
@@ -140,6 +142,9 @@ ROTARY_KEYS: Final = (
     *CAVITATION_KEYS,
     *AIR_KEYS,
     *LAND_KEYS,
+    LINE_MODEL_KEY,
+    *WALL_KEYS["a"],
+    *WALL_KEYS["b"],
     COMPENSATOR_KEY,
     SUPPLY_KEY,
     *SUPPLY_KEYS,

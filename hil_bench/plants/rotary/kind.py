@@ -41,9 +41,9 @@ class Rotary(ValveControlled[RotaryConfig]):
         return apply_data_sheet(settings, problems)
 
     def specialise(self, settings: Settings, folder: Path, problems: Problems) -> "Rotary":
-        """Return the kind with what is seen of a shared supply, of a motor that has one."""
-        quantities = self.see_supply(self.quantities, settings)
-        return self if quantities is self.quantities else FedRotary(quantities)
+        """Return the kind with the pressures at the valve, and with those of a shared supply."""
+        quantities = self.see_more(self.quantities, settings)
+        return self if quantities is self.quantities else SpecialRotary(quantities)
 
     def find_leftovers(self, settings: Settings) -> Iterator[tuple[str, str]]:
         """Yield the parts of an axis of which the file says nothing."""
@@ -64,8 +64,8 @@ class Rotary(ValveControlled[RotaryConfig]):
         return find_unresolved(axis, tick_us, step_us)
 
 
-class FedRotary(Rotary):
-    """A motor with a shared supply.
+class SpecialRotary(Rotary):
+    """A motor with waves in its lines, or with a shared supply.
 
     Args:
         quantities: what can be seen of it.

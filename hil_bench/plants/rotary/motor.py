@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 
-from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
+from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder, at_valve
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
 from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, SPOOL_POSITION
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.plants.rotary.quantities import ANGLE, LOAD, SPEED
 
-MotorOutput = tuple[float, float, float, float, float, float, float, float]
-"""angle [rad], speed [rad/s], P_A, P_B [Pa], spool position [m], torque [N m], Q_A, Q_B [m³/s]."""
+MotorOutput = tuple[float, ...]
+"""angle [rad], speed [rad/s], P_A, P_B [Pa], spool position [m], torque [N m], Q_A, Q_B [m³/s].
+
+With lines, the pressures at the valve's ends come last [Pa].
+"""
 
 _FASTEST = 1e5
 """Whatever is asked for, the shaft is not set to more than this [rad/s]."""
@@ -42,6 +45,7 @@ class HydraulicMotor:
         self.model = FullOrderCylinder(
             parameters, options=options, solver=cylinder.solver, dt=dt, state=state
         )
+        self._has_lines = options.has_lines
         self._output = self._see(self.model.output)
         if start:
             self.go_to(start)
@@ -79,4 +83,5 @@ class HydraulicMotor:
         x, v, pressure_a, pressure_b, nu, _, flow_a, flow_b = seen
         r = self._lever
         torque = (pressure_a - pressure_b) * self._displacement
-        return x / r, v / r, pressure_a, pressure_b, nu, torque, flow_a, flow_b
+        output = x / r, v / r, pressure_a, pressure_b, nu, torque, flow_a, flow_b
+        return (*output, *at_valve(self.model)) if self._has_lines else output

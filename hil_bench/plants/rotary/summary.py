@@ -9,7 +9,12 @@ from hil_bench.plants.hydraulic_cylinder.resolution import (
     STEPS_PER_PERIOD,
     eigenfrequency,
 )
-from hil_bench.plants.hydraulic_cylinder.summary import damping_ratio, filter_facts, verdict
+from hil_bench.plants.hydraulic_cylinder.summary import (
+    damping_ratio,
+    filter_facts,
+    line_facts,
+    verdict,
+)
 from hil_bench.plants.kind import Fact
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.units import BAR, LITRE_PER_MINUTE, REVOLUTION_PER_MINUTE
@@ -28,6 +33,7 @@ def summarise(axis: RotaryConfig, tick_us: int, step_us: int) -> Sequence[Fact]:
         *_motion_facts(axis),
         *_torque_facts(axis),
         *filter_facts(own),
+        *line_facts(axis.cylinder, step_us),
         *_swing_facts(axis, tick_us, step_us),
     ]
 

@@ -24,7 +24,7 @@ def is_silent(args: argparse.Namespace) -> bool:
 
 def print_lines(args: argparse.Namespace, *lines: str) -> None:
     """Print lines for people, none under --quiet."""
-    if not args.quiet:
+    if lines and not args.quiet:
         print(*lines, sep="\n", flush=True)
 
 

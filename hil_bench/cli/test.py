@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
 from hil_bench.cli.machine_test import play_on_machine
-from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -26,6 +27,7 @@ from hil_bench.cli.verdicts import (
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.frame_text import FrameText
+from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.report.content import Chapter
 from hil_bench.scenario.results import (
     ScenarioResult,
@@ -94,11 +96,11 @@ def run(args: argparse.Namespace) -> int:
     chapters: list[Chapter] = []
     if is_on_machine(args):
         results = play_on_machine(args, paths, given)
+        lines = [*result_lines(results)]
     else:
         results, chapters = _test_virtually(args, paths, given)
-    print_results(
-        args, result_lines(results), {result.path: result_content(result) for result in results}
-    )
+        lines = []  # each was told when it was known
+    print_results(args, lines, {result.path: result_content(result) for result in results})
     if args.junit:
         write_junit(results, args.junit)
     if chapters:
@@ -111,21 +113,39 @@ def run(args: argparse.Namespace) -> int:
 def _test_virtually(
     args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
 ) -> tuple[list[ScenarioResult], list[Chapter]]:
-    """Play scenarios on the virtual bench; the chapters are for a report, if one is asked for."""
+    """Play scenarios on the virtual bench, and print what came of each as soon as it is known.
+
+    Returns:
+        The results, up to the one that was interrupted, and the chapters of a report, if one is
+        asked for.
+    """
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
     reader = FrameText if args.report else None
     options = PlayOptions(args.stop_at_failure, keeps_evidence=bool(args.report), reader=reader)
     results: list[ScenarioResult] = []
     chapters: list[Chapter] = []
-    with watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
+    with interrupted_once(), watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
         for each in chosen:
             show_results(view, results, len(chosen), str(each.scenario.path))
-            result = play_for_result(each, options)
+            try:
+                result = play_for_result(each, options)
+            except KeyboardInterrupt:
+                result = _interrupted(each)
             if args.report:
                 chapters.append(run_chapter(each, result, args.given))
             results.append(replace(result, evidence=None))  # it is large
+            if not args.json:
+                print_lines(args, *result_lines([result]))
+            if result.is_interrupted:
+                break
         show_results(view, results, len(chosen))
     return results, chapters
+
+
+def _interrupted(prepared: PreparedScenario) -> ScenarioResult:
+    scenario, parameters = prepared.scenario, dict(prepared.parameters)
+    about = str(scenario.path), scenario.title, scenario.requirement_ids, prepared.config.seed
+    return ScenarioResult(*about, parameters, problem="interrupted", is_interrupted=True)
 
 
 def _find_all(paths: Sequence[Path]) -> list[Path]:

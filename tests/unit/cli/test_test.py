@@ -8,6 +8,7 @@ import pytest
 
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.scenario.run import play
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 VARIANTS = {
@@ -120,3 +121,25 @@ def test_a_wrong_parameter_is_a_line(tmp_path, capsys, words, wrong):
 def test_an_empty_folder_is_refused(tmp_path, capsys):
     assert main(["test", str(tmp_path)]) == ExitCode.USAGE
     assert "holds no *.scenario.toml" in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, monkeypatch):
+    for name in "abc":
+        (tmp_path / f"{name}.scenario.toml").write_text(
+            f'{HEAD}[[expect]]\nid = "R-{name}"\nthat = "always axis1.P_A < 250 bar"\n'
+        )
+
+    def play_until_ctrl_c(prepared, options):
+        if prepared.scenario.path.name.startswith("b"):
+            # What is done has been printed already.
+            assert "R-a  passed" in capsys.readouterr().out
+            raise KeyboardInterrupt
+        return play(prepared, options)
+
+    monkeypatch.setattr("hil_bench.scenario.results.play", play_until_ctrl_c)
+    junit = tmp_path / "result.xml"
+    assert main(["test", str(tmp_path), "--junit", str(junit)]) == ExitCode.INTERRUPTED
+    out = capsys.readouterr().out
+    assert "b.scenario.toml: T\n  interrupted\n" in out
+    assert "R-c" not in out
+    assert "R-a" in junit.read_text()

@@ -60,8 +60,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--dbc",
         type=Path,
         metavar="FILE.dbc",
-        help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end "
-        "(pip install 'hil-bench[dbc]')",
+        help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end, and "
+        "of the J1939 messages of known devices (pip install 'hil-bench[dbc]')",
     )
     add_filter_arguments(parser)
     add_json_argument(parser)
@@ -125,13 +125,13 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
                 groups.add((sight.frame.bus, sight.message.group))
         for owner in decoder.owners(logged.frame):
             owners.setdefault(id(owner.pdo), owner)
+    ecus = known_ecus(args, load_bench_config(args))
     written = []
     if args.dbc is not None:
         from hil_bench.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
 
-        written.append(f"{write_dbc(args.dbc, decoder)} messages: {args.dbc}")
+        written.append(f"{write_dbc(args.dbc, decoder, ecus)} messages: {args.dbc}")
     if args.output is not None:
-        ecus = known_ecus(args, load_bench_config(args))
         channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus))
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"

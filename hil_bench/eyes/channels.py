@@ -24,7 +24,12 @@ _Key = tuple[int, int, int, int]
 
 def symbol_of(name: str) -> str:
     """Return the name of an object as one word, as in ``spool_actual_value``."""
-    return _NO_WORD.sub("_", name.strip()).strip("_").lower()
+    return word_of(name).lower()
+
+
+def word_of(name: str) -> str:
+    """Return a name as one word, in its own case."""
+    return _NO_WORD.sub("_", name.strip()).strip("_")
 
 
 class BusChannels:

@@ -1,13 +1,16 @@
-"""The PDOs of known nodes as a DBC file, for the tools that read no EDS."""
+"""PDOs of known nodes and J1939 messages of known devices as a DBC file, for other tools."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
+from hil_bench.devices.j1939.ecu import USUAL_PRIORITY
+from hil_bench.devices.j1939.identifier import join
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.eyes.channels import symbol_of
+from hil_bench.eyes.channels import symbol_of, word_of
 from hil_bench.eyes.decoder import Decoder
+from hil_bench.eyes.known_ecu import KnownEcu, KnownSignal
 from hil_bench.eyes.known_node import PdoOwner
 from hil_bench.eyes.pdos import PdoField
 
@@ -20,25 +23,33 @@ except ImportError:
 _LONGEST = 8
 
 
-def write_dbc(path: Path, decoder: Decoder) -> int:
-    """Write the PDOs that a decoder knows now, and return how many messages they are.
+def write_dbc(path: Path, decoder: Decoder, ecus: Iterable[KnownEcu] = ()) -> int:
+    """Write the PDOs that a decoder knows now, and what J1939 devices send.
 
     Args:
         path: the file.
         decoder: of one bus.
+        ecus: the J1939 devices; messages of more than eight bytes are left out.
+
+    Returns:
+        How many messages they are.
 
     Raises:
-        ConfigError: there are no mapped PDOs, or the file cannot be written.
+        ConfigError: there is nothing to write, or the file cannot be written.
     """
     messages = [
         _message(owners)
         for _, owners in sorted(decoder.pdos.items())
         if any(_fits(field) for owner in owners for field in owner.pdo.fields)
     ]
+    ecus = tuple(ecus)
+    messages += [message for ecu in ecus for message in _ecu_messages(ecu)]
     if not messages:
-        raise ConfigError(f"--dbc {path}: no PDO is known; give bench.toml or --eds N=FILE")
-    names = [node.name for node in decoder.nodes.values()]
-    database = Database(messages, nodes=[Node(symbol_of(name), None) for name in names])
+        right = "give bench.toml or --eds N=FILE"
+        raise ConfigError(f"--dbc {path}: no PDO and no J1939 signal is known; {right}")
+    names = [symbol_of(node.name) for node in decoder.nodes.values()]
+    names += [word_of(ecu.name) for ecu in ecus]
+    database = Database(messages, nodes=[Node(name, None) for name in names])
     content = database.as_dbc_string().encode("cp1252", errors="replace")
     with about_file(f"--dbc {path}", right="give a file in a directory of yours"):
         path.write_bytes(content)
@@ -91,4 +102,34 @@ def _signal(name: str, field: PdoField, receivers: list[str]) -> Signal:
         conversion=BaseConversion.factory(factor, offset, None, is_float),
         unit=unit,
         receivers=receivers,
+    )
+
+
+def _ecu_messages(ecu: KnownEcu) -> Iterator[Message]:
+    for group, known in sorted(ecu.signals.items()):
+        signals = [_ecu_signal(each) for each in known if _lies_in_frame(each)]
+        if signals:
+            can_id = join(ecu.priorities.get(group, USUAL_PRIORITY), group, ecu.address)
+            sender = word_of(ecu.name)
+            name = f"{sender}_PGN_{group}"
+            yield Message(can_id, name, _LONGEST, signals, senders=[sender], is_extended_frame=True)
+
+
+def _lies_in_frame(known: KnownSignal) -> bool:
+    return known.signal.start + known.signal.length <= 8 * _LONGEST
+
+
+def _ecu_signal(known: KnownSignal) -> Signal:
+    place = known.signal
+    highest = float(f"{place.offset + place.highest * place.resolution:.12g}")
+    ends = place.offset, highest
+    return Signal(
+        word_of(known.name),
+        place.start,
+        place.length,
+        byte_order="little_endian",
+        conversion=BaseConversion.factory(place.resolution, place.offset),
+        minimum=min(ends),
+        maximum=max(ends),
+        unit=None if known.unit == "-" else known.unit,
     )

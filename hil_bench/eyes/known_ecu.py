@@ -68,6 +68,7 @@ class KnownEcu:
         address: that it claims first.
         identity: its NAME, as a number.
         signals: what it sends, by parameter group.
+        priorities: of these groups, where the bench gives one.
         values: the numbers that it sends and takes.
     """
 
@@ -76,6 +77,7 @@ class KnownEcu:
     address: int
     identity: int
     signals: Mapping[int, tuple[KnownSignal, ...]] = field(default_factory=dict)
+    priorities: Mapping[int, int] = field(default_factory=dict)
     values: tuple[KnownValue, ...] = ()
 
     def narrowed(self, groups: Collection[tuple[int, int]]) -> "KnownEcu":
@@ -90,12 +92,22 @@ def ecus_of(config: BenchConfig) -> Iterator[KnownEcu]:
     buses = list(config.buses)
     for ecu in config.ecus:
         signals: dict[int, list[KnownSignal]] = {}
+        priorities: dict[int, int] = {}
         for sent in ecu.sent if isinstance(ecu, SignalTableConfig) else ():
             known = KnownSignal(sent.name, sent.signal, sent.unit)
             signals.setdefault(sent.group, []).append(known)
+            if sent.priority is not None:
+                priorities[sent.group] = sent.priority
         by_group = {group: tuple(found) for group, found in signals.items()}
-        bus, identity, values = buses.index(ecu.bus), int(ecu.identity), tuple(_values_of(ecu))
-        yield KnownEcu(ecu.name, bus, ecu.address, identity, by_group, values)
+        yield KnownEcu(
+            ecu.name,
+            buses.index(ecu.bus),
+            ecu.address,
+            int(ecu.identity),
+            by_group,
+            priorities,
+            tuple(_values_of(ecu)),
+        )
 
 
 def _values_of(ecu: EcuConfig) -> Iterator[KnownValue]:

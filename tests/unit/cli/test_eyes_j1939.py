@@ -4,6 +4,7 @@ import math
 import signal
 from pathlib import Path
 
+import cantools
 import numpy as np
 import pytest
 from support.sdo_frames import MS
@@ -128,6 +129,21 @@ def test_a_log_without_their_messages_has_no_channels(capsys):
     assert main(["decode", "t.log", "bench.toml", "-o", "d.mf4"]) == 2
     assert "no J1939 signal of a known device" in capsys.readouterr().err
     assert not Path("d.mf4").exists()
+
+
+def test_a_dbc_reads_the_frames_as_we_do(capsys):
+    write_log()
+    assert main(["decode", "t.log", "bench.toml", "--dbc", "bus.dbc"]) == 0
+    assert capsys.readouterr().out == "2 messages: bus.dbc\n"  # of p, the message is too long
+    database = cantools.database.load_file("bus.dbc")
+    message = database.get_message_by_name("stick_PGN_64982")
+    # The lever has no priority of its own: 6, the usual one of J1939, and address 19.
+    assert (message.frame_id, message.is_extended_frame) == (0x18FDD613, True)
+    assert message.senders == ["stick"]
+    assert message.decode(bytes.fromhex("0064FFFFFFFFFFFF")) == {"x": 40.0}
+    (lever,) = message.signals
+    # 10 bits: the highest valid raw value is 0x3EB, the rest are indicators (J1939-71).
+    assert (lever.minimum, lever.maximum, lever.unit) == (0.0, 100.3, "%")
 
 
 class ScriptedBus:

@@ -1,4 +1,4 @@
-"""The nodes of a cylinder: which of them does what."""
+"""The nodes of a cylinder or a motor: which of them does what."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -8,6 +8,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.kinds.encoder_406 import EncoderConfig
 from hil_bench.kinds.pressure_404 import PressureConfig
 from hil_bench.kinds.registry import ENCODER, PRESSURE, VALVE
+from hil_bench.kinds.rotary_encoder_406 import ROTARY_ENCODER, RotaryEncoderConfig
 from hil_bench.kinds.valve_408 import ValveConfig
 from hil_bench.plants.hydraulic_cylinder.quantities import PORTS
 
@@ -16,18 +17,19 @@ class Members(NamedTuple):
     """The nodes of an axis."""
 
     valve: ValveConfig
-    position: EncoderConfig
+    position: EncoderConfig | RotaryEncoderConfig
     pressure_a: PressureConfig
     pressure_b: PressureConfig
 
 
-def find_members(config: BenchConfig, axis: str, who: str) -> Members:
+def find_members(config: BenchConfig, axis: str, who: str, *, turns: bool = False) -> Members:
     """Return the nodes of an axis: valve, position sensor, pressure transducers at A and B.
 
     Args:
         config: the bench.
         axis: name of the axis.
         who: needs them, for the message that says which is missing.
+        turns: whether the axis is a motor, whose position sensor is a rotary one.
     """
     nodes = [node for node in config.nodes if node.axis == axis]
 
@@ -37,9 +39,10 @@ def find_members(config: BenchConfig, axis: str, who: str) -> Members:
                 return node
         raise ConfigError(f"plant.{axis}: no node is its {what}; {who} needs one")
 
+    encoder, record = (ROTARY_ENCODER, RotaryEncoderConfig) if turns else (ENCODER, EncoderConfig)
     return Members(
         find(VALVE.name, lambda node: isinstance(node, ValveConfig)),
-        find(ENCODER.name, lambda node: isinstance(node, EncoderConfig)),
+        find(encoder.name, lambda node: isinstance(node, record)),
         *(
             find(
                 f"{PRESSURE.name} at {port}",

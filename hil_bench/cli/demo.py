@@ -29,6 +29,7 @@ from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import open_frame_file
 from hil_bench.outside.recording.plot import plot_result
+from hil_bench.units import display_unit
 
 _LONGEST = 3600.0
 
@@ -40,7 +41,7 @@ examples:
   hil-bench demo --speed max            as fast as the machine can
   hil-bench demo --sensors modbus       the valve on CANopen, the sensors on Modbus
   hil-bench demo --record demo.mf4      signals and frames while it runs
-  hil-bench demo bench.toml             with your own cylinder
+  hil-bench demo bench.toml             with your own cylinder or motor
 """
 
 
@@ -138,7 +139,7 @@ def run(args: argparse.Namespace) -> int:
     plot, problem = draw(recording, args.output / "demo.png")
     recorded = session.bench.recording
     lines = [
-        *summary_lines(report, config),
+        *summary_lines(report, config, session.axis.quantity.unit),
         *(f"{name:9} {path}" for name, path in files.items()),
         f"plot      {plot or problem}",
         *(() if recorded is None else report_lines(recorded)),
@@ -161,15 +162,15 @@ def is_recorded(session: DemoSession) -> bool:
     return session.bench.recording is None or session.bench.recording.is_complete
 
 
-def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:
-    """Return the figures of a demo, a line a fact."""
+def summary_lines(report: DemoReport, config: BenchConfig, unit: str) -> list[str]:
+    """Return the figures of a demo, a line a fact; errors in a unit of SI as it is displayed."""
     speed = report.bench_time / report.wall_time
     lines = [
         (
             f"motion    {report.bench_time:.1f} s in {report.wall_time:.1f} s, "
             f"{speed:.{0 if speed > 2 else 2}f} times real time"
         ),
-        f"error     {error_text(report.error)}",
+        f"error     {error_text(report.error, unit)}",
         f"control   {report.cycles} cycles of {CYCLE * 1e3:g} ms, {report.overruns} left out",
     ]
     if report.ticks is not None:
@@ -177,11 +178,13 @@ def summary_lines(report: DemoReport, config: BenchConfig) -> list[str]:
     return lines
 
 
-def error_text(error: TrackingError) -> str:
-    """Return a tracking error in words."""
+def error_text(error: TrackingError, unit: str) -> str:
+    """Return a tracking error [m, rad] in words."""
     if math.isnan(error.rms):
         return "none, the motion had not begun"
-    return f"RMS {error.rms * 1e3:.3f} mm, max {error.maximum * 1e3:.3f} mm"
+    shown = display_unit(unit)
+    rms, most = (f"{shown.from_si(each):.3f} {shown.symbol}" for each in error)
+    return f"RMS {rms}, max {most}"
 
 
 def draw(recording: Recording, path: Path) -> tuple[Path | None, str]:

@@ -13,8 +13,8 @@ import numpy as np
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
-from hil_bench.cli.demo_sensors import SensorBus, Sensors, canopen_sensors, modbus_sensors
-from hil_bench.cli.demo_tuning import demo_profile, tuned_parameters
+from hil_bench.cli.demo_sensors import SensorBus, Sensors, Shaft, canopen_sensors, modbus_sensors
+from hil_bench.cli.demo_tuning import DemoAxis
 from hil_bench.cli.status_line import Field, bench_status, bench_status_row
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.snapshot import Snapshot
@@ -23,9 +23,7 @@ from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.realtime.scheduling import undisturbed, undisturbed_by_garbage_collection
 from hil_bench.outside.realtime.statistics import TickStatistics, TickSummary
 from hil_bench.outside.recording.channels import Channel, Recording
-from hil_bench.plants.hydraulic_cylinder.configuration import require_cylinder
 from hil_bench.plants.hydraulic_cylinder.quantities import (
-    POSITION,
     PRESSURE_A,
     PRESSURE_B,
     SPOOL_POSITION,
@@ -50,8 +48,15 @@ _SET_UP_TIME = 5.0  # more than it takes to boot and configure the nodes [s]
 _LOGGED_FRAMES = 2_000_000
 
 
+_SET = {
+    "position": Field("set {:+8.2f} mm", 1e3),
+    "angle": Field("set {:+9.3f} rev", 0.5 / math.pi),
+}
+"""The set-point in the status line, by the quantity that is controlled."""
+
+
 class TrackingError(NamedTuple):
-    """Root mean square and largest absolute value of a tracking error [m]."""
+    """Root mean square and largest absolute value of a tracking error [m, rad]."""
 
     rms: float
     maximum: float
@@ -90,6 +95,7 @@ class DemoSession:
         recording: what to record while it runs.
 
     Attributes:
+        axis: what is moved.
         bench: the bench with its traces, set-point of the motion included.
         snapshot: what the status line shows.
         fields: how it shows it.
@@ -117,8 +123,9 @@ class DemoSession:
         )
         self._setpoint_at: Callable[[float], float] = no_setpoint
         self._cycle: CycleRecord | None = None
-        self._axis = require_cylinder(config.first_axis, "the demo")
-        setpoint = Channel(f"{config.first_axis.name}.position_setpoint", "m")
+        self.axis = DemoAxis(config.first_axis)
+        name, unit = self.axis.quantity[:2]
+        setpoint = Channel(f"{config.first_axis.name}.{name}_setpoint", unit)
         self.bench = VirtualBench(
             config,
             recorded_time=duration + _SET_UP_TIME,
@@ -130,7 +137,7 @@ class DemoSession:
         self.bench.observers.append(self._publish)
         channels, fields = bench_status(self.bench.bench)
         self.snapshot = Snapshot(2 + len(channels))  # time and set-point first
-        self.fields = [Field("{:6.1f} s", 1.0), Field("set {:+8.2f} mm", 1e3), *fields]
+        self.fields = [Field("{:6.1f} s", 1.0), _SET[name], *fields]
 
     def run(self, stopped: Callable[[], bool]) -> DemoReport:
         """Move the axis along its profile, until the end or until `stopped` says so.
@@ -164,7 +171,7 @@ class DemoSession:
         return {
             Channel(f"{axis}.{name}_seen", unit): partial(self._seen, field)
             for name, unit, field in (
-                (*POSITION[:2], "position"),
+                (*self.axis.quantity[:2], "position"),
                 (*PRESSURE_A[:2], "pressure_a"),
                 (*PRESSURE_B[:2], "pressure_b"),
                 (*SPOOL_POSITION[:2], "spool_position"),
@@ -180,10 +187,10 @@ class DemoSession:
         self.snapshot.write((time, self._setpoint(time), *axes))
 
     def _control(self, network: Network, stopped: Callable[[], bool]) -> DemoReport:
-        position = self.bench.bench.axes[0].plant.output[POSITION.output or 0]
-        profile = demo_profile(position, self._axis)
+        position = self.bench.bench.axes[0].plant.output[self.axis.quantity.output or 0]
+        profile = self.axis.profile(position)
         cycles = 0
-        with self._ready_loop(network) as loop:
+        with self._ready_loop(network, position) as loop:
             start, wall_start = network.now(), time.perf_counter()
             for record in loop.run(profile, self._duration):
                 if not cycles:
@@ -196,7 +203,9 @@ class DemoSession:
             self._setpoint_at = no_setpoint
             wall_time = time.perf_counter() - wall_start
         return DemoReport(
-            error=tracking_error(self.bench.signals, self._config.axes[0].name),
+            error=tracking_error(
+                self.bench.signals, f"{self._config.axes[0].name}.{self.axis.quantity.name}"
+            ),
             bench_time=cycles * loop.period,
             wall_time=wall_time,
             cycles=cycles,
@@ -205,16 +214,24 @@ class DemoSession:
         )
 
     @contextlib.contextmanager
-    def _ready_loop(self, network: Network) -> Iterator[PositionLoop]:
+    def _ready_loop(self, network: Network, position: float) -> Iterator[PositionLoop]:
         """Set the devices up, bring the valve to ACTIVE, and leave it disabled.
+
+        Args:
+            network: of the devices.
+            position: where the axis is [m, rad].
 
         Yields:
             The control loop.
         """
-        members = find_members(self._config, self._config.axes[0].name, "the demo")
+        members = find_members(
+            self._config, self._config.axes[0].name, "the demo", turns=self.axis.turns
+        )
         network.start_heartbeat()
         with ProportionalValve(network, members.valve.node_id, members.valve.eds) as valve:
             sensors = self._sensors(network, members)
+            if isinstance(sensors.position, Shaft):
+                sensors.position.begin_at(position)
             valve.setup(heartbeat_timeout=4 * HEARTBEAT_PERIOD)
             for sensor in (sensors.position, *sensors.pressures):
                 sensor.setup()
@@ -228,7 +245,7 @@ class DemoSession:
                 valve=valve,
                 position=sensors.position,
                 pressures=sensors.pressures,
-                controller=PositionController(tuned_parameters(self._axis)),
+                controller=PositionController(self.axis.parameters()),
                 period=CYCLE,
             )
 
@@ -248,9 +265,9 @@ def setpoint_position(profile: MotionProfile, start: float, time: float) -> floa
     return profile.at(time - start).position
 
 
-def tracking_error(recording: Recording, axis: str) -> TrackingError:
-    """Return the error of an axis over the rows that have a set-point; NaN without any."""
-    error = recording[f"{axis}.position_setpoint"] - recording[f"{axis}.position"]
+def tracking_error(recording: Recording, quantity: str) -> TrackingError:
+    """Return the error of a quantity over the rows that have a set-point; NaN without any."""
+    error = recording[f"{quantity}_setpoint"] - recording[quantity]
     error = error[np.isfinite(error)]
     if not error.size:
         return TrackingError(math.nan, math.nan)

@@ -1,7 +1,8 @@
 """A recording as a figure: a panel a quantity, a column an axis, one time axis for all.
 
-The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, ``.P_A``,
-``.P_B``, ``.P_S``, ``.spool_setpoint`` and ``.spool_position``; what a recording lacks is left out.
+The panels are drawn from the channels ``AXIS.position_setpoint``, ``.position``, likewise
+``angle``, ``.P_A``, ``.P_B``, ``.P_S``, ``.spool_setpoint`` and ``.spool_position``; what a
+recording lacks is left out.
 Each panel is in the display unit that belongs to its channels' SI unit.
 """
 
@@ -63,7 +64,20 @@ _PANELS = (
         (_Curve("position_setpoint", "", RED, minus="position"),),
         share=0.8,
     ),
-    _Panel("Angle", (_Curve("angle", "actual", BLUE),), share=1.0, measured="rad"),
+    _Panel(
+        "Angle",
+        (
+            _Curve("angle_setpoint", "set-point", GREY, is_setpoint=True),
+            _Curve("angle", "actual", BLUE),
+        ),
+        share=1.0,
+        measured="rad",
+    ),
+    _Panel(
+        "Angular error",
+        (_Curve("angle_setpoint", "", RED, minus="angle"),),
+        share=0.8,
+    ),
     _Panel(
         "Pressure",
         (

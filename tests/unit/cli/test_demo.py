@@ -43,6 +43,23 @@ def test_the_controller_moves_the_cylinder(tmp_path, capsys):
         assert str(tmp_path / "new" / name) in out
 
 
+@pytest.mark.parametrize("sensors", ["canopen", "modbus"])
+def test_the_controller_turns_a_motor(tmp_path, capsys, monkeypatch, sensors):
+    monkeypatch.setattr("hil_bench.cli.demo.draw", lambda *_: (None, "none"))
+    words = ["--duration", "3", "--sensors", sensors, str(MACHINES / "drum.toml")]
+    assert demo(tmp_path, *words) == 0
+    recording = read_recording(tmp_path / "demo.csv")
+    turns = recording["axis1.angle"] / (2.0 * np.pi)
+    setpoint = recording["axis1.angle_setpoint"] / (2.0 * np.pi)
+    moving = np.isfinite(setpoint)
+    # To 0.4 of 30 revolutions from where it is; it begins at 0 and sinks a little until then.
+    assert setpoint[moving].max() == pytest.approx(12.0, abs=0.1)
+    assert turns.max() == pytest.approx(setpoint[moving].max(), abs=0.1)
+    error = np.abs(setpoint - turns)[moving]
+    assert f"max {error.max():.3f} rev" in capsys.readouterr().out
+    assert recording["axis1.angle_seen"][moving].min() > -1.0  # not 4096 revolutions
+
+
 @pytest.fixture
 def no_extra(monkeypatch):
     """Leave the extra for Modbus out."""

@@ -28,8 +28,10 @@ def summarise_design(design: Design, notes: tuple[str, ...] = ()) -> str:
         "",
         f"{'manoeuvre':44} {'time':>6} {'uncertainty left':>17}  best for",
         *(
-            f"{one.name:44} {one.duration:4.1f} s {100.0 * one.left:15.2g} %  "
-            + ", ".join(KEYS[name].name for name in one.best_for)
+            (
+                f"{one.name:44} {one.duration:4.1f} s {100.0 * one.left:15.2g} %  "
+                + ", ".join(KEYS[name].name for name in one.best_for)
+            ).rstrip()
             for one in ranking
         ),
     ]

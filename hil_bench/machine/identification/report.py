@@ -137,6 +137,7 @@ def to_toml(found: Identification, source: str) -> str:
     lines = [
         f"# Identified by hil-bench from {source!r}; standard deviations in the comments.",
         "# What the record does not tell is not here, and stays as it is in your file.",
+        *_doubts(found),
         f"[plant.{found.record.axis}]",
     ]
     if {"alpha", "beta", "gain"} & {estimate.name for estimate in found.told}:
@@ -162,6 +163,13 @@ def to_toml(found: Identification, source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _doubts(found: Identification) -> list[str]:
+    """Return what a reader of the file must know of it."""
+    if is_explained(found):
+        return []
+    return ["# The model does NOT explain the record: do not use these values."]
+
+
 def find_misses(found: Identification) -> list[str]:
     """Return each signal that the model misses, where and by how much.
 
@@ -177,8 +185,9 @@ def find_misses(found: Identification) -> list[str]:
                 misses.append(f"{name} by {size}, {times:.3g} times its noise, {place}")
     for session, offsets in zip(found.record.sessions, found.offsets, strict=True):
         misses += [
-            f"{name}, but for a sensor that reads {BAR.from_si(offset):+.1f} bar off"
+            f"{name}"
             + (f" in {session.name}" if session.name else "")
+            + f", which fits only if its sensor reads {BAR.from_si(offset):+.1f} bar off"
             for name, offset, is_there in zip(PRESSURES, offsets, session.has[1:], strict=True)
             if is_there and abs(offset) > MOST_OFFSET
         ]
@@ -257,13 +266,14 @@ def _warnings(found: Identification) -> list[str]:
             "try more --starts or another recording"
         )
     lines += [_rival_line(rival, found) for rival in found.rivals]
-    if np.nanmax(found.residual) > SUSPECT:
+    misses = find_misses(found)
+    if np.nanmax(found.residual) > SUSPECT and not misses:
         lines.append(
             f"the fit's own residuals are above {SUSPECT:g} times the noise: either the model "
             "lacks something, or the fit ended in a side minimum; the intervals do not hold then; "
             "try more --starts"
         )
-    if not found.is_white:
+    if not found.is_white and not misses:
         lines.append(
             "the residuals of the fit are not white noise: the intervals come from leaving out "
             "pieces of the record, and do not cover a model error that all pieces share"
@@ -274,11 +284,32 @@ def _warnings(found: Identification) -> list[str]:
             "sensors: both are known only as far as the sensors are right within 1 bar; move it "
             "both ways"
         )
-    if misses := find_misses(found):
+    if misses:
+        lines += [
+            "the model does NOT explain this record, do not use the parameters: it misses",
+            *(f"  {miss}" for miss in misses),
+            *_advice(found),
+        ]
+    return lines
+
+
+def _advice(found: Identification) -> list[str]:
+    """Return what to look at where the model misses something."""
+    right = (
+        f"at most {EXPLAINED:g} times the noise is right; check stroke, areas, volumes, supply "
+        "pressure and the axis' options"
+    )
+    lines = [right]
+    offsets = found.offsets[np.array([session.has[1:] for session in found.record.sessions])]
+    if (offsets > MOST_OFFSET).all() or (offsets < -MOST_OFFSET).all():
+        supply = BAR.from_si(found.parameters.P_S + 2.0 * float(offsets.mean()))
         lines.append(
-            f"the model does NOT explain this record: it misses {'; '.join(misses)}; at most "
-            f"{EXPLAINED:g} times the noise is right; check stroke, areas, volumes, supply "
-            "pressure and the axis' options"
+            f"all pressures are off by about the same, as with a supply of {supply:.3g} bar; "
+            "--free supply_pressure_bar estimates it"
+        )
+    if len(found.record.sessions) > 1 and found.flows is None:
+        lines.append(
+            "if the machine drifts from recording to recording: --free session_flow estimates that"
         )
     return lines
 

@@ -141,9 +141,12 @@ def test_a_model_that_does_not_follow_the_record_is_named() -> None:
     assert is_explained(make(residual=3.0))
     assert not is_explained(make(residual=3.1))
     # 3.1 times 2 um
-    assert "NOT explain this record: it misses position by 6.2 um rms, 3.1 times its noise, in" in (
-        summarise(make(residual=3.1))
-    )
+    assert (
+        "NOT explain this record, do not use the parameters: it misses\n"
+        "  position by 6.2 um rms, 3.1 times its noise, in the trial\n"
+    ) in summarise(make(residual=3.1))
+    assert "do not use these values" in to_toml(make(residual=3.1), "run.csv")
+    assert "do not use" not in to_toml(make(), "run.csv")
 
 
 def test_pressures_that_miss_by_five_times_the_noise_are_not_explained() -> None:
@@ -206,5 +209,26 @@ def test_an_offset_that_no_sensor_has_is_no_explanation() -> None:
 
     (miss,) = find_misses(found)
 
-    assert miss == "P_A, but for a sensor that reads -6.2 bar off"
+    assert miss == "P_A, which fits only if its sensor reads -6.2 bar off"
     assert not is_explained(found)
+    assert "as with a supply" not in summarise(found)
+
+
+def test_pressures_that_are_off_alike_stand_for_another_supply() -> None:
+    """At rest both pressures are half of the supply: both off by 7.5 bar are 15 bar of it."""
+    found = replace(make(), offsets=np.array([[-7.2e5, -7.8e5]]))
+
+    assert "as with a supply of 85 bar; --free supply_pressure_bar" in summarise(found)
+
+
+def test_several_recordings_that_are_not_explained_may_have_drifted() -> None:
+    found = make(residual=3.1)
+    both = found.record.sessions * 2
+    several = replace(found, record=replace(found.record, sessions=both), offsets=np.zeros((2, 2)))
+    several = replace(several, offset_deviations=np.ones((2, 2)))
+
+    assert "--free session_flow" in summarise(several)
+    assert "--free session_flow" not in summarise(found)
+    told = replace(several, flows=np.array([1.0, 0.98]), flow_deviations=np.array([0.0, 1e-4]))
+    assert "the valve passes 0.9800 +- 0.0001" in summarise(told)
+    assert "--free session_flow" not in summarise(told)

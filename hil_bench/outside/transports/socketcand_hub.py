@@ -28,6 +28,7 @@ from hil_bench.outside.transports.socketcand_protocol import (
     MAX_COMMAND,
     check_channel,
     format_frame,
+    is_remote_request,
     parse_send,
 )
 
@@ -247,7 +248,10 @@ class _Client(asyncio.Protocol):
         if self._in_raw_mode:
             self._release()
             frame = _frame_of(command)
-            if frame is None:
+            if frame is None and is_remote_request(command):
+                # Nobody can be told of it, and python-can loses its bus over an error.
+                self._hub.counters.bad_commands += 1
+            elif frame is None:
                 self._refuse(b"unknown command")
             return frame
         match command.split():

@@ -51,6 +51,15 @@ def parse_send(command: bytes) -> Frame | None:
     return Frame(int(can_id, 16), data, is_extended=len(can_id) == _EXTENDED_DIGITS)
 
 
+def is_remote_request(command: bytes) -> bool:
+    """Return whether a "send" command is how python-can writes a remote frame: without its bytes.
+
+    The protocol has no remote frames. One of length 0 looks like a data frame.
+    """
+    match = _SEND.fullmatch(command)
+    return match is not None and not match[3].split()
+
+
 def format_send(frame: Frame) -> bytes:
     """Return how a client sends a frame; the protocol has no remote frames."""
     digits = b"%08X" if frame.is_extended else b"%03X"

@@ -4,19 +4,23 @@
 
 It looks for python3.11 to python3.14 on the PATH and says what came of each. Each wheel is for
 this system and processor. It needs a C compiler and a package index. Exit code 1: one that was
-begun is not compiled.
+begun is not compiled, or lacks a part.
 """
 
 import argparse
 import os
+import platform
 import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
+IS_X86_64 = platform.machine() == "x86_64"
+"""Where a wheel carries the plant's kernels, too."""
 TOOLS = "build>=1.2,<2"
 
 
@@ -29,8 +33,8 @@ def find_python(version: str) -> str | None:
     return None if done.returncode else program
 
 
-def build(program: str, output: Path, *, is_compiled: bool) -> str:
-    """Build a wheel with that Python; return its name."""
+def build(program: str, output: Path, *, is_compiled: bool) -> Path:
+    """Build a wheel with that Python; return it."""
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         python = place / "venv" / "bin" / "python"
@@ -47,8 +51,19 @@ def build(program: str, output: Path, *, is_compiled: bool) -> str:
                 sys.exit(f"{done.stdout}\n{done.stderr}")
         (wheel,) = (place / "dist").iterdir()
         output.mkdir(parents=True, exist_ok=True)
-        shutil.copy(wheel, output)
-        return wheel.name
+        return Path(shutil.copy(wheel, output))
+
+
+def what_is_missing(wheel: Path) -> str:
+    """Return what of a compiled wheel is not in this one; empty for nothing."""
+    if wheel.name.endswith("-none-any.whl"):
+        return "not compiled"
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    if "hil_bench/compiled.json" not in names:
+        return f"{wheel.name}, without the core"
+    has_kernels = any("/_kernels." in name and name.endswith(".so") for name in names)
+    return "" if has_kernels or not IS_X86_64 else f"{wheel.name}, without the plant's kernels"
 
 
 def main() -> None:
@@ -58,16 +73,16 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=VERSIONS, metavar="VERSION")
     args = parser.parse_args()
     failed = False
-    print(f"any Python: {build(sys.executable, args.output, is_compiled=False)}", flush=True)
+    print(f"any Python: {build(sys.executable, args.output, is_compiled=False).name}", flush=True)
     for version in args.only:
         program = find_python(version)
         if program is None:
             print(f"Python {version}: not built, there is no python{version} here", flush=True)
             continue
-        name = build(program, args.output, is_compiled=True)
-        is_pure = name.endswith("-none-any.whl")
-        failed |= is_pure
-        print(f"Python {version}: {'not compiled' if is_pure else name}", flush=True)
+        wheel = build(program, args.output, is_compiled=True)
+        missing = what_is_missing(wheel)
+        failed |= bool(missing)
+        print(f"Python {version}: {missing or wheel.name}", flush=True)
     sys.exit(failed)
 
 

@@ -87,6 +87,17 @@ def pressure_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Reg
     return quantities
 
 
+def transducer_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
+    """Return the quantities of a transducer of two pressures (CiA 404)."""
+    od = object_dictionary
+    value, unit, status = (od.variable(index, 2) for index in (0x6130, 0x6131, 0x6150))
+    return {
+        **pressure_quantities(od),
+        "pressure_2": RegisterValue("Pa", lambda: value.value * UNITS[unit.value]),
+        "valid_2": _bit(status, NOT_VALID, inverted=True),
+    }
+
+
 def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
     """Return the quantities of a position sensor (CiA 406)."""
     od = object_dictionary
@@ -102,6 +113,18 @@ def encoder_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, Regi
             "m/s", lambda: speed.value * (speed_step.value if speed_step else 1) / SPEED_UNITS
         )
     return quantities
+
+
+def redundant_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:
+    """Return the quantities of a position sensor with two measuring systems (CiA 406)."""
+    od = object_dictionary
+    position, step = od.variable(0x6020, 2), od.variable(0x6005, 1)
+    speed, speed_step = od.variable(0x6030, 2), od.variable(0x6005, 2)
+    return {
+        **encoder_quantities(od),
+        "position_2": RegisterValue("m", lambda: position.value * step.value / POSITION_UNITS),
+        "speed_2": RegisterValue("m/s", lambda: speed.value * speed_step.value / SPEED_UNITS),
+    }
 
 
 def rotary_quantities(object_dictionary: ObjectDictionary) -> Mapping[str, RegisterValue]:

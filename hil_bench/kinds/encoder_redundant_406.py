@@ -1,12 +1,14 @@
 """The linear position sensor of CiA 406 with two measuring systems as a kind of device."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
-from device_profiles import ENCODER_REDUNDANT_406
+from device_profiles import ENCODER_REDUNDANT_406, REGISTERS
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Settings
 from hil_bench.devices.axis import Fitting
+from hil_bench.devices.quantities import redundant_quantities
 from hil_bench.devices.redundant_encoder import RedundantEncoder
 from hil_bench.kinds.encoder_406 import EncoderConfig, EncoderKind
 from hil_bench.kinds.surroundings import Surroundings
@@ -17,7 +19,7 @@ class RedundantEncoderKind(EncoderKind):
 
     name = "encoder_redundant_406"
     eds = ENCODER_REDUNDANT_406
-    registers = None
+    registers = REGISTERS / "encoder_redundant_406.toml"
 
     def signals(self, name: str, node: Settings) -> dict[str, str]:
         """Return both positions."""
@@ -30,7 +32,11 @@ class RedundantEncoderKind(EncoderKind):
         fitting = self.dress(config, device, surroundings)
         name = f"{config.name}.2"
         second = self.measure(config, name, device.publish_second, surroundings)
-        return replace(fitting, sensors=(*fitting.sensors, (axis, second)))
+        return replace(
+            fitting,
+            sensors=(*fitting.sensors, (axis, second)),
+            registers=partial(redundant_quantities, node.object_dictionary),
+        )
 
 
 REDUNDANT_ENCODER: Final = RedundantEncoderKind()

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from device_profiles import TRANSDUCER_404
+from device_profiles import REGISTERS, TRANSDUCER_404
 from hil_bench.canopen_device.node import Node
 from hil_bench.config.settings import Key, Problems, Settings
 from hil_bench.config.values import interval, number, text
 from hil_bench.devices.axis import Fitting, Measurement
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.devices.pressure_404 import TEMPERATURE_UNITS, Span, TransducerDevice
-from hil_bench.devices.quantities import pressure_quantities
+from hil_bench.devices.quantities import transducer_quantities
 from hil_bench.kinds.kind import DeviceKind, NodeConfig
 from hil_bench.kinds.pressure_404 import check_pressure
 from hil_bench.kinds.surroundings import Surroundings
@@ -52,6 +52,7 @@ class TransducerKind(DeviceKind[TransducerConfig]):
     name = "transducer_404"
     record = TransducerConfig
     eds = TRANSDUCER_404
+    registers = REGISTERS / "transducer_404.toml"
     keys = (
         Key("source", text, "P_A"),
         Key("second_source", text, "P_B"),
@@ -114,7 +115,7 @@ class TransducerKind(DeviceKind[TransducerConfig]):
         return Fitting(
             sensors=tuple(sensors),
             advance=advance,
-            registers=partial(pressure_quantities, node.object_dictionary),
+            registers=partial(transducer_quantities, node.object_dictionary),
         )
 
 

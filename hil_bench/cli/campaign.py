@@ -27,7 +27,7 @@ from hil_bench.campaign.summary import (
     summarise,
     worst_runs,
 )
-from hil_bench.cli.campaign_arguments import add_jobs_argument, count
+from hil_bench.cli.campaign_arguments import add_jobs_argument, count, count_from_zero
 from hil_bench.cli.campaign_view import CampaignView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
@@ -80,7 +80,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help=f"how points are chosen: {', '.join(Sampler)} (default: sobol); monte_carlo allows a "
         "bound",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="seed of the sampler (default: 0)")
+    parser.add_argument(
+        "--seed", type=count_from_zero, metavar="N", help="seed of the sampler (default: 0)"
+    )
     add_jobs_argument(parser)
     parser.add_argument(
         "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"

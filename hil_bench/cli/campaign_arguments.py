@@ -1,6 +1,7 @@
 """Arguments that `campaign` and `falsify` share."""
 
 import argparse
+import math
 import os
 
 
@@ -8,7 +9,7 @@ def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
     """Add --jobs."""
     parser.add_argument(
         "--jobs",
-        type=_jobs,
+        type=count_from_zero,
         metavar="N",
         default=_processors(),
         help="number of processes (default: %(default)s); 0 runs in this one, without time-outs",
@@ -26,8 +27,30 @@ def count(text: str) -> int:
     return int(text)
 
 
-def _jobs(text: str) -> int:
-    return 0 if text == "0" else count(text)
+def count_from_zero(text: str) -> int:
+    """Return an integer that is not negative.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text}: give an integer from 0 up")
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """Return a positive number.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: give a positive number")
+    return number
 
 
 def _processors() -> int:

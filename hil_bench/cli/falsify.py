@@ -11,7 +11,12 @@ from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reports.search_report import write_search_report
 from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Find, Method
-from hil_bench.cli.campaign_arguments import add_jobs_argument, count
+from hil_bench.cli.campaign_arguments import (
+    add_jobs_argument,
+    count,
+    count_from_zero,
+    positive,
+)
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -52,7 +57,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="runs of each method (default: %(default)s)",
     )
     parser.add_argument(
-        "--minutes", type=float, metavar="M", help="time limit of all methods together, in minutes"
+        "--minutes",
+        type=positive,
+        metavar="M",
+        help="time limit of all methods together, in minutes",
     )
     parser.add_argument(
         "--method",
@@ -63,11 +71,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="method of the search; repeat it for more (default: all)",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of the search (default: 0)"
+        "--seed",
+        type=count_from_zero,
+        default=0,
+        metavar="N",
+        help="seed of the search (default: 0)",
     )
     parser.add_argument(
         "--timeout-s",
-        type=float,
+        type=positive,
         default=60.0,
         metavar="S",
         help="time-out of a run in s (default: 60)",

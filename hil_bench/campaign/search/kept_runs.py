@@ -28,7 +28,7 @@ class KeptRuns:
         self._done: dict[str, RunResult] = {}
         if self.folder.is_dir():
             self._done = {each.key: each for each in Store(self.folder, {}).results()}
-        self._fresh: list[RunResult] = []
+        self._fresh: dict[str, RunResult] = {}  # a run may come twice, as while a failure is shrunk
 
     def __call__(self, specs: Iterable[RunSpec]) -> Iterator[RunResult]:
         """Do runs, as a `Backend`.
@@ -43,14 +43,14 @@ class KeptRuns:
             else:
                 missing.append(spec)
         for result in self._backend(missing):
-            self._fresh.append(result)
+            self._fresh.setdefault(result.key, result)
             yield result
 
     def keep(self) -> str:
         """Write the runs of this search beside those of earlier ones; return why that failed."""
         try:
             if self._fresh:
-                Store(self.folder, {}).write(self._fresh)
+                Store(self.folder, {}).write(list(self._fresh.values()))
         except ConfigError as error:
             return str(error)
         return ""

@@ -10,16 +10,20 @@ import pytest
 from support.campaigns import REST, rest_pressures, write_rest
 
 from hil_bench import cli
+from hil_bench.campaign.plan import make_spec, own_case
 from hil_bench.campaign.pool import perform_here
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.search.cost import CRASH, cost_of, turns
 from hil_bench.campaign.search.falsify import SearchPlan, falsify
+from hil_bench.campaign.search.kept_runs import KeptRuns
 from hil_bench.campaign.search.methods import Evolution, build_search
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
 from hil_bench.campaign.search.shrink import round_to
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import play, prepare
+
+REST_SPACE = {"limit_bar": None, "load_n": None}
 
 # A tenth of the range fails, and one step and one requirement have nothing to do with it.
 P_A = rest_pressures()[0]
@@ -264,3 +268,33 @@ def test_the_command_line_says_how_to_go_on(tmp_path, capsys, monkeypatch):
 
 def refuse(_self, _results):
     raise ConfigError("out: cannot be written: No space left")
+
+
+def test_a_run_that_came_twice_is_kept_once(tmp_path):
+    case = own_case(load_scenario(write_rest(tmp_path)))
+    # The values of the file, once as a point of the search and once as a failure made usual again.
+    spec = make_spec(case, {"limit_bar": 250.0, "load_n": 0.0}, REST_SPACE, None, 60.0)
+    usual = make_spec(case, {}, {}, None, 60.0)
+    assert spec.key == usual.key
+    kept = KeptRuns(perform_here, tmp_path, case)
+    for each in (spec, usual):
+        assert len(list(kept([each]))) == 1
+    assert kept.keep() == ""
+    again = KeptRuns(Interrupted(0), tmp_path, case)
+    assert [each.key for each in again([spec])] == [spec.key]
+
+
+@pytest.mark.parametrize(
+    ("words", "right"),
+    [
+        ("falsify --seed -1", "-1: give an integer from 0 up"),
+        ("campaign --seed -1", "-1: give an integer from 0 up"),
+        ("falsify --minutes nan", "nan: give a positive number"),
+        ("falsify --minutes -1", "-1: give a positive number"),
+        ("falsify --timeout-s soon", "soon: give a positive number"),
+    ],
+)
+def test_a_number_that_makes_no_sense_is_refused_at_once(words, right, capsys):
+    verb, *rest = words.split()
+    assert cli.main([verb, "rest.scenario.toml", *rest]) == 2
+    assert right in capsys.readouterr().err

@@ -5,12 +5,13 @@ Run: `python benchmarks/identification_rig.py [MACHINES]`.
 Each virtual machine has parameters of its own within 30 % of Table I. It gives two recordings with
 noise, without the spool's signal: P_A in the first, P_B in the second, at set-points of up to
 0.75 mm. What is found predicts steps of 0.9 to 1.25 mm, each open loop from rest to the end stop,
-and is compared with the machine itself: speed, pressures at steady speed, time of arrival. Then
-come recordings of machines that the model does not have, which are to be refused. Prints Markdown.
+and is compared with the machine itself: speed, pressures at steady speed, time of arrival. Prints
+Markdown. Machines that the model lacks are those of `identification_misfits.py`.
 """
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +25,6 @@ from hil_bench.machine.identification.report import find_misses
 from hil_bench.machine.identification.unknowns import KINDS
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.plants.hydraulic_cylinder.model import (
-    EntrainedAir,
     PlantOptions,
     PlantParameters,
     Solver,
@@ -76,15 +76,24 @@ def second_setpoints() -> Values:
 
 def run(setup: Setup, setpoints: Values) -> Recording:
     """Return a run of a machine, a row a tick."""
-    every = round(TICK / STEP)
+    every = round(TICK / setup.dt)
     return simulate(setup, np.repeat(setpoints, every), every=every)
 
 
+def as_set(setpoints: Values) -> Values:
+    """Return where a spool goes that follows its set-points."""
+    return setpoints
+
+
 def record(
-    setup: Setup, setpoints: Values, pressure: str, source: np.random.Generator
+    setup: Setup,
+    setpoints: Values,
+    pressure: str,
+    source: np.random.Generator,
+    spool: Callable[[Values], Values] = as_set,
 ) -> AxisRecord:
     """Return what the position sensor and that of one pressure show."""
-    shown = run(setup, setpoints)
+    shown = run(setup, spool(setpoints))
     position = shown["x"] + NOISE["position"] * source.standard_normal(len(shown))
     recording = make_table(
         {
@@ -112,28 +121,34 @@ def fit(machine: PlantParameters, options: PlantOptions, seed: int) -> Identific
     )
 
 
-def setup_of(machine: PlantParameters, options: PlantOptions, x: float = 0.0) -> Setup:
+def setup_of(
+    machine: PlantParameters, options: PlantOptions, x: float = 0.0, dt: float = STEP
+) -> Setup:
     """Return a machine at rest."""
     return Setup(
         parameters=machine,
         options=options,
         solver=Solver.LINEARLY_IMPLICIT_MIDPOINT,
-        dt=STEP,
+        dt=dt,
         state=balanced_state(machine, x=x),
     )
 
 
-def compare(machine: PlantParameters, found: PlantParameters) -> list[tuple[float, float, float]]:
+def compare(
+    machine: PlantParameters,
+    found: PlantParameters,
+    options: PlantOptions | None = None,
+    spool: Callable[[Values], Values] = as_set,
+) -> list[tuple[float, float, float]]:
     """Return errors of speed [-], pressure [Pa] and arrival [s], a row an amplitude and way."""
+    bench = PlantOptions.bench()
     errors = []
     for opening in REACHED:
         for way in (1.0, -1.0):
             start = -way * 0.15
             setpoints = np.concatenate([hold(0.0, 0.05), hold(way * opening, 3.0)])
-            true, model = (
-                run(setup_of(plant, PlantOptions.bench(), start), setpoints)
-                for plant in (machine, found)
-            )
+            true = run(setup_of(machine, options or bench, start), spool(setpoints))
+            model = run(setup_of(found, bench, start), setpoints)
             end = way * machine.h
             arrivals = [int(np.argmax(way * (one["x"] - end) > -1e-5)) for one in (true, model)]
             # from half of the way until shortly before the stop
@@ -152,20 +167,6 @@ def compare(machine: PlantParameters, found: PlantParameters) -> list[tuple[floa
                 )
             )
     return errors
-
-
-def strange_machines() -> dict[str, tuple[PlantParameters, PlantOptions]]:
-    """Return machines that have what the model lacks."""
-    plain, bench = paper_parameters(), PlantOptions.bench()
-    air = EntrainedAir(air_fraction=0.02, air_exponent=1.4)
-    return {
-        "2 % of air in the oil": (plain, replace(bench, air=air)),
-        "spool overlap of 0.3 mm one way, 0.4 mm the other": (
-            plain,
-            replace(bench, beta_negative=0.4e-3),
-        ),
-        "supply of 85 bar where 100 bar are configured": (replace(plain, P_S=85e5), bench),
-    }
 
 
 def main() -> None:
@@ -192,11 +193,6 @@ def main() -> None:
             f"{time.process_time() - start:.0f} s |",
             flush=True,
         )
-    print("\n| machine that the model lacks | what is said |")
-    print("|---|---|")
-    for name, (machine, options) in strange_machines().items():
-        misses = find_misses(fit(machine, options, 7))
-        print(f"| {name} | {'; '.join(misses) or 'NOT refused'} |", flush=True)
 
 
 if __name__ == "__main__":

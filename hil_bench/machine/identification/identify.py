@@ -64,6 +64,7 @@ class Identification:
         offset_deviations: their standard deviations, of the same shape [Pa].
         flows: what the valve passes in each recording, as factors of the first; None where that was
             not sought.
+        decrement: how far the optimum is, in standard deviations.
         flow_deviations: their standard deviations, 0 for the first.
         estimates: one a sought parameter.
         correlations: of the errors of the estimates, shape (estimates, estimates).
@@ -94,6 +95,7 @@ class Identification:
     trial: Trial
     flows: Values | None = None
     flow_deviations: Values | None = None
+    decrement: float = np.inf
 
     @property
     def told(self) -> list[Estimate]:
@@ -168,6 +170,7 @@ def identify(  # noqa: PLR0913 - what is known, and how the search is done
         correlations=_correlations(found.unknowns, found.fit, names),
         residual=found.fit.residual,
         is_reached=found.fit.optimum.is_reached,
+        decrement=found.fit.optimum.decrement,
         is_white=found.fit.is_white,
         rivals=found.rivals,
         pieces=len(found.fit.optimum.residuals),

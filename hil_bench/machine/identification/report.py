@@ -27,6 +27,7 @@ SUSPECT = 1.5
 MOST_OFFSET = 5e5
 """Error of a pressure sensor [Pa] that no sensor has: it stands for a wrong supply or load."""
 
+_SHORT = 0.1  # deviations: less changes no interval that anybody reads
 _ALIKE = 1.05  # times the residual: no worse
 _HEAD = (
     f"{'parameter':32} {'estimate':>12} {'std dev':>10} {'95 % from':>12} {'to':>12} "
@@ -260,7 +261,12 @@ def _flow_lines(found: Identification) -> list[str]:
 def _warnings(found: Identification) -> list[str]:
     """Return what the user must know before using the result."""
     lines = []
-    if not found.is_reached:
+    if not found.is_reached and found.decrement <= _SHORT:
+        lines.append(
+            f"the fit ended {found.decrement:.1g} standard deviations short of its optimum, "
+            "because the cost jumps there; that is little beside the intervals"
+        )
+    elif not found.is_reached:
         lines.append(
             "the fit did NOT reach its optimum: do not rely on the intervals; "
             "try more --starts or another recording"

@@ -167,6 +167,12 @@ def test_a_fit_that_misses_a_signal_is_not_explained() -> None:
 def test_a_fit_short_of_its_optimum_says_so() -> None:
     assert "did NOT reach its optimum" in summarise(replace(make(), is_reached=False))
     assert "did NOT reach" not in summarise(make())
+    near, far = (
+        summarise(replace(make(), is_reached=False, decrement=short)) for short in (0.03, 0.11)
+    )
+    assert "ended 0.03 standard deviations short of its optimum" in near
+    assert "did NOT reach" not in near
+    assert "did NOT reach its optimum" in far
 
 
 def test_coloured_residuals_come_with_what_the_intervals_hold_for() -> None:

@@ -4,7 +4,6 @@ import multiprocessing
 import threading
 from collections.abc import Iterable, Iterator
 from itertools import islice
-from types import TracebackType
 from typing import Any, Self
 
 from hil_bench.campaign.identity import program_identity
@@ -58,12 +57,7 @@ class DaskBackend:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close(timeout=1.0)
 
     def __call__(self, specs: Iterable[RunSpec]) -> Iterator[RunResult]:

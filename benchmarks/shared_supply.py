@@ -60,10 +60,9 @@ def one_supply(axes: int, exchange: int) -> Callable[[int], None]:
     return tick
 
 
-def on_bench(tank: str) -> Callable[[int], None]:
+def on_bench(**keys: object) -> Callable[[int], None]:
     """Return what makes a tick of the plants of two axes on one supply, as a bench moves them."""
     plant = {"supply": "hpu", "bulk_modulus_mpa": 1400, "moving_mass_kg": 200}
-    keys = {"oil": "HLP 46", "tank_volume_l": 100.0} if tank else {}
     tables = {"supply": {"hpu": keys}, "plant": {"one": plant, "two": plant}, "nodes": NODES}
     config = load_config(tables=tables)
     (supply,) = build_supplies(config)
@@ -79,8 +78,10 @@ def main() -> None:
     for axes in (2, 4):
         variants = {"a supply unit each": own_supplies(axes)}
         if axes == len(NODES):
-            variants["on a bench"] = on_bench("")
-            variants["on a bench, with a tank"] = on_bench("tank")
+            variants["on a bench"] = on_bench()
+            variants["on a bench, with a tank"] = on_bench(oil="HLP 46", tank_volume_l=100.0)
+            rating = {"filter_rated_flow_l_min": 60.0, "filter_rated_drop_bar": 0.5}
+            variants["on a bench, with a filter"] = on_bench(**rating)
         for exchange in (20, 10, 5, 1):
             name = f"one supply, exchange each {exchange * 50} us"
             variants[name] = one_supply(axes, exchange)

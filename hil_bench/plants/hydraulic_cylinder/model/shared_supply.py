@@ -170,7 +170,9 @@ class SharedSupply:
         time, P_S, constants = steps * self._dt, self.pressure, self._constants
         sensed = self.sensed_pressure if self._senses else 0.0
         at_pump = P_S + self.drop
-        given = _swivel(self.flow, at_pump, sensed, 0.5 * time, self._pump, constants)
+        given = constants[1]
+        if self._pump[0]:
+            given = _swivel(self.flow, at_pump, sensed, 0.5 * time, self._pump, constants)
         pumped = time * given
         if self._leakage:
             capacity = _supply_compliance(P_S, constants) + time * self._leakage
@@ -180,7 +182,9 @@ class SharedSupply:
         flows = [
             draw + share * spare for draw, share in zip(self._draws, self._shares, strict=True)
         ]
-        unit, _ = _behind_filter(P_S, given, constants, self._element)
+        unit, has_filter = constants, bool(self._element[0])
+        if has_filter:
+            unit, _ = _behind_filter(P_S, given, constants, self._element)
         pressures = []
         if self._lends:
             for (plant, _), share in zip(self._plants, self._shares, strict=True):
@@ -197,9 +201,13 @@ class SharedSupply:
             gained = (stored_oil(pressure, constants) - held) / time
             self._draws[number] = flows[number] - share * (relieved + gained)
         sensed = self.sensed_pressure if self._senses else 0.0
-        _, self.drop = _behind_filter(0.5 * (P_S + met), given, constants, self._element)
+        if has_filter:
+            _, self.drop = _behind_filter(0.5 * (P_S + met), given, constants, self._element)
         at_pump = 0.5 * (P_S + met) + self.drop
-        self.flow = _swivel(self.flow, at_pump, sensed, time, self._pump, constants)
+        if self._pump[0]:
+            self.flow = _swivel(self.flow, at_pump, sensed, time, self._pump, constants)
+        else:
+            self.flow = given
         self.work += at_pump * pumped
         self.pressure = met
 

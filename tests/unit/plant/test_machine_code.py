@@ -236,6 +236,9 @@ def test_a_carried_kernel_that_diverges_is_refused(as_carried):
 BUILD_AND_LIST = """
 import sys
 from hil_bench.cli import main
+from hil_bench.plants.hydraulic_cylinder.model import *
+FullOrderPlant(paper_parameters()).sensed_pressure
+ReducedOrderPlant(paper_parameters())
 code = main(["demo", "--speed", "max", "--duration", "0.1", "--output", sys.argv[1]])
 print(code, sorted({"numba"} & set(sys.modules)))
 """

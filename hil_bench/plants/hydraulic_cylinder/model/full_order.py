@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from inspect import unwrap
 from types import NoneType
 from typing import NoReturn
 
@@ -76,6 +77,9 @@ _ADVANCE = {
     (Solver.LINEARLY_IMPLICIT_MIDPOINT, True): advance_extended_midpoint,
     (Solver.RUNGE_KUTTA, True): advance_runge_kutta,
 }
+
+# From Python, a compiled kernel with its tuples costs more than this one, and wants Numba.
+_sensed_pressure: Callable[..., float] = unwrap(sensed_pressure)
 
 _Z_F = 9  # its place in the state of an extended plant
 
@@ -229,7 +233,7 @@ class FullOrderPlant:
     def sensed_pressure(self) -> float:
         """Pressure that the plant shows to a load-sensing pump [Pa]."""
         edges = edge_constants(self.parameters, self.options)
-        return sensed_pressure(self.seen[4], self.valve_pressures, self.parameters.P_T, edges)
+        return _sensed_pressure(self.seen[4], self.valve_pressures, self.parameters.P_T, edges)
 
     @property
     def defects(self) -> Defects:

@@ -6,8 +6,15 @@ solvers, the friction, the loads and the end stops are those of the full model.
 """
 
 from collections.abc import Sequence
+from inspect import unwrap
+from typing import cast
 
-from hil_bench.plants.hydraulic_cylinder.model.constants import ORIFICE_P_S, Constants, unpack
+from hil_bench.plants.hydraulic_cylinder.model.constants import (
+    ORIFICE_P_S,
+    Constants,
+    unpack,
+    unpack_lane,
+)
 from hil_bench.plants.hydraulic_cylinder.model.coupling import (
     couple,
     eliminate_pressures,
@@ -26,7 +33,7 @@ from hil_bench.plants.hydraulic_cylinder.model.following import (
     linearise_drag,
 )
 from hil_bench.plants.hydraulic_cylinder.model.friction import friction_force
-from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel, make_row
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.load import (
     LoadConstants,
     find_point,
@@ -70,8 +77,9 @@ def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) 
     below the floor as long as |P_L| <= P_S - 2 floor.
     """
     p = parameters
-    row = make_row(pack_extended(parameters, options, dt))
-    (_, m, _, floor), spool, opening, transition, orifice, _, friction, stop = unpack(row)
+    row = [float(value) for value in pack_extended(parameters, options, dt)]
+    constants = cast("Constants", unwrap(unpack_lane)(row, 0, 1))  # once a plant: without Numba
+    (_, m, _, floor), spool, opening, transition, orifice, _, friction, stop = constants
     groups: Constants = (
         (dt, m, 1.0 / (4.0 * p.E * dt), p.P_S - 2.0 * floor),
         spool,
@@ -83,7 +91,7 @@ def pack_reduced(parameters: PlantParameters, options: PlantOptions, dt: float) 
         stop,
     )
     paper = [float(value) for group in groups for value in group]
-    return paper + [row[index] for index in range(len(paper), len(row))]
+    return paper + row[len(paper) :]
 
 
 def change_supply(row: Floats, P_S: float) -> None:

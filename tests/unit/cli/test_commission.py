@@ -126,7 +126,8 @@ def test_a_plan_that_leaves_the_stroke_is_refused_before_the_bus_is_used(
     err = capsys.readouterr().err.splitlines()
     assert err[-1] == (
         "hil-bench: error: plan.toml:direction: may go from -150 to 250 mm, the stroke is "
-        "-200 to 200 mm; give position_mm within it"
+        "-200 to 200 mm; give position_mm within it, or contact_speed_mm_s too if the piston "
+        "may touch its stops"
     )
     assert len(err) == 3
 

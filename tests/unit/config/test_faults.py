@@ -53,6 +53,7 @@ EXAMPLES = {
     FaultKind.WEAR_PUMP: ("axis1", "loss_percent = 30", {"share": 0.3, "growth": 0.0}),
     FaultKind.SAG_RELIEF: ("axis1", "sag_bar = 50", {"pressure": 50e5, "growth": 0.0}),
     FaultKind.LOSE_GAS: ("axis1", "", {"share": 1.0, "growth": 0.0}),
+    FaultKind.CLOG_FILTER: ("axis1", "blocked_percent = 90", {"share": 0.9, "growth": 0.0}),
     FaultKind.BIND: ("valve", "band_percent = 5", {"band": 0.05, "growth": 0.0}),
     FaultKind.WEAKEN: ("valve", "travel_percent = 50", {"travel": 0.5, "growth": 0.0}),
     FaultKind.SILENCE: ("valve", "", {}),
@@ -73,7 +74,14 @@ EXAMPLES = {
 }  # fmt: skip
 
 
-PLANT = '[plant.axis1]\nload_n = 1000\nsupply = "unit"\n'
+PLANT = """
+[plant.axis1]
+load_n = 1000
+supply = "unit"
+filter_rated_flow_l_min = 60
+filter_rated_drop_bar = 1
+oil_viscosity_mm2_s = 46
+"""
 """An axis that can have each of them."""
 
 NODES = PLANT + "[bus.wire]\n"

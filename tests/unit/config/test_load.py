@@ -163,7 +163,7 @@ def test_extensions_of_the_plant_are_converted_to_si(write: Write) -> None:
     assert options.bristles == LuGreFriction(sigma_0=5e6, sigma_1=1500.0)
     assert options.supply is not None
     assert dataclasses.astuple(options.supply) == pytest.approx(
-        (5e-4, 1.2e7, 1e-9, 2.5e-4, 2e-3, 8e6, 1.3, None)
+        (5e-4, 1.2e7, 1e-9, 2.5e-4, 2e-3, 8e6, 1.3, None, None)
     )
     force, spring, mass, series = options.loads
     assert force == ConstantLoad(-500.0)

@@ -227,7 +227,7 @@ def test_no_text_is_too_odd_for_an_answer(loop):
     wire.link.data_received(odd + b'{"id":2,"do":"\\ud800"}\n')
     loop.tick(2)
     errors = {m["id"]: m["error"] for m in of("answer", wire.lines())}
-    assert 'there is no kind "\ud800"' in errors[1]
+    assert r'there is no kind "\ud800"' in errors[1]
     assert r"do = '\ud800'" in errors[2]
 
 

@@ -1,7 +1,6 @@
 """`hil-bench monitor`, `decode` and `record`: logs in, lines and files out."""
 
 import json
-import signal
 import socket
 import struct
 
@@ -9,6 +8,7 @@ import can
 import cantools
 import numpy as np
 import pytest
+from support.scripted_bus import ScriptedBus
 from support.sdo_frames import MS, answer, heard, request, upload
 
 from hil_bench.canopen_device.frame import Frame
@@ -49,25 +49,6 @@ def folder(tmp_path, monkeypatch):
         with open_frame_file(tmp_path / name) as file:
             file.write_frames(FRAMES)
     return tmp_path
-
-
-class ScriptedBus:
-    """A python-can bus that hears frames, then gets Ctrl-C."""
-
-    def __init__(self, messages):
-        self._messages = iter(messages)
-
-    def recv(self, _timeout):
-        message = next(self._messages, None)
-        if message is None:
-            signal.raise_signal(signal.SIGINT)
-        return message
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
 
 
 @pytest.fixture

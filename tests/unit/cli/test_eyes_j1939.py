@@ -1,12 +1,12 @@
 """Signals of J1939 devices as channels: `hil-bench decode -o` of logs and `record` of a bus."""
 
 import math
-import signal
 from pathlib import Path
 
 import cantools
 import numpy as np
 import pytest
+from support.scripted_bus import ScriptedBus
 from support.sdo_frames import MS
 
 from hil_bench import load_config
@@ -146,28 +146,11 @@ def test_a_dbc_reads_the_frames_as_we_do(capsys):
     assert (lever.minimum, lever.maximum, lever.unit) == (0.0, 100.3, "%")
 
 
-class ScriptedBus:
-    """A python-can bus that hears frames, then gets Ctrl-C."""
-
-    def __init__(self):
-        self._messages = iter([message_of(each) for each in logged()])
-
-    def recv(self, _timeout):
-        message = next(self._messages, None)
-        if message is None:
-            signal.raise_signal(signal.SIGINT)
-        return message
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-
 @pytest.fixture
 def bus(monkeypatch):
-    monkeypatch.setattr(listening, "open_can_bus", lambda *_: (ScriptedBus(), "can0"))
+    monkeypatch.setattr(
+        listening, "open_can_bus", lambda *_: (ScriptedBus(map(message_of, logged())), "can0")
+    )
 
 
 @pytest.mark.usefixtures("bus")

@@ -4,6 +4,7 @@ import random
 
 import can
 import pytest
+from support.built_in_nodes import NODES
 from support.machine_life import BY_EVENT, SYNCHRONOUS, commanded_blindly, motion, whole_life
 
 from hil_bench.bench.configuration import BenchConfig, load_config
@@ -14,23 +15,7 @@ HORIZON = 0.2
 LISTENED = 0.75
 """Time that each twin listens: joining and settling take 0.12 s, so two windows at least [s]."""
 
-SHEET_VALVE = """
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-full_opening_mm = 1.3
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
-"""
+SHEET_VALVE = NODES.replace("node_id = 1\n", "node_id = 1\nfull_opening_mm = 1.3\n")
 """The nodes of the built-in bench: 100 % stays 1.3 mm, whatever the spool's overlap is."""
 
 

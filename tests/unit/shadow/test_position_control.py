@@ -2,6 +2,7 @@
 
 import can
 import pytest
+from support.built_in_nodes import NODES
 
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.machine.shadow import Shadow
@@ -17,24 +18,8 @@ MACHINE = """
 [plant.axis1]
 load_n = 20000
 internal_leakage_l_min_bar = 0.02
-[nodes.valve]
-profile = "valve_408"
-node_id = 1
-position_source = "position"
-[nodes.valve.objects]
-{objects}
-[nodes.pressure_a]
-profile = "pressure_404"
-node_id = 2
-source = "P_A"
-[nodes.pressure_b]
-profile = "pressure_404"
-node_id = 3
-source = "P_B"
-[nodes.position]
-profile = "encoder_406"
-node_id = 4
 """
+CONTROLLED = 'position_source = "position"\n[nodes.valve.objects]\n'
 MODE_9 = '"0x6043" = 9'
 WITH_INTEGRAL = f'{MODE_9}\n"0x2600.02" = 300'
 
@@ -45,7 +30,8 @@ def load(tmp_path):
 
     def load(objects: str = "") -> BenchConfig:
         path = tmp_path / "machine.toml"
-        path.write_text(MACHINE.format(objects=objects), encoding="utf-8")
+        valve = f"node_id = 1\n{CONTROLLED}{objects}\n"
+        path.write_text(MACHINE + NODES.replace("node_id = 1\n", valve), encoding="utf-8")
         return load_config(path)
 
     return load

@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+import occasion
 from hil_bench import figure_style
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, Solver, balanced_state
 from hil_bench.plants.hydraulic_cylinder.model.stepping import DEFAULT_STEP
@@ -202,7 +203,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--before", metavar="REVISION", help="run this one, too, in turns")
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw the distribution")
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, count=10)
     with tempfile.TemporaryDirectory() as folder:
         trees = {}
         if arguments.before:

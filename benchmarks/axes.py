@@ -10,9 +10,9 @@ peer, a loop on a silent bus with one axis, in the same run.
 
 import argparse
 import os
-import platform
 from collections.abc import Iterable, Sequence
 
+import occasion
 from hil_bench.bench.configuration import BenchConfig, OverrunPolicy, RealtimeConfig, RealtimePolicy
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.realtime.clock import MonotonicClock
@@ -107,10 +107,8 @@ def main() -> None:
     parser.add_argument("--axes", type=int, nargs="+", default=[1, 8, 16, 20, 24, 28, 31])
     parser.add_argument("--realtime", choices=("off", "fifo"), default="off")
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
-    arguments = parser.parse_args()
-    print(f"{platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}, ")
-    print(f"load {os.getloadavg()[0]:.1f} before, policy {arguments.realtime}, ", end="")
-    print(f"{arguments.seconds:g} s a row; us\n")
+    arguments = occasion.arguments(parser, seconds=0.3, axes=[1, 2])
+    print(f"policy {arguments.realtime}, {arguments.seconds:g} s a row; us\n")
     print("| axes | nodes | work p50 | p99 | p99.9 | late p99 | overran | skipped |")
     print("|---|---|---|---|---|---|---|---|")
     print(row("1, silent bus", 4, run(config_of(1), SilentTransport(), arguments)), flush=True)

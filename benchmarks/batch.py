@@ -4,8 +4,8 @@ Prints a Markdown table: nanoseconds a plant and step, medians of repeats measur
 variant runs the same 64 plants, with parameters of their own, on the bench's default solver.
 """
 
+import argparse
 import os
-import platform
 import statistics
 import time
 from dataclasses import replace
@@ -13,6 +13,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 
+import occasion
 from hil_bench.analysis.batch import simulate_batch
 from hil_bench.analysis.simulation import Setup, build_plant, simulate
 from hil_bench.plants.hydraulic_cylinder.model import (
@@ -50,6 +51,9 @@ def make_setups() -> list[Setup]:
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    repeats = occasion.arguments(parser, repeats=1).repeats
     setups = make_setups()
     time_s = np.arange(STEPS) * DT
     setpoints = 1e-3 * np.sin(2.0 * np.pi * 4.0 * time_s)
@@ -75,13 +79,13 @@ def main() -> None:
     costs: dict[str, list[float]] = {name: [] for name in variants}
     for run in variants.values():
         run()
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         for name, run in variants.items():
             start = time.perf_counter_ns()
             run()
             costs[name].append((time.perf_counter_ns() - start) / (PLANTS * STEPS))
     first = statistics.median(next(iter(costs.values())))
-    print(f"Python {platform.python_version()}, Numba {numba.__version__}, {PLANTS} plants\n")
+    print(f"Numba {numba.__version__}, {PLANTS} plants\n")
     print("| variant | ns a plant and step | times as fast as the first |\n|---|---|---|")
     for name, values in costs.items():
         cost = statistics.median(values)

@@ -24,6 +24,7 @@ from itertools import count
 from pathlib import Path
 from time import sleep
 
+import occasion
 from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
@@ -168,7 +169,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=600)
     parser.add_argument("--scenario", type=Path, help="the shortest there is, without it")
     parser.add_argument("--dask", action="store_true", help="a cluster of two workers, too")
-    options = parser.parse_args()
+    options = occasion.arguments(parser, runs=20)
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
         folder = Path(name)
         scenario = options.scenario or folder / "rest.scenario.toml"

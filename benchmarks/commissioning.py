@@ -23,6 +23,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.plan import load_plan
 from hil_bench.machine.commissioning.session import Commissioning, commission
@@ -84,18 +85,19 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--machines", type=int, default=20, help="machines drawn at random (20)")
+    parser.add_argument("--faults", type=int, help="faulty machines, from the first (all)")
     parser.add_argument("--channel", help="a SocketCAN interface for two processes")
     parser.add_argument(
         "--sync-period-us", type=int, default=2000, help="how far a SYNC moves them (2000)"
     )
-    args = parser.parse_args()
+    args = occasion.arguments(parser, machines=1, faults=1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if args.channel:
             commission_on = partial(run_processes, args.channel, args.sync_period_us)
-            show_faults(folder, ON_A_BUS, commission_on)
+            show_faults(folder, list(ON_A_BUS)[: args.faults], commission_on)
         else:
-            show_faults(folder, FAULTS, run_in_process)
+            show_faults(folder, list(FAULTS)[: args.faults], run_in_process)
             show_estimates(folder, args.machines)
 
 

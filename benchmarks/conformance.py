@@ -8,6 +8,7 @@ thread of python-can otherwise, follows the virtual time. `durand` gets some of 
 and is judged by the EDS that it writes of itself, with one value mended ("0.0" of an UNSIGNED16).
 """
 
+import argparse
 import contextlib
 import logging
 import tempfile
@@ -21,6 +22,7 @@ from durand.node import MinimalNode
 from durand.object_dictionary import ObjectDictionary, Variable
 from durand.scheduler import VirtualScheduler, set_scheduler
 
+import occasion
 from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.canopen_device.node import Node
@@ -163,6 +165,7 @@ def results_of(device: tuple[Tick, Path]) -> list[Result]:
 
 def main() -> None:
     """Print the outcomes by subject as a Markdown table."""
+    occasion.arguments(argparse.ArgumentParser(description=__doc__.partition("\n")[0]))
     logging.disable(logging.CRITICAL)
     names = "here", "`canopen.LocalNode`", "`durand`"
     found = [results_of(make()) for make in (ours, local_node, durand_node)]

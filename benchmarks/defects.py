@@ -23,6 +23,7 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
 
 import hil_drivers
+import occasion
 from hil_bench.campaign.plan import own_case, space_of
 from hil_bench.campaign.pool import perform_here
 from hil_bench.campaign.search.records import ALL_METHODS, Method
@@ -147,7 +148,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=40, help="of each method (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--sound", type=int, metavar="N", help="count false alarms in N runs")
-    options = parser.parse_args()
+    options = occasion.arguments(parser, runs=2, only=["wind_up"], language="py")
     if options.sound:
         for language in [options.language] if options.language else ["py", "c"]:
             count_false_alarms(language, options.sound, options.seed)

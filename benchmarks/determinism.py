@@ -18,6 +18,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import occasion
+
 ROOT = Path(__file__).parents[1]
 HIL_BENCH = [sys.executable, "-m", "hil_bench"]
 
@@ -78,7 +80,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--bus", default="hub", help="hub, or a SocketCAN interface")
-    args = parser.parse_args()
+    args = occasion.arguments(parser, runs=2)
     print("| | runs | different traces |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         directory = Path(name)

@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.scenario.build import AT_START, StreamBuilder
 from hil_bench.scenario.judgement import judge
@@ -69,7 +70,7 @@ def main() -> None:
     parser.add_argument("--traces", type=int, default=100, help="of each formula")
     parser.add_argument("--seconds", type=float, default=10.0, help="of the run that RTAMT judges")
     parser.add_argument("--repeats", type=int, default=5)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, formulas=3, traces=2, seconds=0.1, repeats=1)
     logging.disable(logging.WARNING)  # RTAMT's, of a variable that it declares by itself
     show_agreement(args.formulas, args.traces)
     show_evaluation(args.repeats, args.seconds)

@@ -9,7 +9,6 @@ PDOs among them by the DBC file that `decode --dbc` writes; it gives values, and
 
 import argparse
 import io
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -20,6 +19,7 @@ from typing import cast
 import can
 import cantools
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main as hil_bench
 from hil_bench.cli.sight_lines import SightLines
@@ -107,10 +107,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--repeats", type=int, default=5)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, seconds=1.0, repeats=1)
     frames = recorded(args.seconds)
     count = len(frames)
-    print(f"{platform.python_version()}, {count} frames")
+    print(f"{count} frames")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with open_frame_file(folder / "t.log") as file:

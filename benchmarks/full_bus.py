@@ -8,7 +8,6 @@ four as here, without a plant. Its frames go to a list, as ours do.
 
 import argparse
 import itertools
-import platform
 import struct
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,6 +16,7 @@ from typing import NamedTuple
 
 import canopen
 
+import occasion
 from device_profiles import ENCODER_406, PRESSURE_404, VALVE_408
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
@@ -221,9 +221,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--repeats", type=int, default=7)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, seconds=0.3, repeats=1)
     work = [(full_bus_work(10), peer_full_bus_work(10)) for _ in range(args.repeats)]
-    print(f"{platform.machine()}, Python {platform.python_version()}; ", end="")
     print(f"work: the least of {args.repeats} rounds, in turns\n")
     print_bus(*map(min, zip(*work, strict=True)), serve_full_bus(args.seconds))
 

@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import binomtest
 
+import occasion
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.analysis.study import make_table
 from hil_bench.machine.identification.identify import identify
@@ -144,7 +145,7 @@ def main() -> None:
     parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
     parser.add_argument("--results", type=Path, default=Path("identification-results"))
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    args = parser.parse_args()
+    args = occasion.arguments(parser, machines=1)
     args.results.mkdir(parents=True, exist_ok=True)
     missing = [
         number

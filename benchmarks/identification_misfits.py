@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+import occasion
 from hil_bench.machine.identification.identify import Identification, identify
 from hil_bench.machine.identification.record import join_records
 from hil_bench.machine.identification.report import find_misses
@@ -159,7 +160,7 @@ def main() -> None:
     """Identify, and print what is said."""
     parser = argparse.ArgumentParser()
     parser.add_argument("words", nargs="*", metavar="WORD")
-    args = parser.parse_args()
+    args = occasion.arguments(parser)
     print("| machine | residuals | what is said | predicts | processor time |")
     print("|---|---|---|---|---|")
     for machine in strange_machines():

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+import occasion
 from hil_bench.analysis.simulation import Setup, simulate
 from hil_bench.analysis.study import make_table
 from hil_bench.machine.identification.identify import Identification, identify
@@ -173,7 +174,7 @@ def main() -> None:
     """Identify, predict and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, machines=1)
     spans = [len(setpoints()) * TICK for setpoints in (first_setpoints, second_setpoints)]
     print(f"recordings of {spans[0]:.1f} s and {spans[1]:.1f} s\n")
     print(

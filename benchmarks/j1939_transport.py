@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from j1939.j1939_21 import J1939_21
 
+import occasion
 from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.j1939.name import Name
 from hil_bench.devices.j1939.transport_protocol import MOST_BYTES
@@ -102,7 +103,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--messages", type=int, default=200)
     parser.add_argument("--repeats", type=int, default=5)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, messages=2, repeats=1)
     rounds = [
         (measure(run_ours, args.messages), measure(run_theirs, args.messages))
         for _ in range(args.repeats)

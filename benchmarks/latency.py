@@ -11,8 +11,6 @@ itself: as its users do, the peer sends its TPDO in a callback of 0x080.
 
 import argparse
 import contextlib
-import os
-import platform
 import random
 import subprocess
 import sys
@@ -25,6 +23,7 @@ from pathlib import Path
 import can
 import canopen
 
+import occasion
 from device_profiles import VALVE_408
 from hil_bench.outside.transports.hub_process import HubProcess
 
@@ -169,10 +168,11 @@ def main() -> None:
     parser.add_argument("--realtime", choices=("fifo", "deadline"))
     parser.add_argument("--port", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--peer", action="store_true", help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
+    arguments = occasion.quiet_arguments(parser, count=5, rounds=1)
     if arguments.peer:
         run_peer(arguments)
         return
+    occasion.print_occasion(arguments)
     with contextlib.ExitStack() as stack:
         if not arguments.channel:
             arguments.port = stack.enter_context(HubProcess(port=0)).port
@@ -188,10 +188,7 @@ def main() -> None:
                 sdo[name] += round_trips
                 sync[name] += latencies
     bus_name = f"SocketCAN {arguments.channel}" if arguments.channel else "the hub, loopback TCP"
-    print(
-        f"{platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}, "
-        f"{bus_name}, load {os.getloadavg()[0]:.1f}, {arguments.rounds} x {arguments.count} each"
-    )
+    print(f"{bus_name}, {arguments.rounds} x {arguments.count} each")
     print_table("SDO round trip", sdo)
     print_table("SYNC to TPDO", sync)
 

@@ -15,7 +15,6 @@ import argparse
 import contextlib
 import multiprocessing
 import os
-import platform
 import shutil
 import socket
 import subprocess
@@ -27,6 +26,7 @@ from dataclasses import dataclass, field
 from multiprocessing.synchronize import Event
 from pathlib import Path
 
+import occasion
 from hil_bench.bench.configuration import (
     BenchConfig,
     OverrunPolicy,
@@ -112,7 +112,8 @@ class Attachment:
         """Run all of them, and a client of the server."""
         context = multiprocessing.get_context("spawn")
         ended = context.Event()
-        arguments = (self.snapshot, (tuple(self._fields),), statistics, ended)
+        shown, letting_go = context.Pipe()
+        arguments = (self.snapshot, (tuple(self._fields),), statistics, shown)
         screen = context.Process(target=draw, args=arguments)
         screen.start()
         with ModbusProcess(self.binding.plan) as server, self.recording:
@@ -121,8 +122,9 @@ class Attachment:
             client.start()
             yield
             ended.set()
-            client.join()
-        screen.join()
+            letting_go.close()
+            occasion.joined(client, "the Modbus client")
+        occasion.joined(screen, "the status line")
 
     def observe(self, now: int) -> None:
         """Hand out what a tick has found."""
@@ -215,13 +217,10 @@ def main() -> int:
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
     parser.add_argument("--policy", choices=POLICIES, nargs="+", default=list(POLICIES))
     parser.add_argument("--condition", choices=CONDITIONS, nargs="+", default=CONDITIONS)
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, seconds=0.5, slice=0.5, policy=["off"])
     if shutil.which("cyclictest") is None:
-        print("cyclictest is missing: apt-get install rt-tests", file=sys.stderr)
-        return 1
-    load = os.getloadavg()[0]
-    print(f"{platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}, ")
-    print(f"load {load:.1f} before; {arguments.seconds:g} s each in turns; lateness in us\n")
+        occasion.missing("cyclictest", "apt-get install rt-tests")
+    print(f"{arguments.seconds:g} s each in turns; lateness in us\n")
     print("| | p50 | p99 | p99.9 | max | |\n|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -14,7 +14,6 @@ a compiled core, in turns: each turn is a new process.
 import argparse
 import json
 import multiprocessing
-import platform
 import shutil
 import socket
 import struct
@@ -25,6 +24,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import occasion
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.compiled import look_at_core
 from hil_bench.bench.configuration import BenchConfig, load_config
@@ -134,18 +134,18 @@ def measure_over_hub(config: BenchConfig, cycles: int) -> float:
     controller.start()
     lockstep = start_lockstep(config)
     report = run_lockstep(lockstep, hub, stopped=lambda: lockstep.syncs >= cycles)
-    controller.join()
+    occasion.joined(controller, "the controller on the hub")
     hub.close()
     return (report.now - config.tick_ns) * 1e-9 / report.moved
 
 
-def measure_firmware(config: BenchConfig) -> float:
+def measure_firmware(config: BenchConfig, count: int) -> float:
     """Return seconds of bench time per second with the controller in C of examples/firmware."""
     with tempfile.TemporaryDirectory() as build:
         make = ["make", "--silent", "-C", ROOT / "examples" / "firmware", f"BUILD={build}"]
         subprocess.run(make, check=True)  # noqa: S603 - our own Makefile
         hub = HostedBus()
-        targets = ",".join(["60", "-60"] * 7)
+        targets = ",".join(["60", "-60"][number % 2] for number in range(count))
         bus = ["--bus", f"127.0.0.1:{hub.port}", "--lockstep"]
         command = [f"{build}/position_control", *bus, "--targets-mm", targets]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL) as controller:  # noqa: S603
@@ -226,11 +226,12 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--beside", metavar="PYTHON", help="of another environment")
     parser.add_argument("--turn", action="store_true", help=argparse.SUPPRESS)
-    args = parser.parse_args()
+    args = occasion.quiet_arguments(parser, seconds=0.1, repeats=1)
     cycles = round(args.seconds * 1000)
     if args.turn:
         print(json.dumps(take_turn(cycles)))
         return
+    occasion.print_occasion(args)
     if args.beside:
         print_beside(args.beside, args.seconds, args.repeats)
         return
@@ -240,7 +241,7 @@ def main() -> None:
         ("frames in and out, in process", measure_in_process),
         ("over the hub, controller in another process", measure_over_hub),
     ]
-    print(f"{platform.machine()}, Python {platform.python_version()}, best of {args.repeats}\n")
+    print(f"best of {args.repeats}\n")
     print("| | 4 nodes, 1 axis | 64 nodes, 16 axes |\n|---|---|---|")
     for name, measure in rows:
         best = [
@@ -248,9 +249,11 @@ def main() -> None:
             for config, count in ((four, cycles), (many, cycles // 5))
         ]
         print(f"| {name} | {best[0]:.1f} | {best[1]:.1f} |", flush=True)
-    if shutil.which("make") and shutil.which("cc"):
-        best_firmware = max(measure_firmware(four) for _ in range(args.repeats))
-        print(f"| over the hub, examples/firmware | {best_firmware:.1f} | |")
+    if not (shutil.which("make") and shutil.which("cc")):
+        occasion.missing("examples/firmware", "it needs make and a C compiler")
+    targets = 1 if args.brief else 14
+    best_firmware = max(measure_firmware(four, targets) for _ in range(args.repeats))
+    print(f"| over the hub, examples/firmware | {best_firmware:.1f} | |")
     print_axes(cycles // 10, args.repeats)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import scipy
 from scipy import signal
 
+import occasion
 from hil_bench.devices.measurement.chain import MeasuringChain
 from hil_bench.devices.measurement.noise import random_stream
 from hil_bench.devices.measurement.parameters import ChainParameters
@@ -237,7 +238,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=20_000)
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the picture, and no table")
-    args = parser.parse_args()
+    args = occasion.arguments(parser, samples=100, repeats=2)
     if args.plot:
         plot(args.plot)
     else:

@@ -14,7 +14,6 @@ import asyncio
 import logging
 import multiprocessing
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,6 +26,7 @@ from typing import Any
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+import occasion
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.bench.modbus_binding import ModbusBinding
@@ -222,7 +222,7 @@ class Load:
     def collect(self) -> list[float]:
         """Return the latencies [s]."""
         latencies: list[float] = self._ours.recv()
-        self._process.join()
+        occasion.joined(self._process, "a client")
         return latencies
 
 
@@ -272,7 +272,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="of each turn")
     parser.add_argument("--rounds", type=int, default=3, help="turns of each condition")
     parser.add_argument("--realtime", choices=("off", "fifo"), default="off")
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, seconds=0.3, rounds=1)
     realtime = RealtimeConfig(policy=RealtimePolicy(arguments.realtime), priority=PRIORITY)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
@@ -287,11 +287,10 @@ def main() -> None:
         bytes([0, 1, 0, 0, 0, 6, unit_id, 4, 0, 0, 0, count]) for unit_id, count in counts.items()
     ]
     warm_up(config)
-    before = os.getloadavg()[0]
     conditions = run_rounds(config, realtime, arguments, requests, counts)
-    print(f"{platform.machine()}, {os.cpu_count()} processors, Linux {platform.release()}, ")
-    print(f"Python {platform.python_version()}, load {before:.1f} before, policy ", end="")
-    print(f"{realtime.policy}; {arguments.rounds} turns of {arguments.seconds:g} s each; us\n")
+    print(
+        f"policy {realtime.policy}; {arguments.rounds} turns of {arguments.seconds:g} s each; us\n"
+    )
     print(
         "| | requests/s | CPU each | p50 | p99 | p99.9 | late p50 | p99 | p99.9 | max | overruns |"
     )

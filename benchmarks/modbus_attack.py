@@ -15,8 +15,6 @@ import asyncio
 import contextlib
 import logging
 import multiprocessing
-import os
-import platform
 import random
 import socket
 import struct
@@ -29,6 +27,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+import occasion
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import BenchConfig, RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.bench.modbus_binding import ModbusBinding
@@ -259,7 +258,7 @@ def take_turn(
             realtime=realtime,
         )
         tally: Tally = ours.recv()
-        clients.join()
+        occasion.joined(clients, "the clients")
         if not server.alive:
             raise SystemExit("the Modbus server has died")
     return tally
@@ -317,17 +316,13 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1.0, help="of the third part, both turns")
     parser.add_argument("--slice", type=float, default=10.0, help="length of a turn [s]")
     parser.add_argument("--realtime", choices=("off", "fifo"), default="off")
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, seeds=2, streams=20, minutes=0.02, slice=0.6)
     logging.getLogger().setLevel(logging.CRITICAL)  # the servers would name their bad clients
     realtime = RealtimeConfig(policy=RealtimePolicy(arguments.realtime), priority=PRIORITY)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.toml"
         path.write_text("[modbus]\nport = 0\n", encoding="ascii")
         config = load_config(path)
-    print(
-        f"{platform.machine()}, {os.cpu_count()} processors, Linux {platform.release()}, ", end=""
-    )
-    print(f"Python {platform.python_version()}, load {os.getloadavg()[0]:.1f} before")
     is_well = simulate(arguments.seeds) if arguments.seeds else True
     tally = Tally()
     if arguments.streams:

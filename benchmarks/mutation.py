@@ -36,6 +36,7 @@ import numba  # noqa: F401
 import pymodbus.pdu  # noqa: F401
 import pytest
 
+import occasion
 from mutants import Mutant, mutants
 from mutation_areas import AREAS, TESTS
 
@@ -220,7 +221,9 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="repeat what survived")
     parser.add_argument("--results", type=Path, default=RESULTS, help="build/mutation.jsonl")
     parser.add_argument("--least", type=float, default=90.0, help="aim of each score in %% (90)")
-    options = parser.parse_args()
+    options = occasion.arguments(
+        parser, areas=["sync"], sample=2, results=Path(os.devnull), least=0.0
+    )
     if unknown := set(options.areas) - set(AREAS):
         parser.error(f"no such area: {', '.join(sorted(unknown))}; there are {', '.join(AREAS)}")
     os.chdir(ROOT)

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.machine.commissioning.plan import Limits
 from hil_bench.machine.design.bounds import Bounds
@@ -34,7 +35,7 @@ def main() -> None:
     """Design once, identify machines, and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("machines", type=int, nargs="?", default=3)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, machines=0)
     axis = require_cylinder(load_config(None).first_axis, "this benchmark")
     known = paper_parameters()
     twin = Twin(

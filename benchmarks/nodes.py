@@ -10,7 +10,6 @@ neither side has a real bus, a thread or a lock in its way. What counts is proce
 
 import argparse
 import gc
-import platform
 import statistics
 import time
 import tracemalloc
@@ -22,6 +21,7 @@ from typing import NamedTuple
 
 import canopen
 
+import occasion
 from device_profiles import PRESSURE_404, VALVE_408
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
@@ -191,8 +191,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--syncs", type=int, default=100)
     parser.add_argument("--repeats", type=int, default=7)
-    args = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}; ", end="")
+    args = occasion.arguments(parser, syncs=2, repeats=1)
     print(f"the fastest of {args.repeats} rounds, in turns\n")
     makers = (partial(OurNodes, 10_000), PeerNodes, partial(OurNodes, 1000))
     rounds = [[measure(make, args.syncs) for make in makers] for _ in range(args.repeats)]

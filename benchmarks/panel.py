@@ -29,6 +29,7 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect as open_socket
 
+import occasion
 from hil_bench.outside.feed.client import connect
 
 ROOT = Path(__file__).parents[1]
@@ -114,7 +115,7 @@ def main() -> None:
     parser.add_argument("--browser-seconds", type=float, default=30.0)
     parser.add_argument("--realtime", default="off", help="as of hil-bench run")
     parser.add_argument("--memory-minutes", type=int, help="watch memory, and nothing else")
-    options = parser.parse_args()
+    options = occasion.arguments(parser, rounds=1, seconds=1.0, browser_seconds=1.0)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
         os.environ["XDG_RUNTIME_DIR"] = folder

@@ -4,9 +4,9 @@ Prints Markdown tables. Each figure is a median of repeats, Numba and C interlea
 The C source, `plant_step.c`, is built with `gcc -O3 -march=native` into a temporary directory.
 """
 
+import argparse
 import ctypes
 import os
-import platform
 import statistics
 import subprocess
 import sys
@@ -20,6 +20,7 @@ from typing import TypeVar
 import numba
 import numpy as np
 
+import occasion
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
     CounterbalanceValve,
@@ -137,11 +138,11 @@ def ns_per_step(advance: Advance, moves: int, steps: int) -> float:
 
 
 def interleaved_medians(
-    variants: dict[Variant, Advance], moves: int, steps: int
+    variants: dict[Variant, Advance], moves: int, steps: int, repeats: int
 ) -> dict[Variant, float]:
     """Return the median cost of one step [ns] of each variant, all measured in turn."""
     costs: dict[Variant, list[float]] = {name: [] for name in variants}
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         for name, advance in variants.items():
             costs[name].append(ns_per_step(advance, moves, steps))
     return {name: statistics.median(values) for name, values in costs.items()}
@@ -161,9 +162,9 @@ def print_pure(solver: Solver, options_name: str) -> None:
     print(statistics.median(ns_per_step(advance, 10, 500) for _ in range(REPEATS)))
 
 
-def print_report(library: ctypes.CDLL) -> None:
-    """Print the table and the machine it was measured on."""
-    print(f"{machine()}\n")
+def print_report(library: ctypes.CDLL, repeats: int) -> None:
+    """Print the table."""
+    print(f"{compilers()}\n")
     print("| solver | options | Numba ns/step | C ns/step | Numba / C | plain Python ns/step |")
     print("|---|---|---|---|---|---|")
     for solver in FUNCTIONS:
@@ -173,7 +174,7 @@ def print_report(library: ctypes.CDLL) -> None:
                 "Numba": bench_plant(solver, options),
                 "C": c_plant(library, solver, options),
             }
-            cost = interleaved_medians(variants, MOVES, STEPS_PER_MOVE)
+            cost = interleaved_medians(variants, MOVES, STEPS_PER_MOVE, repeats)
             pure = pure_python_ns(solver, name)
             ratio = cost["Numba"] / cost["C"]
             print(
@@ -184,12 +185,12 @@ def print_report(library: ctypes.CDLL) -> None:
     advance = bench_plant(Solver.LINEARLY_IMPLICIT_MIDPOINT, PlantOptions.bench())
     for steps in (1, 10):
         per_call = statistics.median(
-            ns_per_step(advance, 20_000, steps) * steps for _ in range(REPEATS)
+            ns_per_step(advance, 20_000, steps) * steps for _ in range(repeats)
         )
         print(f"| `plant.step(input, {steps})` | {per_call:.0f} |")
 
 
-def print_extensions() -> None:
+def print_extensions(repeats: int) -> None:
     """Print the cost of a step with each extension on, all measured in turn."""
     print(
         "\n| extension, beside the bench's options | forward-euler | linearly-implicit-midpoint "
@@ -206,25 +207,17 @@ def print_extensions() -> None:
         (name, default): bench_plant(default, replace(PlantOptions.bench(), **change))
         for name, change in MOVING.items()
     }
-    cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE)
+    cost = interleaved_medians(variants, MOVES // 4, STEPS_PER_MOVE, repeats)
     for name in (*EXTENSIONS, "reduced model"):
         print(f"| {name} | {' | '.join(f'{cost[name, solver]:.1f}' for solver in Solver)} |")
     for name in MOVING:
         print(f"| {name} | - | {cost[name, default]:.1f} | - |")
 
 
-def machine() -> str:
-    """Return what the figures were measured on, in one line."""
-    models = [
-        line.split(":")[1].strip()
-        for line in Path("/proc/cpuinfo").read_text(encoding="ascii").splitlines()
-        if line.startswith("model name")
-    ]
+def compilers() -> str:
+    """Return the versions of both compilers."""
     gcc = subprocess.run(["gcc", "-dumpfullversion"], check=True, capture_output=True, text=True)  # noqa: S607
-    return (
-        f"{len(models)} x {models[0]}, {platform.system()} {platform.release()}, "
-        f"Python {platform.python_version()}, Numba {numba.__version__}, gcc {gcc.stdout.strip()}"
-    )
+    return f"Numba {numba.__version__}, gcc {gcc.stdout.strip()}"
 
 
 def main() -> None:
@@ -232,9 +225,12 @@ def main() -> None:
     if sys.argv[1:2] == ["--pure"]:
         print_pure(Solver(sys.argv[2]), sys.argv[3])
         return
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    repeats = occasion.arguments(parser, repeats=1).repeats
     with tempfile.TemporaryDirectory() as directory:
-        print_report(build_c(Path(directory)))
-    print_extensions()
+        print_report(build_c(Path(directory)), repeats)
+    print_extensions(repeats)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,13 @@ Prints a Markdown table. A tick is 20 steps of 50 us, driven as an axis does; ea
 median of repeats in processor time, all kinds interleaved in one process.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import occasion
 from hil_bench.bench.configuration import load_config
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -22,9 +24,12 @@ TICKS, REPEATS = 4000, 15
 
 def main() -> None:
     """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    repeats = occasion.arguments(parser, repeats=1).repeats
     drives = {name: _make(path) for name, path in BENCHES.items()}
     times: dict[str, list[float]] = {name: [] for name in drives}
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         for name, drive in drives.items():
             begin = time.process_time()
             drive()

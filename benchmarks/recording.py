@@ -12,6 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import occasion
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
@@ -30,11 +31,12 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20, help="recorders to kill (20)")
+    parser.add_argument("--ticks", type=int, default=3000, help="of the cost (3000)")
     parser.add_argument("--seconds", type=float, default=10.0, help="length of the sizes' runs")
-    args = parser.parse_args()
+    args = occasion.arguments(parser, kills=1, seconds=0.2, ticks=100)
     with tempfile.TemporaryDirectory() as folder:
         print("| measure | value |\n|---|---|")
-        measure_cost(Path(folder))
+        measure_cost(Path(folder), args.ticks)
         measure_loss(Path(folder), args.kills)
         measure_size(Path(folder), args.seconds)
 
@@ -61,12 +63,12 @@ def pace(recorder: RecorderProcess, duration: float, row: list[float]) -> None:
         time.sleep(max(0.0, start + (tick + 1) * PERIOD - time.monotonic()))
 
 
-def measure_cost(folder: Path) -> None:
+def measure_cost(folder: Path, ticks: int) -> None:
     """Print what a tick costs the loop, with the recorder's process at work."""
     row = [0.5] * (1 + len(CHANNELS))
     rows, both, four = [], [], frames(1)
     with RecorderProcess(plan(folder / "cost.mf4")) as recorder:
-        for _ in range(3000):
+        for _ in range(ticks):
             begin = time.perf_counter_ns()
             recorder.append_row(row)
             middle = time.perf_counter_ns()

@@ -10,13 +10,13 @@ a round of it costs besides, once for all frames of a tick, is the last line.
 
 import argparse
 import logging
-import platform
 import statistics
 import struct
 import time
 from binascii import crc_hqx
 from collections.abc import Callable
 
+import occasion
 from responders import FILE, KILOBYTE, TICK, Ours, Responder, responder_makers
 
 SEGMENTS = -(-len(FILE) // 7)
@@ -237,11 +237,10 @@ def main() -> None:
     """Print the figures as a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=25)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, repeats=1)
     logging.disable(logging.CRITICAL)
     makers = responder_makers()
     times = measure(makers, args.repeats)
-    print(f"{platform.machine()}, Python {platform.python_version()}; ", end="")
     print(f"medians of {args.repeats}, in turns\n")
     print(f"| service [us] | {' | '.join(makers)} | here / fastest other |")
     print(f"|---|{'---|' * len(makers)}---|")

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import can
 
+import occasion
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main as hil_bench
 
@@ -160,10 +161,13 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=20_000)
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--way", choices=WAYS, help=argparse.SUPPRESS)
-    args = parser.parse_args()
+    args = occasion.quiet_arguments(parser, against=ROOT, ticks=50, turns=1)
     if args.way:
         print(WAYS[args.way](args.ticks))
         return
+    if args.against is None:
+        parser.error("--against: give another checkout of this project")
+    occasion.print_occasion(args)
     print(
         "| | there [us] | here [us] | ratio, lowest and highest of the turns |\n|---|---|---|---|"
     )

@@ -3,11 +3,13 @@
 Run: `python benchmarks/shared_supply.py`. Processor time, all variants in turns in one process.
 """
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
+import occasion
 from hil_bench.bench.assembly import build_supplies
 from hil_bench.bench.configuration import load_config
 from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder
@@ -75,6 +77,9 @@ def on_bench(**keys: object) -> Callable[[int], None]:
 
 def main() -> None:
     """Print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    repeats = occasion.arguments(parser, repeats=1).repeats
     for axes in (2, 4):
         variants = {"a supply unit each": own_supplies(axes)}
         if axes == len(NODES):
@@ -86,7 +91,7 @@ def main() -> None:
             name = f"one supply, exchange each {exchange * 50} us"
             variants[name] = one_supply(axes, exchange)
         found: dict[str, list[float]] = {name: [] for name in variants}
-        for repeat in range(REPEATS + 1):
+        for repeat in range(repeats + 1):
             for name, tick in variants.items():
                 begin = time.process_time()
                 for number in range(TICKS):

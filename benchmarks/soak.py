@@ -28,6 +28,7 @@ from typing import Any
 
 import can
 
+import occasion
 from hil_bench.bench.configuration import RealtimeConfig, RealtimePolicy, load_config
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -229,7 +230,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--channel", default="", help="a SocketCAN interface in place of a hub")
     parser.add_argument("--realtime", choices=[*RealtimePolicy], default=RealtimePolicy.OFF)
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, minutes=0.03)
     logging.getLogger("can").setLevel(logging.ERROR)  # it warns of each frame that comes in halves
     context = multiprocessing.get_context("spawn")
     statistics = TickStatistics(is_shared=True)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.outside.transports.hosted_bus import HostedBus
 from hil_bench.session.lockstep import LockStep, LockStepReport, run_lockstep
@@ -164,7 +165,7 @@ def main() -> int:
     """Print the table, then what passed the bus; return 1 where something is missing."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0, help="of bench time")
-    arguments = parser.parse_args()
+    arguments = occasion.arguments(parser, minutes=0.005)
     context = multiprocessing.get_context("spawn")
     counts = Counts(*(context.RawValue(ctypes.c_uint64, 0) for _ in range(6)))
     hub = HostedBus()

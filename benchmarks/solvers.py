@@ -10,7 +10,6 @@ time: where the set-point jumps, and where the spool crosses an edge of dead-zon
 import argparse
 import itertools
 import math
-import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -21,6 +20,7 @@ import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+import occasion
 from hil_bench.plants.hydraulic_cylinder.model import (
     FullOrderPlant,
     PlantInput,
@@ -341,8 +341,9 @@ def main() -> None:
     """Print the chosen tables, or all."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("section", nargs="*", choices=[[], *SECTIONS], help="one table only")
-    chosen: Iterator[str] = iter(parser.parse_args().section or SECTIONS)
-    print(f"Python {platform.python_version()}, Numba {numba.__version__}, SciPy LSODA, {RTOL:g}")
+    arguments = occasion.arguments(parser, section=["orders"])
+    chosen: Iterator[str] = iter(arguments.section or SECTIONS)
+    print(f"Numba {numba.__version__}, SciPy LSODA, {RTOL:g}")
     for section in chosen:
         SECTIONS[section]()
 

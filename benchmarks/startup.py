@@ -14,7 +14,6 @@ An unrelated pytest run has one empty test, with the plugin and with ``-p no:hil
 
 import argparse
 import os
-import platform
 import re
 import socket
 import statistics
@@ -26,6 +25,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import occasion
 from device_profiles import VALVE_408
 from hil_bench.outside.transports.hub_process import HubProcess
 
@@ -241,8 +241,8 @@ def main() -> None:
     parser.add_argument(
         "--against", type=Path, metavar="CHECKOUT", help="another checkout, measured in turns"
     )
-    args = parser.parse_args()
-    print(f"{platform.machine()}, Python {platform.python_version()}, {args.repeats} turns\n")
+    args = occasion.arguments(parser, repeats=1)
+    print(f"{args.repeats} turns\n")
     here = Path(__file__).parents[1]
     checkouts: dict[str, Path | None] = {"": here}
     if args.against is not None:

@@ -8,11 +8,11 @@ which adds a controller on the canopen library.
 """
 
 import argparse
-import platform
 import statistics
 import struct
 import time
 
+import occasion
 from hil_bench.bench.assembly import build_bench
 from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import load_config
@@ -77,13 +77,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--ticks", type=int, default=20_000)
     parser.add_argument("--repeats", type=int, default=7)
-    args = parser.parse_args()
+    args = occasion.arguments(parser, ticks=200, repeats=1)
     rows = [
         (*measure_ticks(args.ticks), measure_plant(args.ticks), measure_demo(args.ticks * 1e-3))
         for _ in range(args.repeats)
     ]
     p50, p99, plant, demo = (statistics.median(column) for column in zip(*rows, strict=True))
-    print(f"{platform.machine()}, Python {platform.python_version()}, medians of {args.repeats}\n")
+    print(f"medians of {args.repeats}\n")
     print("| what | figure | ratio to the plant alone |\n|---|---|---|")
     print(f"| {STEPS} plant steps, one call | {plant:.2f} us | 1 |")
     print(f"| whole tick, median | {p50:.1f} us | {p50 / plant:.1f} |")

@@ -3,9 +3,11 @@
 python benchmarks/wire.py
 """
 
+import argparse
 import statistics
 import time
 
+import occasion
 from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.session.session import Session, open_session
@@ -43,9 +45,12 @@ class Running:
 
 def main() -> None:
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--blocks", type=int, default=BLOCKS, help=f"of {BLOCK} ticks each")
+    blocks = occasion.arguments(parser, blocks=1).blocks
     for path, bitrate in BENCHES:
         benches = [Running(path, bitrate, is_wired=is_wired) for is_wired in (False, True)]
-        times = [[bench.block() for bench in benches] for _ in range(BLOCKS)]
+        times = [[bench.block() for bench in benches] for _ in range(blocks)]
         off, on = map(statistics.median, zip(*times, strict=True))
         wiring = benches[1].session.bench.wiring
         passed = wiring.buses[0].wire.passed if wiring else 0

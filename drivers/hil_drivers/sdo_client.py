@@ -5,10 +5,11 @@ an answer just before each time-out. So a transfer has bounds, whatever answers:
 for what is read, and a time for all of it.
 """
 
+import contextlib
 import queue
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from canopen.objectdictionary import ObjectDictionary
@@ -38,6 +39,8 @@ _INITIATE_DOWNLOAD, _DOWNLOAD_INITIATED = 1, 3
 _TIMED_OUT, _OUT_OF_MEMORY = 0x05040000, 0x05040005
 _EXPEDITED, _HAS_SIZE, _HAS_BLOCK_SIZE = 0x02, 0x01, 0x02
 _UPLOAD_INITIATED, _BLOCK_UPLOAD_INITIATED = 2, 6
+_BLOCK_DOWNLOAD = 6
+_SEGMENT_TAKEN, _BLOCK_ENDED = bytes([0x20, *bytes(7)]), bytes([0xA1, *bytes(7)])
 _BYTES_OF_SEGMENT = 7
 _LAST = 0x01
 
@@ -93,6 +96,52 @@ class _Upload:
         return ""
 
 
+class _Transfer:
+    """The client as the stream of one transfer sees it.
+
+    A transfer that has failed has said so once. Its stream may be closed, or collected, much later,
+    and would then send its last segment into whatever the client does by then: it reaches no bus.
+    """
+
+    def __init__(self, client: "PumpedSdoClient") -> None:
+        self._client = client
+        self._is_over = False
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever else canopen asks for
+        return getattr(self._client, name)
+
+    def request_response(self, request: bytes) -> bytes:
+        """Return the answer to a request; after the transfer, one that closes its stream."""
+        if self._is_over:
+            return _BLOCK_ENDED if request[0] >> 5 == _BLOCK_DOWNLOAD else _SEGMENT_TAKEN
+        with self._noting_failure():
+            return self._client.request_response(request)
+
+    def read_response(self) -> bytes:
+        """Return the next answer."""
+        with self._noting_failure():
+            return self._client.read_response()
+
+    def send_request(self, request: bytes) -> None:
+        """Send a request, unless the transfer is over."""
+        if not self._is_over:
+            self._client.send_request(request)
+
+    def abort(self, abort_code: int = 0x08000000) -> None:
+        """Abort the transfer, unless it is over."""
+        if not self._is_over:
+            self._is_over = True
+            self._client.abort(abort_code)
+
+    @contextlib.contextmanager
+    def _noting_failure(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException:
+            self._is_over = True
+            raise
+
+
 class PumpedSdoClient(SdoClient):
     """canopen's SDO client, waiting for its answers by receiving instead of on another thread.
 
@@ -137,7 +186,7 @@ class PumpedSdoClient(SdoClient):
         self._multiplexer = struct.pack("<HB", index, subindex)
         self._deadline = self._clock() + self.longest_transfer
         self._upload = _Upload(self._most_of(index, subindex)) if "r" in mode else None
-        return super().open(index, subindex, mode, *args, **options)  # type: ignore[no-untyped-call]
+        return SdoClient.open(_Transfer(self), index, subindex, mode, *args, **options)  # type: ignore[arg-type,no-untyped-call]
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Return what an object holds.

@@ -1,6 +1,8 @@
 """Devices that never come to an end: every transfer does, with one line that says why."""
 
+import gc
 import struct
+import weakref
 
 import can
 import pytest
@@ -249,3 +251,30 @@ def test_emergencies_without_end_hold_no_wait_up(make_node):
         node.read(*POSITION)
     assert bus.now() < 100.6
     assert len(node.emergencies) == 32
+
+
+@pytest.mark.parametrize(
+    ("server", "error"),
+    [
+        (lambda _: [], DriverTimeoutError),
+        (lambda _: [bytes.fromhex("8008100011000906")], SdoAbortError),  # 0x06090011
+        (
+            lambda request: (
+                [request] if request[0] == 0x80 else [bytes.fromhex("60 081000 00000000")]
+            ),
+            RemoteProtocolError,  # the initiation is confirmed; segments are answered alike
+        ),
+    ],
+    ids=["silent", "aborts", "other answer"],
+)
+def test_a_stream_whose_download_has_failed_sends_nothing_more(make_node, server, error):
+    """Its stream is collected at any later time; a segment then would hit another transfer."""
+    node, bus = make_node(server)
+    with pytest.raises(error) as caught:
+        node.download(*NAME, b"longer than four")
+    sent = list(bus.sent)
+    kept = weakref.ref(caught.value)
+    del caught
+    gc.collect()
+    assert kept() is None
+    assert bus.sent == sent

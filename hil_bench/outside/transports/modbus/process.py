@@ -193,7 +193,9 @@ async def _listen(config: ServerConfig, pool: ConnectionPool) -> int:
             pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG
         )
     except OSError as error:
-        reason = _REASONS.get(error.errno or 0, f"cannot be had: {error.strerror or error}")
+        # From Python 3.13 on, asyncio gives no number where the machine lacks every address.
+        number = error.errno or errno.EADDRNOTAVAIL
+        reason = _REASONS.get(number, f"cannot be opened: {error.strerror or error}")
         raise BusError(f"modbus {config.host}:{config.port}: {reason}") from None
     port: int = listener.sockets[0].getsockname()[1]
     return port

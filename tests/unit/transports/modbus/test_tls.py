@@ -2,14 +2,16 @@
 
 import asyncio
 import contextlib
+import shutil
 import socket
 import ssl
+import subprocess
 from pathlib import Path
 
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
-from support.certificates import Authority
+from support.certificates import Authority, Files
 from support.modbus_loop import make_binding, ticking
 from support.patience import GUARD
 
@@ -22,6 +24,7 @@ from hil_drivers import BusLostError, DriverTimeoutError
 from hil_drivers.errors import ModbusExceptionError
 from hil_drivers.modbus import ModbusClient, PressureSensor, TcpLink, TlsLink
 
+ROOT = Path(__file__).parents[4]
 OPERATOR = b"\x0c\x08operator"  # UTF8String, length, text
 
 
@@ -190,3 +193,34 @@ def test_files_that_do_not_fit_are_told(tmp_path, authority, server_files):
     ):
         with pytest.raises(BusError, match=message):
             server_context(config(**change))
+
+
+def test_the_documented_certificates_pass_strict_verification(tmp_path, monkeypatch):
+    """As Python 3.13 verifies by itself: RFC 5280, also where an earlier one runs this test."""
+    if shutil.which("openssl") is None:
+        pytest.skip("needs the program openssl")
+    text = (ROOT / "docs" / "modbus.md").read_text(encoding="utf-8")
+    script = text.partition("<!-- certificates -->\n```sh\n")[2].partition("```")[0]
+    assert script.count("openssl x509 -req") == 2
+    command = ["bash", "-euc", script]  # ours
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)  # noqa: S603
+    with_files = """tls_certificate = "server.pem"
+        tls_key = "server.key"
+        tls_client_ca = "authority.pem"
+        tls_writer_role = "operator"
+    """
+    default = ssl.create_default_context
+
+    def strict(**options):
+        context = default(**options)
+        context.verify_flags |= ssl.VERIFY_X509_STRICT
+        return context
+
+    monkeypatch.setattr(ssl, "create_default_context", strict)
+    files = Files(tmp_path / "plc.pem", tmp_path / "plc.key")
+    with (
+        running(*make_binding(tmp_path, extra=with_files)) as port,
+        open_client(port, files, tmp_path / "authority.pem") as client,
+    ):
+        client.write_registers(2, 1, [7])
+        assert client.read_registers(2, "holding_registers", 1, 1) == [7]

@@ -21,6 +21,7 @@ import cantools
 
 import occasion
 from hil_bench.bench.configuration import load_config
+from hil_bench.cli import build_parser
 from hil_bench.cli import main as hil_bench
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.eyes.dbc import write_dbc
@@ -91,9 +92,7 @@ class _Messages:
 
 def listen(messages: Sequence[can.Message]) -> None:
     """Take messages as python-can has them, and make their lines."""
-    arguments = argparse.Namespace(
-        only=[], hide=[], node=[], changes=False, problems=False, raw=False, json=False, colour="no"
-    )
+    arguments = build_parser(["monitor"]).parse_args(["monitor"])
     lines, decoder = SightLines(arguments), Decoder(nodes_of(load_config()))
     listener = Listener(cast("can.BusABC", _Messages(messages)), "messages")
     for _ in messages:

@@ -15,7 +15,9 @@ import itertools
 import json
 import os
 import sys
+import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -51,10 +53,18 @@ Values = npt.NDArray[np.float64]
 Result = dict[str, Any]
 
 
-def draw_machine(number: int, source: np.random.Generator) -> PlantParameters:
-    """Return the parameters of one machine."""
+BRIEF_SOUGHT = ("E",)
+"""The only parameter that is drawn and sought with ``--brief``."""
+
+
+def draw_machine(
+    number: int, source: np.random.Generator, sought: Sequence[str] = tuple(KINDS)
+) -> PlantParameters:
+    """Return the parameters of one machine: those that are sought are its own."""
     table_1 = paper_parameters()
-    values = {name: getattr(table_1, name) * source.uniform(0.7, 1.3) for name in KINDS}
+    values = {name: getattr(table_1, name) * source.uniform(0.7, 1.3) for name in sought}
+    if "C_L" not in sought:
+        return replace(table_1, **values)
     values["F_s"] = max(values["F_s"], 1.1 * values["F_c"])
     values["C_L"] = source.uniform(0.0, 2e-13)
     if number % 3 == 2:
@@ -104,13 +114,14 @@ def record_machine(machine: PlantParameters, source: np.random.Generator) -> Rec
     )
 
 
-def try_machine(number: int, results: Path) -> None:
+def try_machine(number: int, results: Path, sought: Sequence[str], starts: int) -> None:
     """Identify a machine, and write what was found of it."""
     source = np.random.default_rng(number + 1)
-    machine = draw_machine(number, source)
+    machine = draw_machine(number, source, sought)
     record = AxisRecord.of(record_machine(machine, source), "axis1", FULL_OPENING)
     start = time.process_time()
-    found = identify(record, paper_parameters(), PlantOptions.bench(), step=STEP)
+    search = {"step": STEP, "names": sought, "starts": starts}
+    found = identify(record, paper_parameters(), PlantOptions.bench(), **search)
     result = {
         "machine": number + 1,
         "estimates": {
@@ -145,16 +156,28 @@ def main() -> None:
     parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
     parser.add_argument("--results", type=Path, default=Path("identification-results"))
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    args = occasion.arguments(parser, machines=1)
-    args.results.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--sought", nargs="+", choices=KINDS, default=tuple(KINDS))
+    parser.add_argument("--starts", type=int, default=24, help="candidates of the search (24)")
+    args = occasion.arguments(parser, machines=1, sought=BRIEF_SOUGHT, starts=1)
+    if args.brief:
+        with tempfile.TemporaryDirectory() as name:
+            run_machines(args, Path(name))
+    else:
+        args.results.mkdir(parents=True, exist_ok=True)
+        run_machines(args, args.results)
+
+
+def run_machines(args: argparse.Namespace, results: Path) -> None:
+    """Identify the machines without a result, and print all results."""
     missing = [
         number
         for number in range(args.machines)
-        if not (args.results / f"machine-{number + 1:03}.json").exists()
+        if not (results / f"machine-{number + 1:03}.json").exists()
     ]
     with ProcessPoolExecutor(args.workers) as pool:
-        list(pool.map(try_machine, missing, itertools.repeat(args.results)))
-    paths = sorted(args.results.glob("machine-*.json"))
+        search = itertools.repeat(args.sought), itertools.repeat(args.starts)
+        list(pool.map(try_machine, missing, itertools.repeat(results), *search))
+    paths = sorted(results.glob("machine-*.json"))
     print_tables([json.loads(path.read_text(encoding="utf-8")) for path in paths])
 
 
@@ -166,7 +189,8 @@ def print_tables(tried: list[Result]) -> None:
         "| coverage, with 95 % confidence |"
     )
     print("|---|---|---|---|---|---|")
-    for name in KINDS:
+    names = list(tried[0]["estimates"])
+    for name in names:
         print(_row(name, tried))
     position = [result["trial"][0] for result in tried]
     print(
@@ -186,7 +210,7 @@ def print_tables(tried: list[Result]) -> None:
     print(f"another start ended elsewhere: {apart} of {len(tried)}")
     left_out = [result["left_out"] for result in tried]
     print(f"pieces left out: median {np.median(left_out):g}, most {max(left_out)}")
-    ratios = np.array([ratio for name in KINDS for ratio in _ratios(name, tried)])
+    ratios = np.array([ratio for name in names for ratio in _ratios(name, tried)])
     print(
         f"{len(ratios)} errors over their stated deviations: root mean square "
         f"{np.sqrt(np.square(ratios).mean()):.2f}, {(ratios < 1.96).mean():.1%} below 1.96"

@@ -12,7 +12,7 @@ from rest to the end stop, and is compared with the machine. Prints Markdown.
 import argparse
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     PlantParameters,
     paper_parameters,
 )
-from identification import FULL_OPENING
+from identification import BRIEF_SOUGHT, FULL_OPENING
 from identification_rig import (
     SOUGHT,
     Values,
@@ -136,7 +136,7 @@ def strange_machines() -> list[Strange]:
     ]
 
 
-def fit(machine: Strange) -> Identification:
+def fit(machine: Strange, sought: Sequence[str]) -> Identification:
     """Return what both recordings of a machine tell."""
     source = np.random.default_rng(7)
     runs = (
@@ -153,21 +153,22 @@ def fit(machine: Strange) -> Identification:
         )
         for parameters, setpoints, pressure in runs
     ]
-    return identify(join_records(records), TABLE_1, BENCH, step=STEP, names=SOUGHT, starts=1)
+    return identify(join_records(records), TABLE_1, BENCH, step=STEP, names=sought, starts=1)
 
 
 def main() -> None:
     """Identify, and print what is said."""
     parser = argparse.ArgumentParser()
     parser.add_argument("words", nargs="*", metavar="WORD")
-    args = occasion.arguments(parser)
+    args = occasion.arguments(parser, words=["none:"])
+    sought = BRIEF_SOUGHT if args.brief else SOUGHT
     print("| machine | residuals | what is said | predicts | processor time |")
     print("|---|---|---|---|---|")
     for machine in strange_machines():
         if args.words and not any(word in machine.name for word in args.words):
             continue
         start = time.process_time()
-        found = fit(machine)
+        found = fit(machine, sought)
         seconds = time.process_time() - start
         misses, errors = find_misses(found), ""
         if not misses:

@@ -11,7 +11,7 @@ Markdown. Machines that the model lacks are those of `identification_misfits.py`
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +33,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
     paper_parameters,
 )
 from identification import (
+    BRIEF_SOUGHT,
     FULL_OPENING,
     NOISE,
     RESOLUTION,
@@ -108,7 +109,13 @@ def record(
     return AxisRecord.of(recording, "axis1", FULL_OPENING, pressure)
 
 
-def fit(machine: PlantParameters, options: PlantOptions, seed: int) -> Identification:
+def fit(
+    machine: PlantParameters,
+    options: PlantOptions,
+    seed: int,
+    sought: Sequence[str] = SOUGHT,
+    starts: int = STARTS,
+) -> Identification:
     """Return what two recordings of a machine tell."""
     source = np.random.default_rng(seed)
     setup = setup_of(machine, options)
@@ -118,7 +125,7 @@ def fit(machine: PlantParameters, options: PlantOptions, seed: int) -> Identific
     ]
     known = paper_parameters()
     return identify(
-        join_records(records), known, PlantOptions.bench(), step=STEP, names=SOUGHT, starts=STARTS
+        join_records(records), known, PlantOptions.bench(), step=STEP, names=sought, starts=starts
     )
 
 
@@ -175,6 +182,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("machines", type=int, nargs="?", default=MACHINES)
     args = occasion.arguments(parser, machines=1)
+    sought, starts = (BRIEF_SOUGHT, 1) if args.brief else (SOUGHT, STARTS)
     spans = [len(setpoints()) * TICK for setpoints in (first_setpoints, second_setpoints)]
     print(f"recordings of {spans[0]:.1f} s and {spans[1]:.1f} s\n")
     print(
@@ -183,10 +191,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for number in range(args.machines):
         source = np.random.default_rng(number + 1)
-        drawn = draw_machine(0, source)
+        drawn = draw_machine(0, source, BRIEF_SOUGHT if args.brief else tuple(KINDS))
         machine = replace(drawn, alpha=paper_parameters().alpha)
         start = time.process_time()
-        found = fit(machine, PlantOptions.bench(), number + 100)
+        found = fit(machine, PlantOptions.bench(), number + 100, sought, starts)
         errors = np.array(compare(machine, found.parameters)).max(axis=0)
         print(
             f"| {number + 1} | {errors[0]:.2%} | {errors[1] / 1e5:.3f} bar | "

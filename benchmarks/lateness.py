@@ -217,7 +217,7 @@ def main() -> int:
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
     parser.add_argument("--policy", choices=POLICIES, nargs="+", default=list(POLICIES))
     parser.add_argument("--condition", choices=CONDITIONS, nargs="+", default=CONDITIONS)
-    arguments = occasion.arguments(parser, seconds=0.5, slice=0.5, policy=["off"])
+    arguments = occasion.arguments(parser, seconds=1.0, slice=1.0, policy=["off"])
     if shutil.which("cyclictest") is None:
         occasion.missing("cyclictest", "apt-get install rt-tests")
     print(f"{arguments.seconds:g} s each in turns; lateness in us\n")

@@ -35,7 +35,10 @@ def main() -> None:
     """Design once, identify machines, and print."""
     parser = argparse.ArgumentParser()
     parser.add_argument("machines", type=int, nargs="?", default=3)
-    args = occasion.arguments(parser, machines=0)
+    parser.add_argument("--seconds", type=float, default=20.0, help="of the manoeuvre (20)")
+    parser.add_argument("--sought", nargs="+", choices=KINDS, default=tuple(KINDS))
+    parser.add_argument("--starts", type=int, default=24, help="candidates of the search (24)")
+    args = occasion.arguments(parser, machines=1, seconds=8.0, sought=["E"], starts=1)
     axis = require_cylinder(load_config(None).first_axis, "this benchmark")
     known = paper_parameters()
     twin = Twin(
@@ -49,22 +52,26 @@ def main() -> None:
         has_spool=False,
     )
     start = time.process_time()
-    foresight = Foresight(twin, Unknowns(known, tuple(KINDS)))
-    design = Designer(foresight, Bounds.of(axis, LIMITS)).design(20.0)
+    foresight = Foresight(twin, Unknowns(known, tuple(args.sought)))
+    design = Designer(foresight, Bounds.of(axis, LIMITS)).design(args.seconds)
     print(f"design: {time.process_time() - start:.0f} s of processor time", file=sys.stderr)
-    ratios: dict[str, list[float]] = {name: [] for name in KINDS}
-    hits = dict.fromkeys(KINDS, 0)
+    ratios: dict[str, list[float]] = {name: [] for name in args.sought}
+    hits = dict.fromkeys(args.sought, 0)
     for number in range(args.machines):
         source = np.random.default_rng(100 + number)
         values = {name: getattr(known, name) * source.uniform(0.7, 1.3) for name in KINDS}
         values["F_s"] = max(values["F_s"], 1.1 * values["F_c"])
         values["C_L"] = source.uniform(0.0, 2e-13)
-        machine = replace(known, **values)
+        machine = replace(known, **{name: values[name] for name in args.sought})
         real = replace(twin, parameters=machine)
         record = real.record(design.setpoints, real.run(design.setpoints, design.start))
         noise = NOISE * source.standard_normal(record.measured.shape)
         found = identify(
-            replace(record, measured=record.measured + noise), known, axis.options, step=5e-5
+            replace(record, measured=record.measured + noise),
+            *(known, axis.options),
+            step=5e-5,
+            names=args.sought,
+            starts=args.starts,
         )
         after = {one.name: one.after for one in design.outlooks}
         for one in found.told:

@@ -11,7 +11,7 @@ import argparse
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numba
@@ -341,8 +341,8 @@ def main() -> None:
     """Print the chosen tables, or all."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("section", nargs="*", choices=[[], *SECTIONS], help="one table only")
-    arguments = occasion.arguments(parser, section=["orders"])
-    chosen: Iterator[str] = iter(arguments.section or SECTIONS)
+    arguments = occasion.arguments(parser)
+    chosen = arguments.section or (["orders"] if arguments.brief else SECTIONS)
     print(f"Numba {numba.__version__}, SciPy LSODA, {RTOL:g}")
     for section in chosen:
         SECTIONS[section]()

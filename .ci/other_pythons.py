@@ -1,0 +1,80 @@
+"""Run README's tests on each other Python of the classifiers: ``other_pythons.py WORK``.
+
+WORK is a folder for a copy of the sources and an environment each. A version that this machine does
+not have is named. Exit code 1: the tests failed on one that it has.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PYENV = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+"""Where pyenv keeps its Pythons: those on the PATH run only where they are chosen."""
+
+
+def classified_versions() -> list[str]:
+    """Return the minor versions of Python that the classifiers name."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    found = (re.fullmatch(r".* :: (3\.\d+)", each) for each in project["classifiers"])
+    return [match[1] for match in found if match]
+
+
+def candidates(version: str) -> Iterator[Path]:
+    """Yield the programs that may be a Python of this version."""
+    program = shutil.which(f"python{version}")
+    if program is not None:
+        yield Path(program)
+    yield from sorted(PYENV.glob(f"{version}.*/bin/python{version}"))
+
+
+def find_python(version: str) -> Path | None:
+    """Return a Python of this version that runs and makes environments; None for none."""
+    for program in candidates(version):
+        command = [program, "-c", "import ensurepip, venv"]
+        if not subprocess.run(command, capture_output=True, check=False).returncode:  # noqa: S603 - just found
+            return program
+    return None
+
+
+def test_on(program: Path, place: Path) -> int:
+    """Run README's tests in a fresh copy with a fresh environment; return their exit code."""
+    place.mkdir(parents=True)
+    command = "git ls-files -z --cached --others --exclude-standard | tar --null -T - -cf - "
+    copy = f'{command} | tar -xf - -C "{place}"'
+    subprocess.run(["bash", "-euo", "pipefail", "-c", copy], cwd=ROOT, check=True)  # noqa: S603, S607
+    (place / "bin").mkdir()
+    (place / "bin" / "python3").symlink_to(program)  # README says `python3`
+    block = [sys.executable, ROOT / ".ci" / "readme_block.py", ROOT / "README.md", "test-command"]
+    script = subprocess.run(block, capture_output=True, text=True, check=True).stdout  # noqa: S603 - ours
+    environment = os.environ | {"PATH": f"{place / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    run = ["bash", "-euo", "pipefail", "-c", script]
+    return subprocess.run(run, cwd=place, env=environment, check=False).returncode  # noqa: S603 - README's
+
+
+def main() -> int:
+    """Print a line for each version; return 1 where its tests failed."""
+    here = f"{sys.version_info.major}.{sys.version_info.minor}"
+    verdicts = {here: "README's tests run in a section of their own"}
+    for version in classified_versions():
+        if version == here:
+            continue
+        program = find_python(version)
+        if program is None:
+            verdicts[version] = "NOT TRIED: this machine does not have it"
+            continue
+        print(f"== Python {version}", flush=True)
+        code = test_on(program, Path(sys.argv[1]) / f"python{version}")
+        verdicts[version] = f"FAILED: exit code {code}" if code else "passed"
+    for version in sorted(verdicts):
+        print(f"Python {version}: {verdicts[version]}")
+    return int(any(verdict.startswith("FAILED") for verdict in verdicts.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -14,6 +14,7 @@ from posixpath import relpath
 from urllib.parse import urlsplit
 
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -24,6 +25,9 @@ from hil_bench import cli
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
+_FROM_A_HOST = re.compile(
+    r"""<(?:(?:script|img|iframe|source)\b[^>]*\bsrc|link\b(?=[^>]*\brel="?(?:stylesheet|icon|preload|preconnect))[^>]*\bhref)="?((?:https?:)?//[^">\s]+)"""
+)
 _LANGUAGES = {
     ".toml": "toml",
     ".py": "python",
@@ -68,6 +72,19 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         return f"{link[1]}{relpath(page_of(target), Path(here).parent.as_posix())}{link[3]}"
 
     return _LINK.sub(page_link, markdown)
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Refuse a page that asks a host for a script, a style or a picture: the site opens offline.
+
+    Raises:
+        PluginError: it does.
+    """
+    del config
+    found = _FROM_A_HOST.search(output)
+    if found:
+        raise PluginError(f"{page.file.src_uri}: the page asks a host for {found[1]}")
+    return output
 
 
 def source_of(page: str) -> Path:

@@ -4,6 +4,7 @@ import shutil
 from xml.etree import ElementTree as ET
 
 import pytest
+import yaml
 from support.ci_recipes import RECIPES, commands_of, run_commands
 
 
@@ -25,3 +26,18 @@ def test_both_recipes_do_the_same(job):
     github, gitlab = (commands_of(recipe, job) for recipe in RECIPES)
     assert [line.removeprefix("sudo ") for line in github] == gitlab
     assert len(github) >= 2
+
+
+def test_no_recipe_asks_an_index_for_the_bench():
+    """No index has it: a requirement that begins with a path is a checkout or a wheel."""
+    github, gitlab = (yaml.safe_load(path.read_text(encoding="utf-8")) for path in RECIPES)
+    folder = RECIPES[0].parent
+    action = yaml.safe_load((folder / "action" / "action.yml").read_text(encoding="utf-8"))
+    (job,) = yaml.safe_load((folder / "gitlab-template.yml").read_text(encoding="utf-8")).values()
+    for requirement in (
+        github["env"]["HIL_BENCH"],
+        gitlab["variables"]["HIL_BENCH"],
+        action["inputs"]["wheel"]["default"],
+        job["variables"]["HIL_BENCH_WHEEL"],
+    ):
+        assert requirement.startswith("./hil-bench")

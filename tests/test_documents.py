@@ -60,6 +60,17 @@ def code_with(pattern: str) -> list[tuple[str, str]]:
     return sorted({found for found in documents.inline_code() if re.fullmatch(pattern, found[1])})
 
 
+def test_every_table_is_whole():
+    """A row without a head above it, or with other columns than it, is shown as text."""
+    torn = []
+    for document, table in documents.tables():
+        rows = [re.sub(r"\\\||`[^`]*`", "", row).strip() for row in table.splitlines()]
+        columns = {row.count("|") for row in rows}
+        if len(rows) < 2 or len(columns) > 1 or not re.fullmatch(r"[|: -]+", rows[1]):
+            torn.append(f"{document.relative_to(ROOT)}: {rows[0]}")
+    assert torn == []
+
+
 def test_every_link_leads_to_a_file_and_a_heading():
     lost = []
     for document, target in documents.links():

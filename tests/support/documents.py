@@ -18,6 +18,7 @@ SHELLS = ("sh", "console", "text", "")
 
 _FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
+_TABLE = re.compile(r"(?:^ *\|.*\n?)+", re.MULTILINE)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 _ENDS_A_COMMAND = {"&&", "||", "|", ";", "&", ">", ">>", "<"}
@@ -120,6 +121,15 @@ def inline_code() -> list[tuple[str, str]]:
         (str(path.relative_to(ROOT)), " ".join(match[1].split()))
         for path in DOCUMENTS
         for match in _INLINE.finditer(_FENCE.sub("", path.read_text(encoding="utf-8")))
+    ]
+
+
+def tables() -> list[tuple[Path, str]]:
+    """Return document and lines of each table."""
+    return [
+        (path, table)
+        for path in DOCUMENTS
+        for table in _TABLE.findall(_FENCE.sub("", path.read_text(encoding="utf-8")))
     ]
 
 

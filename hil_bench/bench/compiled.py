@@ -18,7 +18,7 @@ from hil_bench.canopen_device import agenda
 
 logger = logging.getLogger(__name__)
 
-HOW = "HIL_BENCH_COMPILE=1 pip install . in a checkout, with a C compiler: lock-step three times as fast"
+HOW = "HIL_BENCH_COMPILE=1 pip install . in a checkout, with a C compiler: three times the speed"
 
 _PACKAGE = Path(hil_bench.__file__ or "").parent
 

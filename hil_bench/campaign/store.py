@@ -90,7 +90,9 @@ class Store:
         import pyarrow.parquet as pq  # noqa: PLC0415
 
         try:
-            with path.open("rb") as file:
+            # Arrow's own file: a thread of Arrow that releases what it has read of one of Python's
+            # needs the interpreter, which may have ended by then, and aborts the process.
+            with pa.OSFile(str(path)) as file:
                 parquet = pq.ParquetFile(file)
                 meta = parquet.schema_arrow.metadata or {}
                 if not is_foreign:

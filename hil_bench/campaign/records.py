@@ -150,14 +150,14 @@ class Verdict(NamedTuple):
         return self.outcome == RequirementOutcome.FAILED
 
     @property
-    def is_exercised(self) -> bool:
-        """Whether the run came to the requirement's trigger and its end."""
-        return is_exercised(self.outcome)
+    def is_decided(self) -> bool:
+        """Whether the run passed or failed the requirement."""
+        return self.is_failed or self.outcome == RequirementOutcome.PASSED
 
-
-def is_exercised(outcome: str) -> bool:
-    """Return whether a requirement's outcome says that its trigger and its end came."""
-    return outcome not in {RequirementOutcome.NOT_EXERCISED, RequirementOutcome.INCONCLUSIVE}
+    @property
+    def decided_margin(self) -> float | None:
+        """The margin of a decided requirement; None where it has no size."""
+        return self.margin if self.is_decided else None
 
 
 class RunResult(NamedTuple):
@@ -186,3 +186,12 @@ class RunResult(NamedTuple):
     problem: str = ""
     duration: float = 0.0
     verdicts: tuple[Verdict, ...] = ()
+
+    def verdict_on(self, requirement: str) -> Verdict | None:
+        """Return the verdict on a requirement; None without one."""
+        return next((each for each in self.verdicts if each.id == requirement), None)
+
+    def outcome_of(self, requirement: str) -> str:
+        """Return the outcome of a requirement; of the run, where it did not come to its end."""
+        found = self.verdict_on(requirement)
+        return self.outcome.value if found is None else found.outcome

@@ -30,7 +30,7 @@ runs. A failure is shrunk, and written as a scenario and as a pytest file. After
 command goes on where it was ended.
 
 exit code 1 where a requirement failed or a run crashed; 6 where none did, but a requirement was
-never exercised
+never decided
 
 examples:
   hil-bench falsify sag.scenario.toml
@@ -132,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
 def _exit_code(found: Falsification) -> ExitCode:
     if found.search.crashes or any(each.is_failed for each in found.search.finds):
         return ExitCode.CHECK_FAILED
-    is_seen = all(each.is_exercised for each in found.search.finds)
+    is_seen = all(each.tally.decided for each in found.search.finds)
     return ExitCode.DONE if is_seen else ExitCode.INCONCLUSIVE
 
 
@@ -149,7 +149,8 @@ def _find(find: Find) -> dict[str, object]:
     return {
         "id": find.id,
         "is_failed": find.is_failed,
-        "is_exercised": find.is_exercised,
+        "is_exercised": find.tally.decided > 0,
+        "undecided_runs": find.tally.undecided,
         "first_failure": {method.value: number for method, number in find.first.items()},
         "smallest_margin": find.margin,
         "at": find.worst.point if find.worst else None,

@@ -1,5 +1,7 @@
 """Bad input of campaigns: one line each, exit code 2, nothing is run."""
 
+import json
+
 import pytest
 from support.campaigns import REST, write_rest
 
@@ -86,7 +88,29 @@ def test_a_requirement_that_is_never_exercised_is_said(tmp_path, capsys):
     text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
     path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
     assert cli.main(["campaign", str(path), "--runs=2", "--jobs=0"]) == 6
-    assert "R-2: 2 not exercised" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "R-2: 2 not exercised; no run was decided, so nothing is known of it" in out
+
+
+def test_a_bound_counts_decided_runs_alone(tmp_path, capsys):
+    # R-2 is open at the last ticks of every run; R-1 holds in all of them.
+    text = REST.replace("always axis1.P_B < 200 bar", "always (axis1.P_B < 200 bar for 5 ms)")
+    path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
+    words = ["campaign", str(path), "--runs=3", "--jobs=0", "--sampler=monte_carlo"]
+    assert cli.main(words) == 6
+    out = capsys.readouterr().out
+    undecided = "no failure in 0 decided runs of 3 (3 inconclusive); so there is no bound"
+    assert f"  rest: {undecided}" in out
+    assert f"  rest  R-2: {undecided}" in out
+    # 1 - 0.05^(1/3) = 0.632
+    bound = "95% upper bound on the failure probability under the sampled distribution 0.63"
+    assert f"  rest  R-1: no failure in 3 runs; {bound}" in out
+    for shard in ("1/2", "2/2"):
+        cli.main([*words, f"--shard={shard}", "--output", str(tmp_path / "all" / shard[0])])
+    capsys.readouterr()
+    assert cli.main([*words, "--merge", "--json", "--output", str(tmp_path / "all")]) == 6
+    bounds = json.loads(capsys.readouterr().out)["bounds"]
+    assert bounds == [line.strip() for line in out.splitlines() if "no failure" in line]
 
 
 def test_campaigns_without_a_run_in_common_cannot_be_compared(tmp_path, capsys):

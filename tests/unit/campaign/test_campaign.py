@@ -297,6 +297,14 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert [each.values["x"] for each in change.broken] == [1.0]
     assert [each.values["x"] for each in change.mended] == [2.0]
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
+    assert change.undecided == 0
+    # A failure that is not decided any more has not gone, and neither has one that crashes.
+    now = results(("inconclusive", None), ("passed", 1.0), ("crashed", None), ("failed", -1.0))
+    now[2] = now[2]._replace(verdicts=())
+    (change,) = compare(before, now)
+    assert (len(change.broken), change.mended, change.undecided) == (1, (), 2)
+    assert "1 newly failed, 0 no longer, 2 not decided before or now" in change.line()
+    assert change.margins == (3.0, 0.0)  # medians of 1, 5 and of 1, -1
 
 
 @pytest.mark.long

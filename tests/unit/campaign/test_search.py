@@ -19,6 +19,7 @@ from hil_bench.campaign.search.kept_runs import KeptRuns
 from hil_bench.campaign.search.methods import Evolution, build_search
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
 from hil_bench.campaign.search.shrink import round_to
+from hil_bench.campaign.summary import tally_of
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import play, prepare
@@ -174,13 +175,32 @@ def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
     assert "no parameter has a range; give one, as in" in capsys.readouterr().err
 
 
-def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("never", "outcome"),
+    [
+        ("whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar", "not exercised"),
+        ("always (axis1.P_B < 200 bar for 5 ms)", "inconclusive"),  # the last ticks are open
+    ],
+)
+def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    never = 'that = "whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar"'
-    text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
+    text = REST.replace("always axis1.P_B < 200 bar", never)
     path = write_rest(tmp_path, text.replace("range = [1.0", "range = [60.0"))
-    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2"]) == 6
-    assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
+    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]) == 6
+    out = capsys.readouterr().out
+    assert f"R-2: was never decided: 0 decided runs of 2 (2 {outcome}); nothing is known" in out
+    # 1 - 0.05^(1/2) = 0.776
+    assert "under the sampled distribution 0.78 (2 random runs)" in out
+
+
+def test_a_run_that_crashed_is_no_run_without_failure():
+    verdict = Verdict("R-1", "passed", 0.5, "holds")
+    passed = RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=(verdict,))
+    crashed = passed._replace(outcome=RunOutcome.CRASHED, problem="gone", verdicts=())
+    tally = tally_of("R-1", [passed, crashed, crashed])
+    assert tally.failures_text() == "no failure in 1 decided runs of 3 (2 crashed)"
+    # 1 - 0.05: one run bounds it, three would say 0.63
+    assert tally.bound_text().endswith("of decided runs under the sampled distribution 0.95")
 
 
 @pytest.mark.long  # tens of runs of a scenario

@@ -35,6 +35,7 @@ class Campaign:
         tolerances: what values keys of the bench take, by their place as in
             ``plant.axis1.mass_kg``.
         timeout: how long a run may take, on the machine's clock [s].
+        given: values of the scenarios' parameters, which then do not vary.
     """
 
     path: Path
@@ -51,18 +52,27 @@ class Campaign:
     parameters: Mapping[str, Distribution] = field(default_factory=dict)
     tolerances: Mapping[str, Distribution] = field(default_factory=dict)
     timeout: float = 60.0
+    given: Point = field(default_factory=dict)
 
-    def changed(self, *, runs: int | None, sampler: str | None, seed: int | None) -> Self:
+    def changed(
+        self,
+        *,
+        runs: int | None,
+        sampler: str | None,
+        seed: int | None,
+        given: Mapping[str, float] | None = None,
+    ) -> Self:
         """Return the campaign with other values in the place of the file's; None changes nothing.
 
         Args:
             runs: points of each scenario.
             sampler: the name of one.
             seed: of the sampler.
+            given: values of parameters.
         """
-        given: dict[str, Any] = {"runs": runs, "seed": seed}
-        given["sampler"] = None if sampler is None else Sampler(sampler)
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
+        changes: dict[str, Any] = {"runs": runs, "seed": seed, "given": given}
+        changes["sampler"] = None if sampler is None else Sampler(sampler)
+        return replace(self, **{k: value for k, value in changes.items() if value is not None})
 
 
 class Case(NamedTuple):

@@ -12,6 +12,7 @@ from hil_bench.campaign.confidence import Tally
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.sampling import Point, Sampler
+from hil_bench.campaign.store import set_words
 from hil_bench.scenario.judgement import RequirementOutcome
 
 _FEWEST = 10  # runs for a correlation
@@ -162,10 +163,11 @@ def command_of(plan: Plan, result: RunResult) -> str:
     is_plain = not result.bench and not result.firmware and set(result.values) <= spaces
     if is_plain:
         words = ["hil-bench", "test", str(path)]
-        words += [f"--set={name}={value!r}" for name, value in result.values.items()]
+        words += set_words({**plan.campaign.given, **result.values})
         words += [] if result.seed is None else [f"--seed={result.seed}"]
     else:
         words = ["hil-bench", "campaign", str(plan.campaign.path), f"--run={result.key}"]
+        words += set_words(plan.campaign.given)
     return shlex.join(words)
 
 

@@ -32,6 +32,7 @@ from hil_bench.cli.campaign_view import CampaignView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import check_report_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
@@ -83,6 +84,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--seed", type=count_from_zero, metavar="N", help="seed of the sampler (default: 0)"
     )
+    add_parameter_argument(parser)
     add_jobs_argument(parser)
     parser.add_argument(
         "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"
@@ -120,12 +122,14 @@ def run(args: argparse.Namespace) -> int:
     """Do the campaign, and print what came of it."""
     check_report_argument(args)
     campaign = read_campaign(args.campaign)
-    plan = Plan(campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed))
+    given = dict(map(read_parameter, args.given))
+    changed = campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed, given=given)
+    plan = Plan(changed)
     if args.key:
         return _repeat(args, plan)
     if not args.output:
         args.output = args.campaign.with_name(f"{args.campaign.name.split('.')[0]}.results")
-    store = Store(args.output, plan.firmware)
+    store = Store(args.output, plan.firmware, given)
     if not args.merge:
         _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)
@@ -225,6 +229,7 @@ def _content(
     plan: Plan, outcome: Outcome, changes: list[Change], sensitivity: Sensitivity
 ) -> dict[str, object]:
     return {
+        "set": plan.campaign.given,
         "runs": len(outcome.results),
         "missing": outcome.missing,
         "digest": outcome.digest,

@@ -20,6 +20,7 @@ from hil_bench.cli.campaign_arguments import (
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import check_report_argument
 
 logger = logging.getLogger(__name__)
@@ -97,6 +98,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--report", type=Path, metavar="FILE", help="write an HTML report that opens offline"
     )
+    add_parameter_argument(parser)
     add_jobs_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -111,6 +113,7 @@ def run(args: argparse.Namespace) -> int:
         args.seed,
         args.timeout_s,
         args.stop_at_failure,
+        dict(map(read_parameter, args.given)),
     )
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
@@ -138,6 +141,7 @@ def _exit_code(found: Falsification) -> ExitCode:
 
 def _content(found: Falsification) -> dict[str, object]:
     return {
+        "set": found.plan.given,
         "runs": {method.value: len(found.search.of(method)) for method in found.plan.methods},
         "requirements": [_find(each) for each in found.search.finds],
         "failures": [_failure(each) for each in found.failures],

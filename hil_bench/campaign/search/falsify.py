@@ -1,13 +1,14 @@
 """From a scenario to its failures, each made small and written down; or to how sure one can be."""
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from hil_bench.campaign.executing import Note
-from hil_bench.campaign.plan import make_spec, no_range, own_case, space_of
+from hil_bench.campaign.plan import fix_parameters, make_spec, no_range, own_case, space_of
 from hil_bench.campaign.pool import Backend
 from hil_bench.campaign.records import Case, RunResult
 from hil_bench.campaign.search.kept_runs import KeptRuns
@@ -37,6 +38,7 @@ class SearchPlan(NamedTuple):
         seed: of the random generators.
         timeout: how long a run may take [s].
         ends_at_failure: whether to end when all requirements have failed.
+        given: values of parameters, which then do not vary.
     """
 
     methods: Sequence[Method] = ALL_METHODS
@@ -44,6 +46,7 @@ class SearchPlan(NamedTuple):
     seed: int = 0
     timeout: float = 60.0
     ends_at_failure: bool = False
+    given: Mapping[str, float] = MappingProxyType({})
 
 
 class Failure(NamedTuple):
@@ -123,7 +126,7 @@ def falsify(
     Raises:
         ConfigError: nothing in the scenario varies.
     """
-    scenario = load_scenario(path)
+    scenario = fix_parameters(load_scenario(path), plan.given)
     space = space_of(scenario)
     if not space:
         raise ConfigError(no_range(scenario))
@@ -150,7 +153,8 @@ def falsify(
 
 def _to_shrink(found: SearchResult) -> Iterator[tuple[Target, Trial]]:
     if found.crashes:
-        yield Target(""), found.crashes[0]
+        crash = found.crashes[0]
+        yield Target("", crash.result.outcome), crash
     for find in found.finds:
         if find.is_failed and find.worst is not None:
             yield Target(find.id), find.worst

@@ -113,6 +113,47 @@ def test_a_bound_counts_decided_runs_alone(tmp_path, capsys):
     assert bounds == [line.strip() for line in out.splitlines() if "no failure" in line]
 
 
+@pytest.mark.parametrize("word", ["nothing=1", "limit_bar", "limit_bar=nan", "limit=60"])
+def test_a_wrong_set_is_said_as_test_says_it(word, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path)
+    said = set()
+    for verb in ("test", "campaign", "falsify"):
+        assert cli.main([verb, str(path), "--set", word]) == 2
+        said.add(capsys.readouterr().err)
+    assert len(said) == 1
+
+
+def test_a_set_parameter_is_part_of_a_campaign(tmp_path, capsys):
+    path = write_rest(tmp_path)
+    # P_A is 48 bar at rest: all runs fail, whatever the load is.
+    words = ["campaign", str(path), "--runs=2", "--jobs=0"]
+    assert cli.main([*words, "--set", "limit_bar=30"]) == 1
+    out = capsys.readouterr().out
+    assert "R-1: 2 failed" in out
+    repeat = next(line for line in out.splitlines() if "repeat it: " in line).partition("it: ")[2]
+    assert "--set=limit_bar=30.0 --set=load_n=" in repeat
+    assert cli.main(repeat.split()[1:]) == 1
+    capsys.readouterr()
+    assert cli.main([*words, "--set", "limit_bar=30", "--merge", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["set"] == {"limit_bar": 30.0}
+    for other in (["--set", "limit_bar=31"], []):
+        assert cli.main([*words, *other]) == 2
+        wrong = "comes from a campaign with --set=limit_bar=30.0, and this has"
+        assert wrong in capsys.readouterr().err
+
+
+def test_a_search_leaves_a_set_parameter_alone(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["falsify", str(write_rest(tmp_path)), "--runs=2", "--jobs=0", "--method=random"]
+    assert cli.main([*words, "--set=limit_bar=30", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["set"] == {"limit_bar": 30.0}
+    assert {*found["requirements"][0]["at"]} == {"load_n"}
+    (failure,) = found["failures"]
+    assert failure["shrunk"]["parameters"] == [{"name": "limit_bar", "value": 30.0, "span": None}]
+
+
 def test_campaigns_without_a_run_in_common_cannot_be_compared(tmp_path, capsys):
     path = write_rest(tmp_path)
     words = ["campaign", str(path), "--runs=1", "--jobs=0"]

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hil_bench.campaign.pool import local_backend
-from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reports.search_report import write_search_report
 from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Find, Method
@@ -15,11 +14,13 @@ from hil_bench.cli.campaign_arguments import (
     add_jobs_argument,
     count,
     count_from_zero,
+    count_runs,
     positive,
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.progress import Work, shown_work
+from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import check_report_argument
 
@@ -118,9 +119,8 @@ def run(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
         backend = stack.enter_context(local_backend(args.jobs))
-        shown = False if is_silent(args) else None
         total = args.runs * len(plan.methods)
-        note = stack.enter_context(progress_bar(total, is_shown=shown))
+        note = count_runs(stack.enter_context(shown_work(args, Work("falsify", total, "runs"))))
         found = falsify(args.scenario, plan, backend, args.output, note)
     if found.is_interrupted:
         done = f"interrupted after {len(found.search.trials)} of {total} runs"

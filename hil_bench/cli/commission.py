@@ -182,7 +182,6 @@ def _commission(
     shown: ShownPlan,
 ) -> tuple[Commissioning, RecordingReport]:
     """Run the plan while all is recorded; return what was found, and what the recording holds."""
-
     work = Work("commission", len(plan.steps), "steps")
 
     def begin(step: Step) -> None:

@@ -28,7 +28,6 @@ class Progress:
         say: takes each line.
         lines: returns what the status lines would show at a bench time [ns].
         clock: of the machine [ns].
-        period: time between two lines, likewise [ns].
     """
 
     def __init__(
@@ -36,13 +35,11 @@ class Progress:
         say: Callable[[str], None],
         lines: Callable[[int], Sequence[str]],
         clock: Callable[[], int] = monotonic_ns,
-        period: int = PERIOD,
     ) -> None:
         self._say = say
         self._lines = lines
         self._clock = clock
-        self._period = period
-        self._due = clock() + period
+        self._due = clock() + PERIOD
 
     def look(self, now: int) -> None:
         """Say how it goes, where it is time; to be called often.
@@ -52,7 +49,7 @@ class Progress:
         """
         present = self._clock()
         if present >= self._due:
-            self._due = present + self._period
+            self._due = present + PERIOD
             self._say(f"{now / _NS_PER_S:.3f} s: {'  '.join(self._lines(now))}")
 
 

@@ -1,11 +1,15 @@
 """Bad input of campaigns: one line each, exit code 2, nothing is run."""
 
 import json
+import threading
 
 import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
+from hil_bench.campaign import pool
+from hil_bench.cli import progress
+from hil_bench.cli.progress import WorkLines
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
@@ -168,3 +172,29 @@ def test_a_parameter_that_does_nothing_is_said_without_a_controller(tmp_path, ca
     path = write_rest(tmp_path, REST.replace('"load_n"', "0.0"))
     assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
     assert "parameters.load_n: does nothing; name it in a step" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["campaign", "falsify"])
+def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
+    looked = threading.Event()
+    own_look, own_perform = WorkLines.look, pool.perform
+
+    def look(self):
+        own_look(self)
+        looked.set()
+
+    def perform(spec):
+        assert looked.wait(60.0)  # for the other thread, which never waits as long
+        return own_perform(spec)
+
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.01)
+    monkeypatch.setattr(WorkLines, "look", look)
+    monkeypatch.setattr(pool, "perform", perform)
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path, REST.replace("range = [1.0, 301.0]", "range = [60.0, 301.0]"))
+    total = {"campaign": 1, "falsify": 3}[verb]
+    assert cli.main([verb, str(path), "--runs=1", "--jobs=0", "--json"]) == 0
+    said = capsys.readouterr()
+    assert f"hil-bench: {verb}: 0 of {total} runs, 0 s\n" in said.err
+    json.loads(said.out)

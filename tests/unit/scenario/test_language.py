@@ -118,8 +118,9 @@ def test_what_survives_a_cut_passes_every_beginning_of_a_passed_run(text):
     condition, generator = parse(text), np.random.default_rng(0)
     fewest = reach(condition) // TICK + 1
     broken = seen = 0
-    for _ in range(40):
-        drawn = np.where(generator.random((2, 12)) < generator.random(), 1.0, 0.0)
+    for _ in range(60):
+        shares = generator.choice([0.1, 0.5, 0.98, 1.0], (2, 1))
+        drawn = np.where(generator.random((2, 12)) < shares, 1.0, 0.0)
         columns = {"axis1.P_A": drawn[0] * 1e5, "flag": drawn[1]}
         if passes(condition, columns, 12):
             seen += 1

@@ -6,7 +6,8 @@
 
 Each defect is a change of one place, in benchmarks/defects/defects.toml. A method ends at the first
 run that fails a requirement or does not come to its end. `--sound N` plays the controller as it is
-at N random points instead: each failure there is a false alarm.
+at N random points instead: each failure there is a false alarm. So is a shrunk failure that the
+controller as it is does not pass: `--shrunk` counts these.
 """
 
 import argparse
@@ -26,11 +27,15 @@ import hil_drivers
 import occasion
 from hil_bench.campaign.plan import own_case, space_of
 from hil_bench.campaign.pool import perform_here
-from hil_bench.campaign.search.records import ALL_METHODS, Method
+from hil_bench.campaign.search.falsify import SearchPlan, falsify
+from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
 from hil_bench.campaign.search.search import Searcher
+from hil_bench.campaign.search.writing import load_failure
 from hil_bench.scenario import controllers
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Controller, Scenario
+from hil_bench.scenario.run import play, prepare
+from hil_bench.scenario.writing import to_toml
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "benchmarks" / "defects"
@@ -121,6 +126,35 @@ def first_failure(scenario: Scenario, method: Method, runs: int, seed: int) -> i
     return None
 
 
+def false_counterexamples(defect: Defect, runs: int, seed: int) -> tuple[int, list[str]]:
+    """Return how many failures were made small, and those that the sound controller fails, too."""
+    plan = SearchPlan((Method.SOBOL,), Budget(runs), seed, ends_at_failure=True)
+    with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
+        folder = Path(name)
+        with seeded(defect, defect.language) as scenario:
+            path = folder / scenario.path.name
+            path.write_text(to_toml(scenario), encoding="utf-8")
+            found = falsify(path, plan, perform_here, folder / "failures", lambda _result: None)
+        failures = [load_failure(each.files) for each in found.failures if each.files]
+        wrong = []
+        with seeded(None, defect.language) as sound:
+            for small in failures:
+                run = play(prepare(replace(small, controller=sound.controller)))
+                if any(each.judgement.outcome != "passed" for each in run.findings):
+                    wrong.append(f"{small.path.name}: {run.findings}")
+        return len(failures), wrong
+
+
+def count_false_counterexamples(defects: list[Defect], runs: int, seed: int) -> None:
+    """Search each defect, and play its shrunk failures with the controller as it is."""
+    total = bad = 0
+    for defect in defects:
+        count, wrong = false_counterexamples(defect, runs, seed)
+        total, bad = total + count, bad + len(wrong)
+        print(f"{defect.id:24}{count} shrunk, {len(wrong)} false", *wrong, sep="\n  ", flush=True)
+    print(f"{bad} of {total} shrunk failures are false")
+
+
 def processor_time() -> float:
     """Return the processor time of this program and of those that it waited for [s]."""
     usages = [getrusage(who) for who in (RUSAGE_SELF, RUSAGE_CHILDREN)]
@@ -148,6 +182,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=40, help="of each method (%(default)s)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--sound", type=int, metavar="N", help="count false alarms in N runs")
+    parser.add_argument("--shrunk", action="store_true", help="count false shrunk failures")
     options = occasion.arguments(parser, runs=2, only=["wind_up"], language="py")
     if options.sound:
         for language in [options.language] if options.language else ["py", "c"]:
@@ -161,6 +196,9 @@ def main() -> None:
         for each in load_defects()
         if options.language in {None, each.language} and each.id in (options.only or [each.id])
     ]
+    if options.shrunk:
+        count_false_counterexamples(chosen, options.runs, options.seed)
+        return
     for defect in chosen:
         line = f"{defect.language:7}{defect.id:24}"
         with seeded(defect, defect.language) as scenario:

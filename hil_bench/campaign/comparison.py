@@ -18,8 +18,10 @@ class Change(NamedTuple):
         id: of the requirement.
         runs: how many both campaigns have.
         broken: runs that fail it now, and did not before.
-        mended: runs that failed it before, and do not now.
-        margins: median of the margins, before and now; None where there are none.
+        mended: runs that failed it before, and pass it now.
+        undecided: how many runs either campaign did not decide.
+        margins: median of the margins of those that both decided, before and now; None where
+            there are none.
     """
 
     scenario: str
@@ -27,12 +29,15 @@ class Change(NamedTuple):
     runs: int
     broken: tuple[RunResult, ...]
     mended: tuple[RunResult, ...]
+    undecided: int
     margins: tuple[float, float] | None
 
     def line(self) -> str:
         """Return it in a line."""
         counts = f"{len(self.broken)} newly failed, {len(self.mended)} no longer"
         line = f"{self.scenario}  {self.id}: of {self.runs} common runs {counts}"
+        if self.undecided:
+            line += f", {self.undecided} not decided before or now"
         if self.margins is not None:
             line += f"; median margin {self.margins[0]:+.3g} before, {self.margins[1]:+.3g} now"
         if self.broken:
@@ -56,7 +61,12 @@ def compare(before: Iterable[RunResult], now: Sequence[RunResult]) -> list[Chang
     pairs = [(old[_place(each)], each) for each in now if _place(each) in old]
     if not pairs:
         raise ConfigError("--compare: no run is in both campaigns; sample with the same seed")
-    names = dict.fromkeys((new.scenario, one.id) for _, new in pairs for one in new.verdicts)
+    names = dict.fromkeys(
+        (each.scenario, one.id)
+        for pair in pairs
+        for each in reversed(pair)
+        for one in each.verdicts
+    )
     return [_change(*name, pairs) for name in names]
 
 
@@ -70,22 +80,28 @@ def _change(
         and (old := _verdict(before, requirement)) is not None
         and (new := _verdict(result, requirement)) is not None
     ]
+    decided = [each for each in found if each[0].is_decided and each[1].is_decided]
     broken = [each for old, new, each in found if new.is_failed and not old.is_failed]
-    mended = [each for old, new, each in found if old.is_failed and not new.is_failed]
+    mended = [each for old, new, each in decided if old.is_failed and not new.is_failed]
     sized = [
         (old.margin, new.margin)
-        for old, new, _ in found
+        for old, new, _ in decided
         if old.margin is not None and new.margin is not None
     ]
     margins = None
     if sized:
         first, second = (float(np.median(column)) for column in zip(*sized, strict=True))
         margins = first, second
-    return Change(scenario, requirement, len(found), tuple(broken), tuple(mended), margins)
+    undecided = len(found) - len(decided)
+    counts = len(found), tuple(broken), tuple(mended), undecided
+    return Change(scenario, requirement, *counts, margins)
 
 
 def _verdict(result: RunResult, requirement: str) -> Verdict | None:
-    return next((each for each in result.verdicts if each.id == requirement), None)
+    """Return the verdict of a run, undecided where the run was cut off; None without such one."""
+    if result.outcome.is_cut_off:
+        return Verdict(requirement, result.outcome.value, None, result.problem)
+    return result.verdict_on(requirement)
 
 
 def _place(result: RunResult) -> tuple[object, ...]:

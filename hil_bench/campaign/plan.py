@@ -16,6 +16,7 @@ from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Controller, Parameter, Scenario
+from hil_bench.scenario.resolve import parameter_values
 from hil_bench.scenario.run import prepare
 
 _FEWEST_BLOCKS = 8  # of Saltelli's design: fewer say nothing
@@ -91,12 +92,15 @@ class Plan:
 
     def _groups(self) -> Iterator[Group]:
         campaign = self.campaign
-        scenarios = {path: load_scenario(path) for path in campaign.scenarios}
+        scenarios = {
+            path: fix_parameters(load_scenario(path), campaign.given) for path in campaign.scenarios
+        }
         _check_names(campaign, scenarios)
         names = dict(zip(scenarios, short_names(scenarios), strict=True))
         benches = dict(zip(campaign.benches, short_names(campaign.benches), strict=True))
+        drawn = {k: each for k, each in campaign.parameters.items() if k not in campaign.given}
         for path, scenario in scenarios.items():
-            space = space_of(scenario, campaign.parameters)
+            space = space_of(scenario, drawn)
             if not space and not campaign.tolerances and not campaign.seeds:
                 raise ConfigError(no_range(scenario))
             for bench, controller in _variants(campaign, scenario):
@@ -153,6 +157,21 @@ def own_case(scenario: Scenario) -> Case:
     """Return the case of a scenario as its file has it, on its own bench."""
     bench = _absolute(scenario.bench_path)
     return make_case(replace(scenario, bench=bench), short_names([scenario.path])[0])
+
+
+def fix_parameters(scenario: Scenario, given: Mapping[str, float]) -> Scenario:
+    """Return a scenario some of whose parameters have other values, and do not vary.
+
+    Args:
+        scenario: whose parameters.
+        given: values in the parameters' own units; one for no parameter is a `ConfigError`.
+    """
+    parameter_values(scenario, given)
+    parameters = tuple(
+        replace(each, value=given[each.name], span=None) if each.name in given else each
+        for each in scenario.parameters
+    )
+    return replace(scenario, parameters=parameters)
 
 
 def space_of(scenario: Scenario, given: Mapping[str, Distribution] | None = None) -> Space:

@@ -35,6 +35,7 @@ class Campaign:
         tolerances: what values keys of the bench take, by their place as in
             ``plant.axis1.mass_kg``.
         timeout: how long a run may take, on the machine's clock [s].
+        given: values of the scenarios' parameters, which then do not vary.
     """
 
     path: Path
@@ -51,18 +52,27 @@ class Campaign:
     parameters: Mapping[str, Distribution] = field(default_factory=dict)
     tolerances: Mapping[str, Distribution] = field(default_factory=dict)
     timeout: float = 60.0
+    given: Point = field(default_factory=dict)
 
-    def changed(self, *, runs: int | None, sampler: str | None, seed: int | None) -> Self:
+    def changed(
+        self,
+        *,
+        runs: int | None,
+        sampler: str | None,
+        seed: int | None,
+        given: Mapping[str, float] | None = None,
+    ) -> Self:
         """Return the campaign with other values in the place of the file's; None changes nothing.
 
         Args:
             runs: points of each scenario.
             sampler: the name of one.
             seed: of the sampler.
+            given: values of parameters.
         """
-        given: dict[str, Any] = {"runs": runs, "seed": seed}
-        given["sampler"] = None if sampler is None else Sampler(sampler)
-        return replace(self, **{name: value for name, value in given.items() if value is not None})
+        changes: dict[str, Any] = {"runs": runs, "seed": seed, "given": given}
+        changes["sampler"] = None if sampler is None else Sampler(sampler)
+        return replace(self, **{k: value for k, value in changes.items() if value is not None})
 
 
 class Case(NamedTuple):
@@ -150,14 +160,14 @@ class Verdict(NamedTuple):
         return self.outcome == RequirementOutcome.FAILED
 
     @property
-    def is_exercised(self) -> bool:
-        """Whether the run came to the requirement's trigger and its end."""
-        return is_exercised(self.outcome)
+    def is_decided(self) -> bool:
+        """Whether the run passed or failed the requirement."""
+        return self.is_failed or self.outcome == RequirementOutcome.PASSED
 
-
-def is_exercised(outcome: str) -> bool:
-    """Return whether a requirement's outcome says that its trigger and its end came."""
-    return outcome not in {RequirementOutcome.NOT_EXERCISED, RequirementOutcome.INCONCLUSIVE}
+    @property
+    def decided_margin(self) -> float | None:
+        """The margin of a decided requirement; None where it has no size."""
+        return self.margin if self.is_decided else None
 
 
 class RunResult(NamedTuple):
@@ -186,3 +196,12 @@ class RunResult(NamedTuple):
     problem: str = ""
     duration: float = 0.0
     verdicts: tuple[Verdict, ...] = ()
+
+    def verdict_on(self, requirement: str) -> Verdict | None:
+        """Return the verdict on a requirement; None without one."""
+        return next((each for each in self.verdicts if each.id == requirement), None)
+
+    def outcome_of(self, requirement: str) -> str:
+        """Return the outcome of a requirement; of the run, where it did not come to its end."""
+        found = self.verdict_on(requirement)
+        return self.outcome.value if found is None else found.outcome

@@ -130,8 +130,8 @@ def _margins(results: Sequence[RunResult], requirement: str) -> Floats:
 def _known(results: Sequence[RunResult], requirement: str) -> Iterator[float]:
     for result in results:
         for verdict in result.verdicts:
-            if verdict.id == requirement and verdict.margin is not None:
-                yield verdict.margin
+            if verdict.id == requirement and verdict.decided_margin is not None:
+                yield verdict.decided_margin
 
 
 def _estimate(names: Sequence[str], margins: Floats) -> Mapping[str, tuple[Estimate, Estimate]]:

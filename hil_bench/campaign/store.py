@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 _PROGRAM = b"hil-bench"
 _FIRMWARE = b"firmware:"
+_GIVEN = b"set"
 
 
 class Store:
@@ -24,14 +26,18 @@ class Store:
     Args:
         folder: where they are; made where it is missing.
         firmware: the digest of each firmware by its name.
+        given: values of parameters that the campaign was given with --set.
 
     Raises:
         ConfigError: the folder cannot be made.
     """
 
-    def __init__(self, folder: Path, firmware: Mapping[str, str]) -> None:
+    def __init__(
+        self, folder: Path, firmware: Mapping[str, str], given: Mapping[str, float] | None = None
+    ) -> None:
         self.folder = folder
         self._firmware = dict(firmware)
+        self._given = set_words(given or {})
         with about_file(folder, what="cannot be made"):
             folder.mkdir(parents=True, exist_ok=True)
         self._remove_halves()
@@ -50,6 +56,7 @@ class Store:
         name = hashlib.sha256("".join(row.key for row in rows).encode()).hexdigest()[:16]
         path, half = self.folder / f"{name}.parquet", self.folder / f".{name}.{os.getpid()}.half"
         meta = {_PROGRAM: program_identity().encode()}
+        meta[_GIVEN] = shlex.join(self._given).encode()
         meta |= {_FIRMWARE + k.encode(): v.encode() for k, v in self._firmware.items()}
         table = _to_table(rows).replace_schema_metadata(meta)
         try:
@@ -90,7 +97,9 @@ class Store:
         import pyarrow.parquet as pq  # noqa: PLC0415
 
         try:
-            with path.open("rb") as file:
+            # Arrow's own file: a thread of Arrow that releases what it has read of one of Python's
+            # needs the interpreter, which may have ended by then, and aborts the process.
+            with pa.OSFile(str(path)) as file:
                 parquet = pq.ParquetFile(file)
                 meta = parquet.schema_arrow.metadata or {}
                 if not is_foreign:
@@ -109,6 +118,11 @@ class Store:
             wrong = f"comes from hil-bench {program}, and this is {program_identity()}"
             right = "use one version for all, or another --output"
             raise ConfigError(f"{path}: {wrong}; {right}")
+        given, here = meta.get(_GIVEN, b"").decode(errors="replace"), shlex.join(self._given)
+        if given != here:
+            wrong = f"comes from a campaign with {given or 'no --set'}, and this has"
+            right = "give the same, or another --output"
+            raise ConfigError(f"{path}: {wrong} {here or 'none'}; {right}")
         for name, digest in self._firmware.items():
             other = meta.get(_FIRMWARE + name.encode())
             if other is not None and other.decode(errors="replace") != digest:
@@ -127,6 +141,11 @@ class Store:
 def same_finding(one: RunResult, other: RunResult) -> bool:
     """Return whether two results of a run say the same; last words of firmware name ports."""
     return one._replace(problem="") == other._replace(problem="")
+
+
+def set_words(given: Mapping[str, float]) -> list[str]:
+    """Return values of parameters as words of a command line."""
+    return [f"--set={name}={value!r}" for name, value in sorted(given.items())]
 
 
 def _runs(process: int) -> bool:

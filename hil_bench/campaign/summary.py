@@ -3,19 +3,22 @@
 import math
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from hil_bench.campaign.confidence import say_bound
+from hil_bench.campaign.confidence import Tally
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.records import RunOutcome, RunResult, Verdict, is_exercised
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.sampling import Point, Sampler
+from hil_bench.campaign.store import set_words
 from hil_bench.scenario.judgement import RequirementOutcome
 
 _FEWEST = 10  # runs for a correlation
 _WORST = 10
+_WORST_FIRST = tuple(reversed(RunOutcome))
+_FAILURES = {each.value for each in RunOutcome if each.is_failure}
 
 
 class RequirementSummary(NamedTuple):
@@ -24,8 +27,8 @@ class RequirementSummary(NamedTuple):
     Attributes:
         scenario: its name.
         id: of the requirement.
-        outcomes: how many runs had each.
-        margins: of the runs that have one.
+        outcomes: how many runs had each; of those that did not come to their end, the run's own.
+        margins: of the decided runs whose margin has a size.
         worst: the run with the smallest; None where none has one.
     """
 
@@ -41,9 +44,9 @@ class RequirementSummary(NamedTuple):
         return self.outcomes.get(RequirementOutcome.FAILED, 0)
 
     @property
-    def is_exercised(self) -> bool:
-        """Whether any run came to its trigger and its end."""
-        return any(map(is_exercised, self.outcomes))
+    def tally(self) -> Tally:
+        """The runs by what they say of it."""
+        return _tally_verdicts(Counter(self.outcomes).elements())
 
     def line(self) -> str:
         """Return it in a line."""
@@ -52,8 +55,8 @@ class RequirementSummary(NamedTuple):
         if self.worst is not None:
             line += f"; smallest margin {min(self.margins):+.2g} of the tolerance at "
             line += show_point(self.worst.values)
-        elif not self.is_exercised:
-            line += "; no run came to its trigger, so nothing is known of it"
+        elif not self.tally.decided:
+            line += "; no run was decided, so nothing is known of it"
         return line
 
 
@@ -77,11 +80,13 @@ class Correlation(NamedTuple):
 
 def summarise(results: Sequence[RunResult]) -> list[RequirementSummary]:
     """Return what the runs say of each requirement, in the order of the files."""
-    grouped: dict[tuple[str, str], list[tuple[RunResult, Verdict]]] = {}
-    for result in results:
-        for verdict in result.verdicts:
-            grouped.setdefault((result.scenario, verdict.id), []).append((result, verdict))
-    return [_summary(*name, found) for name, found in grouped.items()]
+    names = dict.fromkeys((each.scenario, one.id) for each in results for one in each.verdicts)
+    return [_summary(*name, results) for name in names]
+
+
+def tally_of(requirement: str, results: Iterable[RunResult]) -> Tally:
+    """Count the runs of a scenario by what they say of a requirement."""
+    return _tally_verdicts(each.outcome_of(requirement) for each in results)
 
 
 def correlations(results: Sequence[RunResult]) -> list[Correlation]:
@@ -101,15 +106,19 @@ def correlations(results: Sequence[RunResult]) -> list[Correlation]:
 
 
 def worst_runs(results: Sequence[RunResult], count: int = _WORST) -> list[RunResult]:
-    """Return the worst runs: those that did not come to their end, then by margin."""
-    return sorted(results, key=lambda each: (severity(each), each.key))[:count]
+    """Return the worst runs: by outcome, an undecided one before a passed one, then by margin."""
+
+    def order(each: RunResult) -> tuple[int, float, str]:
+        margin = smallest_margin(each)
+        return _WORST_FIRST.index(each.outcome), math.inf if margin is None else margin, each.key
+
+    return sorted(results, key=order)[:count]
 
 
-def severity(result: RunResult) -> float:
-    """Return the smallest margin of a run; less than any for one that did not come to its end."""
-    if result.outcome.is_cut_off:
-        return -math.inf
-    return min((size_of(each) for each in result.verdicts), default=math.inf)
+def smallest_margin(result: RunResult) -> float | None:
+    """Return the smallest margin of the requirements that a run decided; None without any."""
+    known = (each.decided_margin for each in result.verdicts)
+    return min((each for each in known if each is not None), default=None)
 
 
 def size_of(verdict: Verdict) -> float:
@@ -120,7 +129,11 @@ def size_of(verdict: Verdict) -> float:
 
 
 def bounds_of(plan: Plan, results: Sequence[RunResult]) -> Iterator[str]:
-    """Yield the bound on the failure probability of each scenario, where runs are independent."""
+    """Yield the bound on the failure probability of each scenario, where runs are independent.
+
+    A run failed where one of its requirements did, or where it did not come to its end; it passed
+    where all of them did. Any other is not decided; each requirement then has a bound of its own.
+    """
     campaign = plan.campaign
     if campaign.sampler is not Sampler.MONTE_CARLO or campaign.benches or campaign.firmware:
         return
@@ -128,10 +141,12 @@ def bounds_of(plan: Plan, results: Sequence[RunResult]) -> Iterator[str]:
         return
     for scenario in dict.fromkeys(each.scenario for each in results):
         of_it = [each for each in results if each.scenario == scenario]
-        failures = sum(each.outcome.is_failure for each in of_it)
-        passed = failures or "no"
-        word = "failure" if failures in {0, 1} else "failures"
-        yield f"{scenario}: {passed} {word} in {len(of_it)} runs; {say_bound(failures, len(of_it))}"
+        tally = Tally.of((each.outcome.value for each in of_it), RunOutcome.PASSED, _FAILURES)
+        yield f"{scenario}: {tally.failures_text()}; {tally.bound_text()}"
+        own = summarise(of_it) if tally.undecided else []
+        for each in own if len(own) > 1 else ():
+            tally = each.tally
+            yield f"{scenario}  {each.id}: {tally.failures_text()}; {tally.bound_text()}"
 
 
 def count_outcomes(results: Sequence[RunResult]) -> dict[str, int]:
@@ -148,10 +163,11 @@ def command_of(plan: Plan, result: RunResult) -> str:
     is_plain = not result.bench and not result.firmware and set(result.values) <= spaces
     if is_plain:
         words = ["hil-bench", "test", str(path)]
-        words += [f"--set={name}={value!r}" for name, value in result.values.items()]
+        words += set_words({**plan.campaign.given, **result.values})
         words += [] if result.seed is None else [f"--seed={result.seed}"]
     else:
         words = ["hil-bench", "campaign", str(plan.campaign.path), f"--run={result.key}"]
+        words += set_words(plan.campaign.given)
     return shlex.join(words)
 
 
@@ -160,23 +176,33 @@ def show_point(values: Point) -> str:
     return ", ".join(f"{name}={value:.5g}" for name, value in values.items()) or "all runs"
 
 
-def _summary(
-    scenario: str, requirement: str, found: Sequence[tuple[RunResult, Verdict]]
-) -> RequirementSummary:
-    counts = Counter(verdict.outcome for _, verdict in found)
-    outcomes = {each.value: counts[each.value] for each in RequirementOutcome if counts[each.value]}
-    sized = [(verdict.margin, result) for result, verdict in found if verdict.margin is not None]
+def _summary(scenario: str, requirement: str, results: Sequence[RunResult]) -> RequirementSummary:
+    of_it = [each for each in results if each.scenario == scenario]
+    counts = Counter(each.outcome_of(requirement) for each in of_it)
+    names = dict.fromkeys(each.value for each in (*RequirementOutcome, *RunOutcome))
+    outcomes = {name: counts[name] for name in names if counts[name]}
+    sized = [
+        (margin, result)
+        for result in of_it
+        if (verdict := result.verdict_on(requirement)) is not None
+        and (margin := verdict.decided_margin) is not None
+    ]
     worst = min(sized, key=lambda each: each[0])[1] if sized else None
     margins = tuple(margin for margin, _ in sized)
     return RequirementSummary(scenario, requirement, outcomes, margins, worst)
 
 
+def _tally_verdicts(outcomes: Iterable[str]) -> Tally:
+    return Tally.of(outcomes, RequirementOutcome.PASSED, {RequirementOutcome.FAILED})
+
+
 def _pairs(results: Sequence[RunResult], requirement: str, name: str) -> list[tuple[float, float]]:
     return [
-        (result.values[name], verdict.margin)
+        (result.values[name], margin)
         for result in results
-        for verdict in result.verdicts
-        if verdict.id == requirement and verdict.margin is not None and name in result.values
+        if (verdict := result.verdict_on(requirement)) is not None
+        and (margin := verdict.decided_margin) is not None
+        and name in result.values
     ]
 
 

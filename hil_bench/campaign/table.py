@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from hil_bench.campaign.executing import collect, execute
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import local_backend
-from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.store import Store
@@ -44,12 +43,18 @@ def run_campaign(
         output: the folder for results; without it they are not kept.
         progress: whether to show a bar on standard error.
     """
+    from tqdm import tqdm  # noqa: PLC0415 - an extra
+
     plan = Plan(read_campaign(Path(path)).changed(runs=runs, sampler=sampler, seed=seed))
     with ExitStack() as stack:
         folder = output or stack.enter_context(TemporaryDirectory(prefix="hil-bench-"))
         store = Store(Path(folder), plan.firmware)
         backend = stack.enter_context(local_backend(jobs))
-        with progress_bar(len(plan), is_shown=progress) as note:
+        with tqdm(total=len(plan), unit=" runs", disable=not progress) as bar:
+
+            def note(_result: RunResult | None) -> None:
+                bar.update()
+
             execute(plan, store, backend, note=note)
         return to_table(collect(plan, store).results)
 

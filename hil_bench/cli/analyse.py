@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from hil_bench.analysis.errors import require_extra
@@ -13,6 +12,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.cli.analyses import Names, add_analyses, add_analysis
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_directory
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import print_lines
 
 _EXAMPLES = """\
@@ -48,8 +48,9 @@ def run(args: argparse.Namespace) -> int:
     if args.study is None:
         return _run_paper(args)
     config = load_config(args.config)
-    study: Study = args.study(args, config, find_cylinder(config, args.axis, "an analysis"))
-    files = [] if args.output is None else write_study(study, args.output)
+    with shown_work(args, Work("analyse")):
+        study: Study = args.study(args, config, find_cylinder(config, args.axis, "an analysis"))
+        files = [] if args.output is None else write_study(study, args.output)
     if args.json:
         print(_json(study, files))
     else:
@@ -69,10 +70,11 @@ def _add_paper(names: "Names[argparse.ArgumentParser]") -> None:
 
 
 def _run_paper(args: argparse.Namespace) -> int:
-    if sys.stderr.isatty() and not args.quiet:
-        print("simulating some ten minutes of both models ...", file=sys.stderr)
-    runs = run_paper()
-    files = [str(path) for path in write_paper(args.output, runs)]
+    with shown_work(args, Work("analyse paper")) as work:
+        work.begin("simulating some ten minutes of both models")
+        runs = run_paper()
+        work.begin("writing report and figures")
+        files = [str(path) for path in write_paper(args.output, runs)]
     statements = check_paper(runs)
     if args.json:
         found = [statement._asdict() for statement in statements]

@@ -11,7 +11,6 @@ from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import WHOLE, Outcome, Shard, collect, execute
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import local_backend
-from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome, RunResult
 from hil_bench.campaign.reports.campaign_report import write_campaign_report
@@ -27,11 +26,13 @@ from hil_bench.campaign.summary import (
     summarise,
     worst_runs,
 )
-from hil_bench.cli.campaign_arguments import add_jobs_argument, count, count_from_zero
+from hil_bench.cli.campaign_arguments import add_jobs_argument, count, count_from_zero, count_runs
 from hil_bench.cli.campaign_view import CampaignView
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.progress import Work, shown_work
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import check_report_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
@@ -83,6 +84,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--seed", type=count_from_zero, metavar="N", help="seed of the sampler (default: 0)"
     )
+    add_parameter_argument(parser)
     add_jobs_argument(parser)
     parser.add_argument(
         "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"
@@ -120,12 +122,14 @@ def run(args: argparse.Namespace) -> int:
     """Do the campaign, and print what came of it."""
     check_report_argument(args)
     campaign = read_campaign(args.campaign)
-    plan = Plan(campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed))
+    given = dict(map(read_parameter, args.given))
+    changed = campaign.changed(runs=args.runs, sampler=args.sampler, seed=args.seed, given=given)
+    plan = Plan(changed)
     if args.key:
         return _repeat(args, plan)
     if not args.output:
         args.output = args.campaign.with_name(f"{args.campaign.name.split('.')[0]}.results")
-    store = Store(args.output, plan.firmware)
+    store = Store(args.output, plan.firmware, given)
     if not args.merge:
         _execute(args, plan, store)
     outcome = collect(plan, store, args.shard)
@@ -151,9 +155,8 @@ def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
         stack.enter_context(interrupted_once())
         opened = DaskBackend(args.dask) if args.dask else local_backend(args.jobs)
         backend = stack.enter_context(opened)
-        shown = False if is_silent(args) else None
         total = len(range(args.shard.number - 1, len(plan), args.shard.parts))
-        note = stack.enter_context(progress_bar(total, is_shown=shown))
+        note = count_runs(stack.enter_context(shown_work(args, Work("campaign", total, "runs"))))
         title = str(args.campaign)
         view = CampaignView(stack.enter_context(watched_work(args, "campaign", title)), total)
 
@@ -225,6 +228,7 @@ def _content(
     plan: Plan, outcome: Outcome, changes: list[Change], sensitivity: Sensitivity
 ) -> dict[str, object]:
     return {
+        "set": plan.campaign.given,
         "runs": len(outcome.results),
         "missing": outcome.missing,
         "digest": outcome.digest,

@@ -1,8 +1,12 @@
-"""Arguments that `campaign` and `falsify` share."""
+"""Arguments that `campaign` and `falsify` share, and their runs as they are counted."""
 
 import argparse
 import math
 import os
+
+from hil_bench.campaign.executing import Note
+from hil_bench.campaign.records import RunResult
+from hil_bench.cli.progress import Work
 
 
 def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
@@ -14,6 +18,20 @@ def add_jobs_argument(parser: argparse.ArgumentParser) -> None:
         default=_processors(),
         help="number of processes (default: %(default)s); 0 runs in this one, without time-outs",
     )
+
+
+def count_runs(work: Work) -> Note:
+    """Return a function that counts the runs of a campaign or a search, and those that fail."""
+    failures = 0
+
+    def note(result: RunResult | None) -> None:
+        nonlocal failures
+        work.done += 1
+        if result is not None and result.outcome.is_failure:
+            failures += 1
+            work.remark = f"{failures} failed"
+
+    return note
 
 
 def count(text: str) -> int:

@@ -1,11 +1,11 @@
 """A campaign as those see it who watch: how far it is, verdicts, and the worst margins."""
 
-import math
 from collections import Counter
 
 from hil_bench.campaign.records import RunResult, Verdict
-from hil_bench.campaign.summary import show_point
+from hil_bench.campaign.summary import show_point, size_of
 from hil_bench.cli.work_side import WorkView
+from hil_bench.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.session.work_feed import WorkItem
 
 
@@ -21,7 +21,7 @@ class CampaignView:
         self._view = view
         self._done = 0
         self._counts: Counter[str] = Counter()
-        self._worst: dict[tuple[str, str], tuple[float, WorkItem]] = {}
+        self._worst: dict[tuple[str, str], tuple[tuple[int, float], WorkItem]] = {}
         view.show(total=total)
 
     def note(self, result: RunResult | None) -> None:
@@ -40,18 +40,19 @@ class CampaignView:
     def _take(self, result: RunResult) -> None:
         if not result.verdicts:
             item = WorkItem(result.scenario, str(result.outcome), result.problem)
-            self._worst[result.scenario, ""] = -math.inf, item
+            self._worst[result.scenario, ""] = (-1, 0.0), item
         for verdict in result.verdicts:
             self._keep(result, verdict)
 
     def _keep(self, result: RunResult, verdict: Verdict) -> None:
         """Keep a verdict where none of its requirement has been worse."""
-        margin = math.inf if verdict.margin is None else verdict.margin
+        margin = verdict.decided_margin
+        badness = WORST_FIRST.index(RequirementOutcome(verdict.outcome)), size_of(verdict)
         place = result.scenario, verdict.id
-        if place in self._worst and self._worst[place][0] <= margin:
+        if place in self._worst and self._worst[place][0] <= badness:
             return
-        text = "" if verdict.margin is None else f"smallest margin {margin:+.2g} of the tolerance"
+        text = "" if margin is None else f"smallest margin {margin:+.2g} of the tolerance"
         if result.values:
             text += f" at {show_point(result.values)}"
         item = WorkItem(f"{result.scenario} {verdict.id}", verdict.outcome, text.strip())
-        self._worst[place] = margin, item
+        self._worst[place] = badness, item

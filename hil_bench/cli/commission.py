@@ -29,6 +29,7 @@ from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.recording_arguments import report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.work_recording import recorded_work
@@ -181,9 +182,11 @@ def _commission(
     shown: ShownPlan,
 ) -> tuple[Commissioning, RecordingReport]:
     """Run the plan while all is recorded; return what was found, and what the recording holds."""
+    work = Work("commission", len(plan.steps), "steps")
 
     def begin(step: Step) -> None:
         shown.begin(step)
+        work.begin(str(step.kind))
         if not is_silent(args):
             _print_begin(step)
 
@@ -205,6 +208,7 @@ def _commission(
             _recording_path(args), opened, _channels(plan, config), f"commissioning by {args.plan}"
         ) as (recording, origin),
         interrupted_once(),
+        shown_work(args, work, prints=not (args.json and (args.virtual or args.yes))),
     ):
         found = commission(
             opened.network,

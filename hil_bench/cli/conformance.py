@@ -15,6 +15,7 @@ from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.machine.conformance import report
@@ -97,9 +98,11 @@ def run(args: argparse.Namespace) -> int:
         if not _answers(dut, opened):
             return ExitCode.CHECK_FAILED
         results = []
-        with _reset_afterwards(dut, allowed):
+        checks = Work("conformance", unit="checks")
+        with _reset_afterwards(dut, allowed), shown_work(args, checks, prints=not args.json):
             for result in run_suite(dut, allowed):
                 results.append(result)
+                checks.done += 1
                 if not args.json and not args.quiet:
                     print(report.line(result), flush=True)
             device = _description(dut)

@@ -12,6 +12,7 @@ from hil_bench.analysis.validation.suite import validate
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.doctor import found_content, measure
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.errors import ConfigError
 from hil_bench.machine.conformance.evidence.content import summarise
@@ -99,9 +100,13 @@ def run(args: argparse.Namespace) -> int:
     results = read_results(args.results)
     config = load_config(args.config)
     traceability = trace(results)
-    devices = examine_devices(config)
-    pack = _content(config, devices, traceability, args.seconds)
-    digest = write_pack(args.folder, dict(_files(pack, config, devices, results)))
+    timing = _timing(args.seconds)  # first: whoever shows the work would be measured, too
+    with shown_work(args, Work("evidence", 5)) as work:
+        work.begin("devices")
+        devices = examine_devices(config)
+        pack = _content(config, devices, traceability, timing, work)
+        work.begin("writing")
+        digest = write_pack(args.folder, dict(_files(pack, config, devices, results)))
     print_results(
         args,
         _lines(pack["summary"], args.folder, digest),
@@ -122,21 +127,31 @@ def _verify(args: argparse.Namespace) -> int:
     return ExitCode.CHECK_FAILED if differences else ExitCode.DONE
 
 
+def _timing(seconds: float) -> Mapping[str, object]:
+    permissions, machine = examine_permissions(read_file), examine_machine(read_file)
+    return found_content((permissions, machine), measure(seconds, permissions))
+
+
 def _content(
     config: BenchConfig,
     devices: list[Examination],
     traceability: Mapping[str, object],
-    seconds: float,
+    timing: Mapping[str, object],
+    work: Work,
 ) -> dict[str, Any]:
     """Return all that a pack says."""
+    work.begin("plant")
     checks = validate(config.axes, config.step_ns * 1e-9)
-    permissions, machine = examine_permissions(read_file), examine_machine(read_file)
+    work.begin("software")
+    software = examine_software(config)
+    work.begin("determinism")
+    determinism = examine_determinism(config)
     pack: dict[str, Any] = {
-        "software": examine_software(config),
+        "software": software,
         "plant": [{**asdict(check), "verdict": check.verdict.value} for check in checks],
         "conformance": [device.content for device in devices],
-        "determinism": examine_determinism(config),
-        "timing": found_content((permissions, machine), measure(seconds, permissions)),
+        "determinism": determinism,
+        "timing": timing,
         "traceability": traceability,
         "known_defects": known_defects(),
         "classification": classification(),

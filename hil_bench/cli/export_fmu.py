@@ -5,6 +5,7 @@ from pathlib import Path
 
 from hil_bench.bench.configuration import AxisConfig, BenchConfig, load_config
 from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.errors import ConfigError
 from hil_bench.machine.fmu_export.export import export_axis, validate
 from hil_bench.machine.together import axes_with
@@ -41,8 +42,11 @@ def run(args: argparse.Namespace) -> int:
     """Write the FMU and check it."""
     config = load_config(args.config)
     axis = _find_axis(config, args.axis)
-    export_axis(config, axis, args.fmu)
-    problems = validate(args.fmu)
+    with shown_work(args, Work("export-fmu")) as work:
+        work.begin("writing")
+        export_axis(config, axis, args.fmu)
+        work.begin("checking")
+        problems = validate(args.fmu)
     size = args.fmu.stat().st_size / 1e6
     axes = axes_with(config, axis)
     what = " and ".join(f"{each.name}, a {each.kind.name}" for each in axes)

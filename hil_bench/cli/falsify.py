@@ -7,7 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hil_bench.campaign.pool import local_backend
-from hil_bench.campaign.progress import progress_bar
 from hil_bench.campaign.reports.search_report import write_search_report
 from hil_bench.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.campaign.search.records import ALL_METHODS, Budget, Find, Method
@@ -15,11 +14,14 @@ from hil_bench.cli.campaign_arguments import (
     add_jobs_argument,
     count,
     count_from_zero,
+    count_runs,
     positive,
 )
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interrupted_once
-from hil_bench.cli.results import add_json_argument, is_silent, print_results
+from hil_bench.cli.progress import Work, shown_work
+from hil_bench.cli.results import add_json_argument, print_results
+from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
 from hil_bench.cli.scenario_report import check_report_argument
 
 logger = logging.getLogger(__name__)
@@ -30,7 +32,7 @@ runs. A failure is shrunk, and written as a scenario and as a pytest file. After
 command goes on where it was ended.
 
 exit code 1 where a requirement failed or a run crashed; 6 where none did, but a requirement was
-never exercised
+never decided
 
 examples:
   hil-bench falsify sag.scenario.toml
@@ -97,6 +99,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--report", type=Path, metavar="FILE", help="write an HTML report that opens offline"
     )
+    add_parameter_argument(parser)
     add_jobs_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -111,13 +114,13 @@ def run(args: argparse.Namespace) -> int:
         args.seed,
         args.timeout_s,
         args.stop_at_failure,
+        dict(map(read_parameter, args.given)),
     )
     with ExitStack() as stack:
         stack.enter_context(interrupted_once())
         backend = stack.enter_context(local_backend(args.jobs))
-        shown = False if is_silent(args) else None
         total = args.runs * len(plan.methods)
-        note = stack.enter_context(progress_bar(total, is_shown=shown))
+        note = count_runs(stack.enter_context(shown_work(args, Work("falsify", total, "runs"))))
         found = falsify(args.scenario, plan, backend, args.output, note)
     if found.is_interrupted:
         done = f"interrupted after {len(found.search.trials)} of {total} runs"
@@ -132,12 +135,13 @@ def run(args: argparse.Namespace) -> int:
 def _exit_code(found: Falsification) -> ExitCode:
     if found.search.crashes or any(each.is_failed for each in found.search.finds):
         return ExitCode.CHECK_FAILED
-    is_seen = all(each.is_exercised for each in found.search.finds)
+    is_seen = all(each.tally.decided for each in found.search.finds)
     return ExitCode.DONE if is_seen else ExitCode.INCONCLUSIVE
 
 
 def _content(found: Falsification) -> dict[str, object]:
     return {
+        "set": found.plan.given,
         "runs": {method.value: len(found.search.of(method)) for method in found.plan.methods},
         "requirements": [_find(each) for each in found.search.finds],
         "failures": [_failure(each) for each in found.failures],
@@ -149,7 +153,8 @@ def _find(find: Find) -> dict[str, object]:
     return {
         "id": find.id,
         "is_failed": find.is_failed,
-        "is_exercised": find.is_exercised,
+        "is_exercised": find.tally.decided > 0,
+        "undecided_runs": find.tally.undecided,
         "first_failure": {method.value: number for method, number in find.first.items()},
         "smallest_margin": find.margin,
         "at": find.worst.point if find.worst else None,

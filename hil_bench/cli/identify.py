@@ -19,6 +19,7 @@ from hil_bench.cli.identify_design import (
     find_design,
     write_design,
 )
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file, whole_file
@@ -122,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: a wrong argument, or a recording that is none or tells nothing.
     """
-    for package in ("scipy", "matplotlib", "tqdm"):
+    for package in ("scipy", "matplotlib"):
         require_extra(package, "hil-bench identify")
     if not 1 <= args.starts <= 10_000:
         raise ConfigError(f"--starts {args.starts}: give 1 to 10000")
@@ -307,15 +308,8 @@ def _names(paths: Sequence[Path]) -> str:
 
 
 def _identify(args: argparse.Namespace, asked: Question, record: AxisRecord) -> Identification:
-    from tqdm import tqdm  # noqa: PLC0415 - an extra
-
-    # How long a fit takes shows only when it has converged, so the bar counts without an end.
-    with tqdm(unit=" steps", disable=True if args.quiet else None) as bar:
-
-        def report(stage: str) -> None:
-            bar.set_description(stage, refresh=False)
-            bar.update()
-
+    # How long a fit takes shows only when it has converged, so its steps have no total.
+    with shown_work(args, Work("identify", unit="steps")) as work:
         return identify(
             record,
             asked.axis.parameters,
@@ -325,7 +319,7 @@ def _identify(args: argparse.Namespace, asked: Question, record: AxisRecord) -> 
             sensors=asked.sensors,
             starts=args.starts,
             seed=asked.config.seed,
-            report=report,
+            report=work.begin,
         )
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
 from hil_bench.cli.arguments import find_cylinder
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.machine.commissioning.plan import CommissioningPlan, Limits, check_against, load_plan
@@ -109,8 +110,6 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
     Raises:
         ConfigError: none stays within the limits.
     """
-    from tqdm import tqdm  # noqa: PLC0415 - an extra
-
     _valve(asked)
     plan = None if args.plan is None else load_plan(args.plan)
     limits = _limits(plan, asked)
@@ -126,19 +125,14 @@ def find_design(args: argparse.Namespace, asked: Question) -> tuple[Design, tupl
             known = known.beside(_STOP, kind_of(_STOP).spread * asked.axis.parameters.h)
     unknowns = Unknowns(asked.axis.parameters, names, 1, asked.sensors)
     is_known = known is not None and set(names) <= set(known.deviations)
-    with tqdm(unit=" manoeuvres", disable=True if args.quiet else None) as bar:
-
-        def report(name: str) -> None:
-            bar.set_description(name, refresh=False)
-            bar.update()
-
+    with shown_work(args, Work("identify --design", unit="manoeuvres")) as work:
         designer = Designer(
             Foresight(twin, unknowns),
             bounds,
             known.covariance(names) if known is not None and is_known else None,
             {name: _spool_deviation(name, twin.parameters, known) for name in spool},
             aside,
-            report,
+            work.begin,
         )
         found = designer.design(20.0 if args.duration is None else args.duration)
     if known is not None and not is_known:

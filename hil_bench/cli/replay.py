@@ -15,6 +15,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
+from hil_bench.cli.progress import Work, shown_work
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.machine.replay import (
     FrameDirection,
@@ -27,6 +28,7 @@ from hil_bench.machine.replay import (
 from hil_bench.outside.realtime.clock import MonotonicClock
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
+from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.trigger import quantity
 from hil_bench.outside.transports.opening import open_can_bus
 from hil_bench.units import display_unit
@@ -122,10 +124,16 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
         wish = stack.enter_context(interruption())
         bus, what = open_can_bus(*config.bus.address)
         stack.enter_context(bus)
+        work = stack.enter_context(shown_work(args, Work("replay", len(frames), "frames")))
+
+        def send(logged: LoggedFrame) -> None:
+            bus.send(message_of(logged))
+            work.done += 1
+
         try:
             report = play_frames(
                 frames,
-                lambda logged: bus.send(message_of(logged)),
+                send,
                 MonotonicClock(),
                 speed=args.speed,
                 stopped=lambda: wish.requested,
@@ -150,7 +158,8 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
     units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
     tolerances = dict(_tolerance(text, units) for text in args.tolerance)
     try:
-        driven = drive_plant(config, recorded)
+        with shown_work(args, Work("replay")):
+            driven = drive_plant(config, recorded)
     except ConfigError as error:
         raise ConfigError(f"{args.recording}: {error}") from None
     deviations = compare_recordings(config, recorded, driven, tolerances)

@@ -26,3 +26,29 @@ def parts_of(node: Condition) -> tuple[Condition, ...]:
             return ()
         case _:
             return (node.operand,)
+
+
+def survives_a_cut(node: Condition) -> bool:
+    """Return whether any run that fulfils a condition fulfils it as well where it ends earlier.
+
+    The earlier end is not before the condition's reach. An `eventually` without an end would fail
+    there, a trigger might be missing, and a window in an `always` without an end would be open.
+    """
+    match node:
+        case nodes.Implies():
+            return False
+        case nodes.Always():
+            is_open = node.window.end is None and reach(node.operand) > 0
+            return not is_open and survives_a_cut(node.operand)
+        case nodes.Eventually() | nodes.Until():
+            return node.window.end is not None and all(map(survives_a_cut, parts_of(node)))
+        case nodes.All() | nodes.Any():
+            return all(map(survives_a_cut, node.operands))
+        case _:
+            return not any(map(_looks_ahead, parts_of(node)))
+
+
+def _looks_ahead(node: Condition) -> bool:
+    """Return whether a condition depends on later ticks, or on a trigger."""
+    is_ahead = isinstance(node, nodes.Always | nodes.Eventually | nodes.Until | nodes.Implies)
+    return is_ahead or any(map(_looks_ahead, parts_of(node)))

@@ -16,8 +16,8 @@ from hil_bench.campaign.summary import (
     command_of,
     correlations,
     count_outcomes,
-    severity,
     show_point,
+    smallest_margin,
     summarise,
     worst_runs,
 )
@@ -48,7 +48,7 @@ def write_campaign_report(
             "id": each.id,
             "outcomes": each.outcomes,
             "failures": each.failures,
-            "is_exercised": each.is_exercised,
+            "tally": each.tally,
             "smallest": min(each.margins, default=None),
             "median": sorted(each.margins)[len(each.margins) // 2] if each.margins else None,
             "worst": show_point(each.worst.values) if each.worst else "",
@@ -61,7 +61,7 @@ def write_campaign_report(
     worst = [
         {
             "result": each,
-            "margin": severity(each),
+            "margin": smallest_margin(each),
             "point": show_point(each.values),
             "reasons": [one for one in each.verdicts if one.outcome != "passed"],
             "command": command_of(plan, each),

@@ -46,4 +46,4 @@ def turns(requirements: Sequence[str], failed: Iterable[str]) -> Sequence[Sequen
 
 def _cost(verdict: Verdict) -> float:
     size = size_of(verdict)
-    return size if verdict.is_exercised else max(UNKNOWN, size)
+    return size if verdict.is_decided else max(UNKNOWN, size)

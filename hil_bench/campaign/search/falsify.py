@@ -1,14 +1,14 @@
 """From a scenario to its failures, each made small and written down; or to how sure one can be."""
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
-from hil_bench.campaign.confidence import say_bound
 from hil_bench.campaign.executing import Note
-from hil_bench.campaign.plan import make_spec, no_range, own_case, space_of
+from hil_bench.campaign.plan import fix_parameters, make_spec, no_range, own_case, space_of
 from hil_bench.campaign.pool import Backend
 from hil_bench.campaign.records import Case, RunResult
 from hil_bench.campaign.search.kept_runs import KeptRuns
@@ -23,7 +23,7 @@ from hil_bench.campaign.search.records import (
 from hil_bench.campaign.search.search import Searcher
 from hil_bench.campaign.search.shrink import Run, Shrunk, Target, as_found, shrink
 from hil_bench.campaign.search.writing import Files, load_failure, write_failure
-from hil_bench.campaign.summary import show_point
+from hil_bench.campaign.summary import show_point, tally_of
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.records import Scenario
@@ -38,6 +38,7 @@ class SearchPlan(NamedTuple):
         seed: of the random generators.
         timeout: how long a run may take [s].
         ends_at_failure: whether to end when all requirements have failed.
+        given: values of parameters, which then do not vary.
     """
 
     methods: Sequence[Method] = ALL_METHODS
@@ -45,6 +46,7 @@ class SearchPlan(NamedTuple):
     seed: int = 0
     timeout: float = 60.0
     ends_at_failure: bool = False
+    given: Mapping[str, float] = MappingProxyType({})
 
 
 class Failure(NamedTuple):
@@ -92,19 +94,18 @@ class Falsification(NamedTuple):
             yield from _failure_lines(failure)
 
     def _what(self, find: Find) -> str:
-        trials = len(self.search.trials)
         at = show_point(find.worst.point) if find.worst else ""
         reason = _reason(find)
         if find.is_failed:
             firsts = ", ".join(f"{number} of {method}" for method, number in find.first.items())
             return f"fails at {at}: {reason}; first in run {firsts}"
-        if not find.is_exercised:
-            return f"was never exercised in {trials} runs; nothing is known of it"
-        said = f"no failure in {trials} runs; smallest margin at {at}: {reason}"
-        random = self.search.of(Method.RANDOM)
-        return (
-            f"{said}; {say_bound(0, len(random))} ({len(random)} random runs)" if random else said
-        )
+        if not find.tally.decided:
+            return f"was never decided: {find.tally.runs_text()}; nothing is known of it"
+        said = f"{find.tally.failures_text()}; smallest margin at {at}: {reason}"
+        random = tally_of(find.id, (each.result for each in self.search.of(Method.RANDOM)))
+        if not random.runs:
+            return said
+        return f"{said}; {random.bound_text()} ({random.runs_text('random runs')})"
 
 
 def falsify(
@@ -125,7 +126,7 @@ def falsify(
     Raises:
         ConfigError: nothing in the scenario varies.
     """
-    scenario = load_scenario(path)
+    scenario = fix_parameters(load_scenario(path), plan.given)
     space = space_of(scenario)
     if not space:
         raise ConfigError(no_range(scenario))
@@ -152,7 +153,8 @@ def falsify(
 
 def _to_shrink(found: SearchResult) -> Iterator[tuple[Target, Trial]]:
     if found.crashes:
-        yield Target(""), found.crashes[0]
+        crash = found.crashes[0]
+        yield Target("", crash.result.outcome), crash
     for find in found.finds:
         if find.is_failed and find.worst is not None:
             yield Target(find.id), find.worst
@@ -195,7 +197,7 @@ def _check(failure: Failure, run: Run) -> bool:
 
 def _reason(find: Find) -> str:
     if find.worst is None:
-        return "no run came to its end"
+        return "no run was decided"
     return next(each.reason for each in find.worst.result.verdicts if each.id == find.id)
 
 

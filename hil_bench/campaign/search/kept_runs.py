@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from hil_bench.campaign.identity import run_key
 from hil_bench.campaign.pool import Backend
 from hil_bench.campaign.records import Case, RunResult, RunSpec
 from hil_bench.campaign.store import Store
@@ -16,14 +17,17 @@ class KeptRuns:
     Args:
         backend: does the runs.
         parent: the folder that the kept runs have a folder in.
-        case: what is searched; after a change of scenario, bench or firmware it is another one.
+        case: what is searched; after a change of scenario, its parameters, bench or firmware it is
+            another one.
 
     Attributes:
         folder: where runs are kept; only there between an interruption and the end of the search.
     """
 
     def __init__(self, backend: Backend, parent: Path, case: Case) -> None:
-        self.folder = parent / f"{case.name}.{case.digest[:8]}.interrupted"
+        fixed = {each.name: each.value for each in case.scenario.parameters}
+        digest = run_key(case.digest, fixed, {}, None)
+        self.folder = parent / f"{case.name}.{digest[:8]}.interrupted"
         self._backend = backend
         self._done: dict[str, RunResult] = {}
         if self.folder.is_dir():

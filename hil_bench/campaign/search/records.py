@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
+from hil_bench.campaign.confidence import Tally
 from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.sampling import Point
 from hil_bench.campaign.summary import size_of
@@ -49,9 +50,9 @@ class Trial(NamedTuple):
     result: RunResult
 
     def margin(self, requirement: str) -> float | None:
-        """Return the margin of a requirement; None where the run did not come to its end."""
-        found = (size_of(each) for each in self.result.verdicts if each.id == requirement)
-        return next(found, None)
+        """Return the margin of a requirement, 1 or -1 without a size; None of an undecided one."""
+        found = self.result.verdict_on(requirement)
+        return size_of(found) if found is not None and found.is_decided else None
 
 
 class Find(NamedTuple):
@@ -60,16 +61,16 @@ class Find(NamedTuple):
     Attributes:
         id: of the requirement.
         first: the first failure of each method, by its number; those that found none are missing.
-        worst: the trial with the smallest margin; None where no run came to its end.
+        worst: the trial with the smallest margin; None where no run was decided.
         margin: that margin.
-        is_exercised: whether any run came to its trigger and its end.
+        tally: the runs by what they say of it.
     """
 
     id: str
     first: dict[Method, int]
     worst: Trial | None
     margin: float
-    is_exercised: bool
+    tally: Tally
 
     @property
     def is_failed(self) -> bool:

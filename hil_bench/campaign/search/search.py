@@ -11,6 +11,7 @@ from hil_bench.campaign.records import Case, RunResult, RunSpec
 from hil_bench.campaign.sampling import Point, points_at
 from hil_bench.campaign.search.methods import build_search
 from hil_bench.campaign.search.records import Budget, Find, Method, SearchResult, Trial
+from hil_bench.campaign.summary import tally_of
 
 
 class Searcher:
@@ -122,17 +123,15 @@ def _trials_of(
 
 def _find(requirement: str, trials: Sequence[Trial]) -> Find:
     first: dict[Method, int] = {}
-    is_exercised = False
     for trial in trials:
-        for verdict in trial.result.verdicts:
-            if verdict.id == requirement:
-                is_exercised |= verdict.is_exercised
-                if verdict.is_failed:
-                    first.setdefault(trial.method, trial.number)
+        verdict = trial.result.verdict_on(requirement)
+        if verdict is not None and verdict.is_failed:
+            first.setdefault(trial.method, trial.number)
     known = [each for each in trials if each.margin(requirement) is not None]
     worst = min(known, key=_by_margin(requirement), default=None)
     margin = worst.margin(requirement) if worst else None
-    return Find(requirement, first, worst, float("inf") if margin is None else margin, is_exercised)
+    tally = tally_of(requirement, (each.result for each in trials))
+    return Find(requirement, first, worst, float("inf") if margin is None else margin, tally)
 
 
 def _by_margin(requirement: str) -> Callable[[Trial], tuple[bool, float]]:

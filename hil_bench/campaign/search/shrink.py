@@ -1,4 +1,8 @@
-"""A failure made small: fewer steps, shorter, nearer to the file's values, rounder numbers."""
+"""A failure made small: nearer to the file's values, rounder numbers, a run that ends earlier.
+
+It stays a failure that the author of the file would call one: its parameters lie in their ranges,
+and its run is the beginning of one of the whole scenario, whose steps come as they did.
+"""
 
 import math
 import tomllib
@@ -7,13 +11,15 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from hil_bench.campaign.records import RunResult
+from hil_bench.campaign.records import RunOutcome, RunResult
 from hil_bench.campaign.sampling import Point
 from hil_bench.campaign.search.records import Trial
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.places import LocatedProblems
-from hil_bench.scenario.reading import read_scenario
-from hil_bench.scenario.records import Scenario, SetStep
+from hil_bench.scenario.reach import survives_a_cut
+from hil_bench.scenario.reading import read_scenario, seconds
+from hil_bench.scenario.records import Scenario
+from hil_bench.scenario.run import prepare
 from hil_bench.scenario.usage import unused_parameters
 from hil_bench.scenario.writing import to_toml
 
@@ -29,15 +35,18 @@ class Target(NamedTuple):
 
     Attributes:
         requirement: its id; empty for a run that does not come to its end.
+        outcome: of such a run.
     """
 
     requirement: str
+    outcome: RunOutcome = RunOutcome.FAILED
 
     def is_hit(self, result: RunResult) -> bool:
         """Return whether a run still fails."""
         if not self.requirement:
-            return result.outcome.is_cut_off
-        return any(each.is_failed for each in result.verdicts if each.id == self.requirement)
+            return result.outcome is self.outcome
+        verdict = result.verdict_on(self.requirement)
+        return verdict is not None and verdict.is_failed
 
 
 class Shrunk(NamedTuple):
@@ -72,21 +81,16 @@ def shrink(scenario: Scenario, trial: Trial, target: Target, run: Run) -> Shrunk
         if not shrinker.begin(trial.point):
             return None
         for part in (
-            shrinker.drop_steps,
             shrinker.make_usual,
             shrinker.shorten,
             shrinker.make_smaller,
             shrinker.round_numbers,
-            shrinker.drop_steps,
+            shrinker.shorten,
         ):
             part()
     except KeyboardInterrupt:
-        found = shrinker.found
-        return (
-            as_found(scenario, trial, target)
-            if found is None
-            else found._replace(is_interrupted=True)
-        )
+        found = shrinker.found or as_found(scenario, trial, target)
+        return found._replace(is_interrupted=True)
     return shrinker.found
 
 
@@ -106,63 +110,55 @@ class _Shrinker:
     """Takes each step that leaves the failure."""
 
     def __init__(self, scenario: Scenario, target: Target, run: Run) -> None:
-        self._usual = {each.name: each for each in scenario.parameters}
-        self._scenario, self._target, self._run = scenario, target, run
+        self._varied = {each.name: each for each in scenario.parameters if each.span is not None}
+        self._whole, self._duration = scenario, scenario.duration
+        self._target, self._run = target, run
         self._runs = 0
-        self._result: RunResult | None = None
+        self._found: tuple[Scenario, RunResult] | None = None
 
     @property
     def found(self) -> Shrunk | None:
         """What is found so far."""
-        if self._result is None:
-            return None
-        return Shrunk(self._scenario, self._result, self._runs)
+        return None if self._found is None else Shrunk(*self._found, self._runs)
 
     def begin(self, point: Point) -> bool:
         """Take the values of the failure, and no other requirement; return whether it fails."""
-        plain = _at(self._scenario, point)
-        return self._try(_tidied(_alone(plain, self._target))) or self._try(plain)
-
-    def drop_steps(self) -> None:
-        """Leave steps out, the last first."""
-        for place in reversed(range(len(self._scenario.steps))):
-            steps = self._scenario.steps
-            fewer = (*steps[:place], *steps[place + 1 :])
-            self._try(_tidied(replace(self._scenario, steps=fewer)))
+        plain = _at(self._whole, point)
+        alone = _alone(plain, self._target)
+        return self._try(alone, self._duration) or self._try(plain, self._duration)
 
     def make_usual(self) -> None:
         """Give parameters the value of the file again."""
-        for each in self._scenario.parameters:
-            self._try(self._with(each.name, self._usual[each.name].value))
+        for name, usual in self._varied.items():
+            self._try(self._with(name, usual.value), self._duration)
 
     def shorten(self) -> None:
-        """End the run earlier."""
-        low, high = 0.0, self._scenario.duration
+        """End the run earlier, where a sound controller passes the shorter run as well."""
+        requirements = prepare(self._whole).requirements
+        if not all(survives_a_cut(each.condition) for each in requirements):
+            return
+        low, high = 0.0, self._duration
         for _ in range(_HALVINGS):
             middle = round_to(0.5 * (low + high), 2)
             if not low < middle < high:
                 return
-            if self._try(replace(self._scenario, duration=middle)):
+            if self._try(self._whole, middle):
                 high = middle
             else:
                 low = middle
 
     def make_smaller(self) -> None:
-        """Bring parameters nearer to the file's values, and values of steps nearer to 0."""
-        for each in self._scenario.parameters:
-            usual = self._usual[each.name].value
-            self._approach(each.value, usual, partial(self._with, each.name))
-        for place, step in enumerate(self._scenario.steps):
-            if isinstance(step, SetStep) and isinstance(step.value, float) and not step.table:
-                self._approach(step.value, 0.0, partial(self._with_step, place))
+        """Bring parameters nearer to the file's values."""
+        for name, usual in self._varied.items():
+            self._approach(self._value(name), usual.value, partial(self._with, name))
 
     def round_numbers(self) -> None:
         """Write numbers with fewer digits."""
-        for each in self._scenario.parameters:
-            self._round(each.value, partial(self._with, each.name))
-        for place, step in enumerate(self._scenario.steps):
-            if isinstance(step, SetStep) and isinstance(step.value, float) and not step.table:
-                self._round(step.value, partial(self._with_step, place))
+        for name, usual in self._varied.items():
+            value = self._value(name)
+            for rounded in _rounder(value) if value != usual.value else ():
+                if self._try(self._with(name, rounded), self._duration):
+                    break
 
     def _approach(self, value: float, usual: float, change: Callable[[float], Scenario]) -> None:
         """Bring a number nearer to its usual value, by halving what is in doubt."""
@@ -170,35 +166,33 @@ class _Shrinker:
             middle = 0.5 * (value + usual)
             if middle in {value, usual}:
                 return
-            if self._try(change(middle)):
+            if self._try(change(middle), self._duration):
                 value = middle
             else:
                 usual = middle
 
-    def _round(self, value: float, change: Callable[[float], Scenario]) -> None:
-        for rounded in _rounder(value):
-            if self._try(change(rounded)):
-                return
+    def _value(self, name: str) -> float:
+        return next(each.value for each in self._whole.parameters if each.name == name)
 
     def _with(self, name: str, value: float) -> Scenario:
-        span = self._usual[name].span
-        inside = min(max(value, span[0]), span[1]) if span else value
+        """Return the scenario with a value, which stays within its range."""
+        low, high = self._varied[name].span or (value, value)
+        inside = min(max(value, low), high)
         changed = (
             replace(each, value=inside) if each.name == name else each
-            for each in self._scenario.parameters
+            for each in self._whole.parameters
         )
-        return replace(self._scenario, parameters=tuple(changed))
+        return replace(self._whole, parameters=tuple(changed))
 
-    def _with_step(self, place: int, value: float) -> Scenario:
-        steps = list(self._scenario.steps)
-        step = steps[place]
-        if isinstance(step, SetStep):
-            steps[place] = replace(step, value=value)
-        return replace(self._scenario, steps=tuple(steps))
+    def _try(self, whole: Scenario, duration: float) -> bool:
+        """Take a candidate that still fails, as its file will be read.
 
-    def _try(self, candidate: Scenario) -> bool:
-        """Take a candidate that still fails, as its file will be read."""
-        if candidate == self._scenario and self._result is not None:
+        Args:
+            whole: the scenario with all its steps.
+            duration: where its run ends [s].
+        """
+        candidate = _tidied(_cut(whole, duration))
+        if self._found is not None and candidate == self._found[0]:
             return False
         try:
             result = self._run(_as_read(candidate))
@@ -207,7 +201,7 @@ class _Shrinker:
         self._runs += 1
         if not self._target.is_hit(result):
             return False
-        self._scenario, self._result = candidate, result
+        self._whole, self._duration, self._found = whole, duration, (candidate, result)
         return True
 
 
@@ -235,6 +229,13 @@ def _at(scenario: Scenario, point: Point) -> Scenario:
         for each in scenario.parameters
     )
     return replace(scenario, parameters=parameters)
+
+
+def _cut(scenario: Scenario, duration: float) -> Scenario:
+    """Return a scenario that ends earlier, without the steps behind its end."""
+    parameters = {each.name: each for each in scenario.parameters}
+    steps = tuple(each for each in scenario.steps if seconds(each.at, parameters) <= duration)
+    return replace(scenario, duration=duration, steps=steps)
 
 
 def _alone(scenario: Scenario, target: Target) -> Scenario:

@@ -1,9 +1,15 @@
 """Bad input of campaigns: one line each, exit code 2, nothing is run."""
 
+import json
+import threading
+
 import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
+from hil_bench.campaign import pool
+from hil_bench.cli import progress
+from hil_bench.cli.progress import WorkLines
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
@@ -86,7 +92,70 @@ def test_a_requirement_that_is_never_exercised_is_said(tmp_path, capsys):
     text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
     path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
     assert cli.main(["campaign", str(path), "--runs=2", "--jobs=0"]) == 6
-    assert "R-2: 2 not exercised" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "R-2: 2 not exercised; no run was decided, so nothing is known of it" in out
+
+
+def test_a_bound_counts_decided_runs_alone(tmp_path, capsys):
+    # R-2 is open at the last ticks of every run; R-1 holds in all of them.
+    text = REST.replace("always axis1.P_B < 200 bar", "always (axis1.P_B < 200 bar for 5 ms)")
+    path = write_rest(tmp_path, text.replace("range = [1.0, 301.0]", "range = [200.0, 301.0]"))
+    words = ["campaign", str(path), "--runs=3", "--jobs=0", "--sampler=monte_carlo"]
+    assert cli.main(words) == 6
+    out = capsys.readouterr().out
+    undecided = "no failure in 0 decided runs of 3 (3 inconclusive); so there is no bound"
+    assert f"  rest: {undecided}" in out
+    assert f"  rest  R-2: {undecided}" in out
+    # 1 - 0.05^(1/3) = 0.632
+    bound = "95% upper bound on the failure probability under the sampled distribution 0.63"
+    assert f"  rest  R-1: no failure in 3 runs; {bound}" in out
+    for shard in ("1/2", "2/2"):
+        cli.main([*words, f"--shard={shard}", "--output", str(tmp_path / "all" / shard[0])])
+    capsys.readouterr()
+    assert cli.main([*words, "--merge", "--json", "--output", str(tmp_path / "all")]) == 6
+    bounds = json.loads(capsys.readouterr().out)["bounds"]
+    assert bounds == [line.strip() for line in out.splitlines() if "no failure" in line]
+
+
+@pytest.mark.parametrize("word", ["nothing=1", "limit_bar", "limit_bar=nan", "limit=60"])
+def test_a_wrong_set_is_said_as_test_says_it(word, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path)
+    said = set()
+    for verb in ("test", "campaign", "falsify"):
+        assert cli.main([verb, str(path), "--set", word]) == 2
+        said.add(capsys.readouterr().err)
+    assert len(said) == 1
+
+
+def test_a_set_parameter_is_part_of_a_campaign(tmp_path, capsys):
+    path = write_rest(tmp_path)
+    # P_A is 48 bar at rest: all runs fail, whatever the load is.
+    words = ["campaign", str(path), "--runs=2", "--jobs=0"]
+    assert cli.main([*words, "--set", "limit_bar=30"]) == 1
+    out = capsys.readouterr().out
+    assert "R-1: 2 failed" in out
+    repeat = next(line for line in out.splitlines() if "repeat it: " in line).partition("it: ")[2]
+    assert "--set=limit_bar=30.0 --set=load_n=" in repeat
+    assert cli.main(repeat.split()[1:]) == 1
+    capsys.readouterr()
+    assert cli.main([*words, "--set", "limit_bar=30", "--merge", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["set"] == {"limit_bar": 30.0}
+    for other in (["--set", "limit_bar=31"], []):
+        assert cli.main([*words, *other]) == 2
+        wrong = "comes from a campaign with --set=limit_bar=30.0, and this has"
+        assert wrong in capsys.readouterr().err
+
+
+def test_a_search_leaves_a_set_parameter_alone(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["falsify", str(write_rest(tmp_path)), "--runs=2", "--jobs=0", "--method=random"]
+    assert cli.main([*words, "--set=limit_bar=30", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["set"] == {"limit_bar": 30.0}
+    assert {*found["requirements"][0]["at"]} == {"load_n"}
+    (failure,) = found["failures"]
+    assert failure["shrunk"]["parameters"] == [{"name": "limit_bar", "value": 30.0, "span": None}]
 
 
 def test_campaigns_without_a_run_in_common_cannot_be_compared(tmp_path, capsys):
@@ -103,3 +172,29 @@ def test_a_parameter_that_does_nothing_is_said_without_a_controller(tmp_path, ca
     path = write_rest(tmp_path, REST.replace('"load_n"', "0.0"))
     assert cli.main(["campaign", str(path), "--jobs=0"]) == 2
     assert "parameters.load_n: does nothing; name it in a step" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["campaign", "falsify"])
+def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
+    looked = threading.Event()
+    own_look, own_perform = WorkLines.look, pool.perform
+
+    def look(self):
+        own_look(self)
+        looked.set()
+
+    def perform(spec):
+        assert looked.wait(60.0)  # for the other thread, which never waits as long
+        return own_perform(spec)
+
+    monkeypatch.setattr(progress, "WORK_PERIOD", 0)
+    monkeypatch.setattr(progress, "_LOOK_S", 0.01)
+    monkeypatch.setattr(WorkLines, "look", look)
+    monkeypatch.setattr(pool, "perform", perform)
+    monkeypatch.chdir(tmp_path)
+    path = write_rest(tmp_path, REST.replace("range = [1.0, 301.0]", "range = [60.0, 301.0]"))
+    total = {"campaign": 1, "falsify": 3}[verb]
+    assert cli.main([verb, str(path), "--runs=1", "--jobs=0", "--json"]) == 0
+    said = capsys.readouterr()
+    assert f"hil-bench: {verb}: 0 of {total} runs, 0 s\n" in said.err
+    json.loads(said.out)

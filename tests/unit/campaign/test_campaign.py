@@ -5,6 +5,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from support.campaigns import REST, margin_of, rest_pressures, write_rest
 
@@ -17,6 +19,7 @@ from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.pool import Pool, perform_here
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
+from hil_bench.campaign.running import failed_run
 from hil_bench.campaign.store import Store
 from hil_bench.errors import ConfigError
 
@@ -197,6 +200,18 @@ def test_a_broken_file_of_results_is_named(tmp_path):
         store.keys()
 
 
+def test_no_thread_of_arrow_needs_the_interpreter(plan, tmp_path, monkeypatch):
+    # A thread of Arrow's that runs Python, or releases a buffer of Python's, as the interpreter
+    # ends calls std::terminate: "terminate called without an active exception", exit code 134.
+    store = Store(tmp_path / "out", {})
+    store.write([failed_run(spec, RunOutcome.CRASHED, "") for spec in plan])
+    sources = []
+    opened = pq.ParquetFile
+    monkeypatch.setattr(pq, "ParquetFile", lambda file: sources.append(file) or opened(file))
+    assert len(store.keys()) == len(list(store.results())) == RUNS
+    assert [type(each) for each in sources] == [pa.OSFile, pa.OSFile]
+
+
 def test_two_results_of_one_run_that_differ_are_said(plan, tmp_path):
     store = Store(tmp_path / "out", {})
     results = list(perform_here(plan))
@@ -282,6 +297,14 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert [each.values["x"] for each in change.broken] == [1.0]
     assert [each.values["x"] for each in change.mended] == [2.0]
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
+    assert change.undecided == 0
+    # A failure that is not decided any more has not gone, and neither has one that crashes.
+    now = results(("inconclusive", None), ("passed", 1.0), ("crashed", None), ("failed", -1.0))
+    now[2] = now[2]._replace(verdicts=())
+    (change,) = compare(before, now)
+    assert (len(change.broken), change.mended, change.undecided) == (1, (), 2)
+    assert "1 newly failed, 0 no longer, 2 not decided before or now" in change.line()
+    assert change.margins == (3.0, 0.0)  # medians of 1, 5 and of 1, -1
 
 
 @pytest.mark.long

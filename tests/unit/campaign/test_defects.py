@@ -1,5 +1,6 @@
 """The seeded defects have a place in the code as it is, and their scenarios fit it."""
 
+import importlib
 import tomllib
 from pathlib import Path
 
@@ -34,3 +35,13 @@ def test_their_scenarios_can_be_played(name):
     scenario = load_scenario(FOLDER / f"{name}.scenario.toml")
     assert prepare(scenario).requirements
     assert space_of(scenario)
+
+
+@pytest.mark.long  # a search, and tens of runs that make its failures small
+def test_a_sound_controller_passes_a_failure_made_small(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    benchmark = importlib.import_module("defects")
+    (defect,) = (each for each in benchmark.load_defects() if each.id == "coarse_grid")
+    found, wrong = benchmark.false_counterexamples(defect, runs=8, seed=0)
+    assert found
+    assert wrong == []

@@ -11,9 +11,10 @@ from support.campaigns import REST, write_rest
 from hil_bench import cli
 from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.reading import read_campaign
-from hil_bench.campaign.records import RunOutcome
+from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.replay import replay
 from hil_bench.campaign.running import perform
+from hil_bench.campaign.summary import smallest_margin, summarise, worst_runs
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")
@@ -98,6 +99,18 @@ def test_the_worst_runs_are_drawn(tmp_path):
         picture = base64.b64decode(each.removeprefix("data:image/svg+xml;base64,"))
         assert ET.fromstring(picture).tag.endswith("svg")  # noqa: S314 - our own
         assert b"axis1.P_A" in picture  # R-1, whose margin is the smaller one
+
+
+def test_an_undecided_run_is_worse_than_a_passed_one_and_has_no_margin():
+    def result(outcome, margin):
+        verdicts = (Verdict("R-1", outcome, margin, ""),)
+        return RunResult(outcome, "s", "", "", None, {}, RunOutcome(outcome), verdicts=verdicts)
+
+    runs = [result("passed", 0.1), result("not exercised", 0.05), result("inconclusive", None)]
+    assert [each.key for each in worst_runs(runs)] == ["inconclusive", "not exercised", "passed"]
+    assert [smallest_margin(each) for each in runs] == [0.1, None, None]
+    (summary,) = summarise(runs)
+    assert (summary.margins, summary.tally.decided, summary.tally.runs) == ((0.1,), 1, 3)
 
 
 def test_a_run_that_does_not_repeat_itself_is_not_drawn(tmp_path):

@@ -17,8 +17,9 @@ from hil_bench.campaign.search.cost import CRASH, cost_of, turns
 from hil_bench.campaign.search.falsify import SearchPlan, falsify
 from hil_bench.campaign.search.kept_runs import KeptRuns
 from hil_bench.campaign.search.methods import Evolution, build_search
-from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method
-from hil_bench.campaign.search.shrink import round_to
+from hil_bench.campaign.search.records import ALL_METHODS, Budget, Method, Trial
+from hil_bench.campaign.search.shrink import Target, round_to, shrink
+from hil_bench.campaign.summary import tally_of
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import play, prepare
@@ -63,6 +64,46 @@ def test_a_failure_is_found_made_small_and_fails_again(tmp_path):
     judgements = [play(prepare(small)).findings[0].judgement for _ in range(2)]
     assert repr(judgements[0]) == repr(judgements[1])
     assert judgements[0].margin == failure.shrunk.result.verdicts[0].margin
+
+
+FIXED = REST.replace("load_n = { value = 0.0, range = [-1.0, 1.0] }", "load_n = 0.1234").replace(
+    "at_s = 0.01\n", "at_s = 0.0025\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("that", "duration", "steps"),
+    [
+        ("always axis1.P_A < limit_bar", 0.0013, 0),  # its violation is seen at once
+        ("always after 3 ms axis1.P_A < limit_bar", 0.0039, 1),  # needs 3 ms, and the step before
+        ("eventually axis1.P_A > limit_bar", 0.01, 1),  # a shorter run might not come to it
+    ],
+)
+def test_what_the_author_fixed_stays_when_a_failure_is_made_small(tmp_path, that, duration, steps):
+    text = FIXED.replace("always axis1.P_A < limit_bar", that)
+    scenario = load_scenario(write_rest(tmp_path, text))
+    played = []
+
+    def fails(candidate):
+        played.append(candidate)
+        prepare(candidate)  # refuses one that is too short
+        limit = next(each.value for each in candidate.parameters if each.name == "limit_bar")
+        outcome = "failed" if limit < 47.11 else "passed"
+        verdict = Verdict("R-1", outcome, None, "")
+        return RunResult("k", "s", "", "", None, {}, RunOutcome(outcome), verdicts=(verdict,))
+
+    trial = Trial(Method.RANDOM, 1, {"limit_bar": 12.345678}, fails(scenario))
+    small = shrink(scenario, trial, Target("R-1"), fails)
+    assert small.scenario.duration == pytest.approx(duration, rel=0.3)
+    assert small.scenario.steps == scenario.steps[:steps]
+    found = {each.name: each.value for each in small.scenario.parameters}
+    assert 46.0 <= found["limit_bar"] <= 47.0  # near to the file's 250, two digits
+    assert found.get("load_n", 0.1234) == 0.1234
+    for each in played:
+        values = {one.name: one.value for one in each.parameters}
+        assert 1.0 <= values["limit_bar"] <= 301.0
+        assert values.get("load_n", 0.1234) == 0.1234
+        assert {*each.steps} <= {*scenario.steps}
 
 
 @pytest.mark.long  # tens of runs of a scenario
@@ -174,13 +215,32 @@ def test_a_scenario_without_ranges_cannot_be_searched(tmp_path, capsys):
     assert "no parameter has a range; give one, as in" in capsys.readouterr().err
 
 
-def test_a_requirement_that_no_run_exercised_is_said(tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize(
+    ("never", "outcome"),
+    [
+        ("whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar", "not exercised"),
+        ("always (axis1.P_B < 200 bar for 5 ms)", "inconclusive"),  # the last ticks are open
+    ],
+)
+def test_a_requirement_that_no_run_decided_is_said(never, outcome, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    never = 'that = "whenever axis1.P_B > 500 bar then axis1.P_A < 1 bar"'
-    text = REST.replace('that = "always axis1.P_B < 200 bar"', never)
+    text = REST.replace("always axis1.P_B < 200 bar", never)
     path = write_rest(tmp_path, text.replace("range = [1.0", "range = [60.0"))
-    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2"]) == 6
-    assert "R-2: was never exercised in 6 runs" in capsys.readouterr().out
+    assert cli.main(["falsify", str(path), "--jobs=0", "--runs=2", "--method=random"]) == 6
+    out = capsys.readouterr().out
+    assert f"R-2: was never decided: 0 decided runs of 2 (2 {outcome}); nothing is known" in out
+    # 1 - 0.05^(1/2) = 0.776
+    assert "under the sampled distribution 0.78 (2 random runs)" in out
+
+
+def test_a_run_that_crashed_is_no_run_without_failure():
+    verdict = Verdict("R-1", "passed", 0.5, "holds")
+    passed = RunResult("k", "s", "", "", None, {}, RunOutcome.PASSED, verdicts=(verdict,))
+    crashed = passed._replace(outcome=RunOutcome.CRASHED, problem="gone", verdicts=())
+    tally = tally_of("R-1", [passed, crashed, crashed])
+    assert tally.failures_text() == "no failure in 1 decided runs of 3 (2 crashed)"
+    # 1 - 0.05: one run bounds it, three would say 0.63
+    assert tally.bound_text().endswith("of decided runs under the sampled distribution 0.95")
 
 
 @pytest.mark.long  # tens of runs of a scenario

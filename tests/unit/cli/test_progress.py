@@ -1,22 +1,96 @@
 """Lines now and then, and lines that nobody takes."""
 
+import argparse
 import contextlib
+import io
 import logging
 import os
+import threading
 
 import pytest
 
+from hil_bench.cli import progress
 from hil_bench.cli.patient_handler import PatientHandler
-from hil_bench.cli.progress import PERIOD, Progress
+from hil_bench.cli.progress import PERIOD, Progress, Work, WorkLines, shown_work
 
 
 def test_a_line_a_minute_of_the_machines_time():
     said, clock = [], [0]
-    progress = Progress(said.append, lambda _now: ["x +1.00 mm", "in 3"], lambda: clock[0])
+    shown = Progress(said.append, lambda _now: ["x +1.00 mm", "in 3"], lambda: clock[0])
     for second in range(130):
         clock[0] = second * PERIOD // 60
-        progress.look(second * 2_000_000_000)  # a bench at twice the speed
+        shown.look(second * 2_000_000_000)  # a bench at twice the speed
     assert said == ["120.000 s: x +1.00 mm  in 3", "240.000 s: x +1.00 mm  in 3"]
+
+
+def test_a_line_every_ten_seconds_of_work():
+    said, clock = [], [0]
+    work = Work("campaign", 64, "runs")
+    lines = WorkLines(work, said.append, lambda: clock[0])
+    for second in range(26):
+        clock[0] = second * 1_000_000_000
+        work.done = 2 * second
+        work.remark = "1 failed" if second > 15 else ""
+        lines.look()
+    assert said == [
+        "campaign: 20 of 64 runs, 10 s",
+        "campaign: 40 of 64 runs, 20 s; 1 failed",
+    ]
+
+
+def test_a_stage_counts_when_the_next_one_begins():
+    work = Work("evidence", 3)
+    assert work.line(0) == "evidence: 0 of 3 parts, 0 s"
+    work.begin("devices")
+    work.begin("plant")
+    assert work.line(12_300_000_000) == "evidence: 1 of 3 parts, 12 s; plant"
+    assert Work("analyse").line(10_000_000_000) == "analyse: 10 s"
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("stream", "quiet", "said"),
+    [
+        (io.StringIO, False, "WorkLines"),
+        (Terminal, False, "WorkBar"),
+        (io.StringIO, True, None),
+        (Terminal, True, None),
+    ],
+)
+def test_a_log_gets_lines_a_terminal_a_bar_and_quiet_nothing(stream, quiet, said, monkeypatch):
+    looked = threading.Event()
+    monkeypatch.setattr("sys.stderr", stream())
+    monkeypatch.setattr(progress, "_LOOK_S", 0.0)
+    seen = []
+    for name in ("WorkLines", "WorkBar"):
+        own = getattr(progress, name)
+
+        def look(_self, own=own):
+            seen.append(own.__name__)
+            looked.set()
+
+        monkeypatch.setattr(own, "look", look)
+    with shown_work(argparse.Namespace(quiet=quiet), Work("test", 3)):
+        assert quiet or looked.wait(60.0)
+    assert {*seen} == ({said} if said else set())
+    assert "hil-bench-progress" not in [each.name for each in threading.enumerate()]
+
+
+def test_a_bar_shows_what_is_done(monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    work = Work("campaign", 64, "runs")
+    bar = progress.WorkBar(work)
+    work.done, work.remark = 16, "2 failed"
+    bar.look()
+    bar.close()
+    assert "campaign:  25%" in terminal.getvalue()
+    assert "16/64" in terminal.getvalue()
+    assert "2 failed" in terminal.getvalue()
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 from hil_bench.scenario.judgement import RequirementOutcome, judge
 from hil_bench.scenario.nodes import All, Always, Comparison, Eventually, Implies, Not, Window
 from hil_bench.scenario.parse import parse_expectation
-from hil_bench.scenario.reach import reach
+from hil_bench.scenario.reach import reach, survives_a_cut
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 
@@ -87,6 +87,46 @@ def test_a_name_of_the_language_is_quoted():
 def test_reach_adds_up():
     text = "whenever rises(target) then within 1.5 s (flag > 0 for 200 ms)"
     assert reach(parse(text)) == 1_700_000_000
+
+
+A, B = "axis1.P_A > 0.5 bar", "flag > 0.5"
+LASTING = [
+    f"always {A} and {B}",
+    f"always after 3 ms {A} or historically {B}",
+    f"eventually from 0 s to 5 ms {A}",
+    "eventually from 0 s to 5 ms settled(axis1.P_A - 1 bar, 0.4 bar)",
+    f"({A}) until within 5 ms {B}",
+    f"not ({A}) or always not ({B})",
+]
+FLEETING = [  # an end that comes earlier fails them, leaves them open, or takes the trigger away
+    f"eventually {A}",
+    f"not always {A}",
+    f"({A}) until {B}",
+    f"always eventually {A}",
+    f"always within 2 ms {A}",
+    f"whenever {A} then {B}",
+]
+
+
+def passes(condition, columns, ticks):
+    cut = {name: column[:ticks] for name, column in columns.items()}
+    return judge(condition, cut, ticks=ticks, tick_ns=TICK).outcome is RequirementOutcome.PASSED
+
+
+@pytest.mark.parametrize("text", [*LASTING, *FLEETING])
+def test_what_survives_a_cut_passes_every_beginning_of_a_passed_run(text):
+    condition, generator = parse(text), np.random.default_rng(0)
+    fewest = reach(condition) // TICK + 1
+    broken = seen = 0
+    for _ in range(60):
+        shares = generator.choice([0.1, 0.5, 0.98, 1.0], (2, 1))
+        drawn = np.where(generator.random((2, 12)) < shares, 1.0, 0.0)
+        columns = {"axis1.P_A": drawn[0] * 1e5, "flag": drawn[1]}
+        if passes(condition, columns, 12):
+            seen += 1
+            broken += not all(passes(condition, columns, n) for n in range(fewest, 12))
+    assert seen > 5
+    assert survives_a_cut(condition) == (broken == 0) == (text in LASTING)
 
 
 @pytest.mark.parametrize(

@@ -330,6 +330,28 @@ def test_a_verdict_is_worded_as_a_fact(text, columns, words):
     assert words in found
 
 
+@pytest.mark.parametrize(
+    ("text", "rank"),
+    [
+        ("always flag < 9", "closest"),
+        ("always flag < 2", "worst"),
+        ("eventually flag > 2", "best"),
+        ("eventually flag > 9", "closest"),
+        ("not eventually flag > 9", "closest"),
+        ("not always flag > 9", "best"),
+        ("(always flag < 9) and always after 1 ms flag < 8", "closest"),
+        ("(always flag < 9) and eventually flag > 2", ""),
+        ("flag < 9", ""),
+        ("flag > 9", ""),
+        ("always frame(0x181)", ""),
+    ],
+)
+def test_the_deciding_tick_is_ranked(text, rank):
+    found = run(text, **{"flag": [1, 3], "frame(0x181)": [1, 1]})
+    assert found.deciding.rank == rank
+    assert f"{rank} at 0".lstrip() in reason_of(found)
+
+
 def test_the_condition_is_what_had_to_be_true():
     (held, broken) = (run("always not flag > 2", flag=[1, flag]) for flag in (1, 3))
     assert held.deciding.condition == broken.deciding.condition == "not flag > 2"

@@ -82,7 +82,7 @@ class Judgement:
             the requirement holds; None where it is unknown or has no size.
         deciding: the comparison that decides; None for an inconclusive outcome.
         first: when it is violated first [s]; None where it is not.
-        duration: for how long it is violated in all [s]; 0 where its violations are instants.
+        duration: for how long it was seen violated in all [s]; 0 where its violations are instants.
         triggered: how often the triggers of its implications became true; None without any.
         reason: why it is not decided; empty where it is.
         coverage: how much of its time was seen.
@@ -138,8 +138,7 @@ def judge(
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first = found.first if found else cause.tick
-    count = found.ticks if found and found.lasts else 0
-    begin, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
+    begin, duration = first * tick_ns / 1e9, examination.violated * tick_ns / 1e9
     outcome = RequirementOutcome.FAILED
     return Judgement(outcome, size, coverage, deciding, begin, duration, triggered)
 

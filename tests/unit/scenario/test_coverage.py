@@ -174,9 +174,19 @@ def test_a_long_time_that_was_not_seen_is_as_good_as_a_short_one(seed):
     found = Examination(node, columns, ticks, TICK, ticks + unseen)
     assert found.values.size < ticks + unseen
     assert found.monitor.margin == monitor.margin
-    assert found.monitor.violation == monitor.violation
     far = Examination(node, columns, ticks, TICK, 10**12)
     assert far.monitor.margin == monitor.margin
+
+
+def test_a_violation_lasts_as_long_as_it_was_seen():
+    """A past that is wrong stays so behind the end, which is no time that anybody saw."""
+    found = verdict("always historically p < 4", [1, 1, 5, 1], planned=1000)
+    assert (found.outcome, found.first, found.duration) == ("failed", 0.002, 0.002)
+    found = verdict("always historically from 2 ms to 3 ms p < 4", [1, 1, 5, 1], planned=1000)
+    assert (found.outcome, found.first, found.duration) == ("failed", 0.004, 0.0)
+    columns = {"p": np.array([1.0, 1.0, 5.0, 1.0])}
+    condition = parse_expectation("always historically p < 4", KNOWN)
+    assert Examination(condition, columns, 4, TICK, 1000).violated_spans() == [(2, 3)]
 
 
 def recording(times):

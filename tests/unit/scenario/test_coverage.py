@@ -229,6 +229,15 @@ def test_rows_lie_on_the_ticks_of_the_run(times, start, duration, column, planne
     assert found.start == pytest.approx(begin)
 
 
+def test_a_start_that_is_far_off_has_nothing_or_too_much():
+    for start in (1e300, -1e300):
+        found = lay_on_ticks(recording([0.0, 0.1]), "r", start, 0.2)
+        assert (found.ticks, found.planned) == (0, 3)
+    assert lay_on_ticks(recording([0.0, 0.1]), "r", 1e300).ticks == 0
+    with pytest.raises(ConfigError, match="give at most 100000000"):
+        lay_on_ticks(recording([0.0, 0.1]), "r", -1e300)
+
+
 def test_two_rows_of_one_tick_are_refused():
     for times in ([0.0, 0.1, 0.1, 0.2], [0.0, 0.1, 0.2, 0.3, 0.301, 0.4]):
         with pytest.raises(ConfigError):

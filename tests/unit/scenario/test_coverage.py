@@ -150,6 +150,8 @@ def test_without_a_plan_the_end_is_that_of_the_rows(text, is_stated, words):
 
 def test_the_share_that_was_seen():
     assert verdict("always p < 9", [1, 1, 1], planned=9).coverage.share == 0.25  # 2 of 8 ms
+    found = verdict("always from 1 ms to 5 ms p < 9", [1, 1, 5, 1])
+    assert found.coverage.share == 0.5  # 2 of 4 ms
     assert verdict("p < 9", [1], planned=9).coverage.share == 1.0
     assert verdict("p < 9", [NAN], planned=9).coverage.share == 0.0
 

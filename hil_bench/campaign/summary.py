@@ -30,6 +30,7 @@ class RequirementSummary(NamedTuple):
         outcomes: how many runs had each; of those that did not come to their end, the run's own.
         margins: of the decided runs whose margin has a size.
         worst: the run with the smallest; None where none has one.
+        seen: the smallest share of its time that a run showed, 0 to 1; None where none says it.
     """
 
     scenario: str
@@ -37,6 +38,7 @@ class RequirementSummary(NamedTuple):
     outcomes: Mapping[str, int]
     margins: tuple[float, ...]
     worst: RunResult | None
+    seen: float | None
 
     @property
     def failures(self) -> int:
@@ -57,6 +59,8 @@ class RequirementSummary(NamedTuple):
             line += show_point(self.worst.values)
         elif not self.tally.decided:
             line += "; no run was decided, so nothing is known of it"
+        if self.seen is not None and self.seen < 1.0:
+            line += f"; seen at least {100.0 * self.seen:.3g} % of its time"
         return line
 
 
@@ -189,7 +193,9 @@ def _summary(scenario: str, requirement: str, results: Sequence[RunResult]) -> R
     ]
     worst = min(sized, key=lambda each: each[0])[1] if sized else None
     margins = tuple(margin for margin, _ in sized)
-    return RequirementSummary(scenario, requirement, outcomes, margins, worst)
+    verdicts = [verdict for each in of_it if (verdict := each.verdict_on(requirement)) is not None]
+    seen = min((each.seen for each in verdicts if each.seen is not None), default=None)
+    return RequirementSummary(scenario, requirement, outcomes, margins, worst, seen)
 
 
 def _tally_verdicts(outcomes: Iterable[str]) -> Tally:

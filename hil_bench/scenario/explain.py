@@ -19,10 +19,12 @@ class Cause(NamedTuple):
     Attributes:
         node: the comparison, state, event or edge.
         tick: at which.
+        is_true: whether it is true then.
     """
 
     node: Atom
     tick: int
+    is_true: bool
 
 
 class Log:
@@ -94,7 +96,7 @@ class Explainer:
             case nodes.Until() | nodes.Since():
                 cause = self._until(node, tick)
             case _:
-                cause = Cause(node, tick)
+                cause = Cause(node, tick, not self._is_failed)
         return cause
 
     def _contrary(self) -> "Explainer":
@@ -137,7 +139,7 @@ class Explainer:
         part = self._margins(node.operand)[first : last + 1]
         is_lowest = isinstance(node, nodes.Always | nodes.Historically)
         if not len(part):
-            return min(tick, self._ticks - 1)
+            return tick  # an empty past decides
         return first + int(np.argmin(part) if is_lowest else np.argmax(part))
 
     def _until(self, node: nodes.Until | nodes.Since, tick: int) -> Cause:
@@ -152,7 +154,18 @@ class Explainer:
                 cause = (node.goal, at) if goal[at] <= lowest else (node.operand, lowest_at)
             if held[at] < lowest:
                 lowest, lowest_at = held[at], at
+        if self._may_come_later(node, tick) and lowest > best:
+            cause = (node.operand, lowest_at)
         return self.find(*cause)
+
+    def _may_come_later(self, node: nodes.Until | nodes.Since, tick: int) -> bool:
+        """Return whether the goal has a window that reaches behind the run, where it may be true.
+
+        Then it is not the goal that fails, but what has to hold until it comes.
+        """
+        end = node.window.end
+        is_open = isinstance(node, nodes.Until) and self._is_failed and end is not None
+        return is_open and tick + (end or 0) // self._tick_ns >= self._ticks
 
     def _reach(self, node: Condition, window: Window, tick: int, sign: int) -> tuple[int, int]:
         start, end = window_ticks(node, window, self._tick_ns)

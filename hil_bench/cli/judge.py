@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -12,8 +13,10 @@ from hil_bench.cli.scenario_report import (
     write_report,
 )
 from hil_bench.cli.verdicts import exit_code_for, finding_content, finding_lines
+from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.recorded import Finding, judge_with_trace
+from hil_bench.scenario.witness import names_in
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
@@ -56,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
     for path in args.recordings:
         signals = read_recording(path)
         judged[path] = judge_with_trace(args.requirements, signals, str(path))
+        names = names_in(each.requirement.condition for each in judged[path].findings)
+        warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
         if args.report:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     found = {path: each.findings for path, each in judged.items()}

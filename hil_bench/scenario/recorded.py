@@ -7,6 +7,7 @@ import numpy as np
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.scenario.column_checks import check_columns
 from hil_bench.scenario.judgement import Judgement, judge
 from hil_bench.scenario.load import load_requirements
 from hil_bench.scenario.resolve import Requirement, compile_texts
@@ -56,13 +57,17 @@ def judge_with_trace(requirements: Path, signals: Recording, source: str) -> Jud
 
     Args:
         requirements: a file with ``[[expect]]``: a scenario, or that alone.
-        signals: the recording.
+        signals: the recording, in the bench's units, as `read_recording` returns it.
         source: how messages name it.
+
+    What cannot be judged, by its unit for one, raises a `ConfigError`.
     """
     expectations, parameters = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
+    compiled = compile_texts(expectations, vocabulary)
+    check_columns(compiled, signals, source)
     trace = lay_on_ticks(signals, source)
-    findings = [judge_trace(each, trace) for each in compile_texts(expectations, vocabulary)]
+    findings = [judge_trace(each, trace) for each in compiled]
     return Judged(findings, trace)
 
 

@@ -43,7 +43,7 @@ def test_a_whole_file_takes_the_place_of_the_old_one(tmp_path):
     path = tmp_path / "report.txt"
     path.write_text("before")
     with whole_file(path) as file:
-        assert file.suffix == ".html"  # which says the format of a picture
+        assert file.suffix == ".txt"  # which says the format of a picture
         file.write_text("after")
         assert path.read_text() == "before"
     assert [each.read_text() for each in tmp_path.iterdir()] == ["after"]

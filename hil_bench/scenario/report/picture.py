@@ -145,7 +145,7 @@ def _draw_comparison(place: "Axes", scene: Scene, node: Comparison) -> None:
 
 
 def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
-    """Draw how far a comparison is from its limit: what is small beside the signal shows here."""
+    """Draw how far a comparison is from its limit, cut where it is far from a violation."""
     evidence = scene.evidence
     unit = unit_of(node.dimension, node.symbol)
     times = np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
@@ -154,6 +154,9 @@ def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
     place.plot(times, margin, color=BLUE, linewidth=1.3)
     place.fill_between(times, margin, 0.0, where=margin < 0.0, color=RED, alpha=0.6)
     place.axhline(0.0, color=GREY, linestyle="--", linewidth=1.2)
+    worst = float(np.nanmin(margin, initial=0.0, where=np.isfinite(margin)))
+    if worst < 0.0:  # a violation is seen however far the signal is from its limit elsewhere
+        place.set_ylim(1.3 * worst, -3.0 * worst)
     place.set_ylabel("Margin" if unit is ONE else f"Margin [{unit.symbol}]")
     place.margins(x=0.0)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TextIO
 
 import can
 from can.io.asc import ASCReader, ASCWriter
@@ -27,7 +27,7 @@ from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
 _Reader = Callable[[Any], Iterable[can.Message]]
 
 
-def _read_trc(lines: IO[str]) -> Iterator[can.Message]:
+def _read_trc(lines: TextIO) -> Iterator[can.Message]:
     """Read PEAK's TRC, its times from its first entry on: those of python-can have the date.
 
     Yields:

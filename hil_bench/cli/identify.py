@@ -292,7 +292,7 @@ def _read_record(path: Path, asked: Question, *, is_truth: bool) -> AxisRecord:
     if path.suffix.lower() == ".mat":
         raise ConfigError("name its columns in --columns or with --map")
     axis, recording = asked.axis, read_recording(path)
-    sensors = {} if is_truth else _name_sensors(asked.config, axis)
+    sensors = {} if is_truth else name_sensors(asked.config, axis)
     recording, note = take_sensors(recording, axis.name, sensors)
     record = _record_of(recording, path, asked)
     return replace(record, notes=(*record.notes, note)) if note else record
@@ -317,7 +317,7 @@ def _record_of(recording: Recording, path: Path, asked: Question) -> AxisRecord:
     return look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
 
 
-def _name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:
+def name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:
     """Return the name of the first sensor of each quantity of an axis."""
     mine = [node for node in config.nodes if node.axis == axis.name]
     pairs = ((node.kind.measured(node), node.name) for node in reversed(mine))

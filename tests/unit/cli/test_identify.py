@@ -152,7 +152,7 @@ def test_the_sensors_of_an_axis_are_those_of_the_bench() -> None:
     config = load_config()
     axis = find_cylinder(config, None, "identification")
     assert name_sensors(config, axis) == {
-        "position": "encoder",
+        "position": "position",  # the nodes of the built-in bench.toml
         "P_A": "pressure_a",
         "P_B": "pressure_b",
     }

@@ -10,6 +10,8 @@ from support.machine_record import Machine, random_steps
 from hil_bench.analysis import errors
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main
+from hil_bench.cli.arguments import find_cylinder
+from hil_bench.cli.identify import name_sensors
 from hil_bench.outside.recording.files import RecordingFile
 
 # A coarse step, which makes this quick; the machine is the built-in bench's.
@@ -144,3 +146,13 @@ def test_a_recording_full_of_gaps_is_refused(
     path.write_text("".join(np.delete(np.array(lines, dtype=object), slice(202, None, 50))))
 
     assert "gaps in time, the first at 0.8 s" in refusal(capsys, path, bench)
+
+
+def test_the_sensors_of_an_axis_are_those_of_the_bench() -> None:
+    config = load_config()
+    axis = find_cylinder(config, None, "identification")
+    assert name_sensors(config, axis) == {
+        "position": "position",  # the nodes of the built-in bench.toml
+        "P_A": "pressure_a",
+        "P_B": "pressure_b",
+    }

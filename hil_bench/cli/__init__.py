@@ -6,23 +6,20 @@ default, and ``run(args) -> int``. It is imported only when it is called, so tha
 """
 
 import argparse
-import errno
 import importlib
 import logging
 import platform
 import sys
-import traceback
 from collections.abc import Container, Sequence
 from typing import Any, cast
 
 import hil_bench
 from hil_bench.cli.collection import collection_put_off
-from hil_bench.cli.exit_codes import ExitCode, exit_code_of
+from hil_bench.cli.exit_codes import ExitCode, report_error, worst
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
-from hil_bench.errors import HilBenchError
 
 VERBS = {
     "demo": "watch a controller move the cylinder; needs no set-up",
@@ -62,20 +59,11 @@ VERBS = {
 }
 """Each verb, which names its module (with _ for -), and what it does in a line."""
 
-_FAULTS_OF_THE_MACHINE = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EFBIG,
-    errno.EIO,
-    errno.EMFILE,
-    errno.EROFS,
-}
-
 _EXAMPLES = """\
-exit codes:
+exit codes (docs/exit-codes.md; where several apply, the order is 70 3 1 2 5 4 130 6):
   0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
-  under --strict-timing or --overrun stop; 5 a recording or a server was lost; 6 nothing to
-  check was seen; 70 a bug in hil-bench; 130 interrupted
+  under --strict-timing or --overrun stop; 5 a recording, a report or a server was lost; 6 nothing
+  to check was seen; 70 a bug in hil-bench; 130 interrupted
 
 examples:
   hil-bench demo
@@ -88,23 +76,22 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    verbosity = 0
+    verbosity, code = 0, ExitCode.DONE
     try:
         prepare_streams()
         with collection_put_off(freezes=argv is None):
             args = _parse(arguments)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
-        code: int = args.run(args)
+        code = ExitCode(args.run(args))
         flush_output()  # here, where a closed pipe can still be told from an error
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
         discard_output()
-        return ExitCode.DONE
     except KeyboardInterrupt:
-        return ExitCode.INTERRUPTED
+        return worst(code, ExitCode.INTERRUPTED)
     except Exception as error:  # the last place where it can become one line
-        return _report(error, verbosity=verbosity)
+        return worst(code, report_error(error, verbosity=verbosity))
     return code
 
 
@@ -198,22 +185,3 @@ def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
         logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel").setLevel(logging.INFO)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
-
-
-def _report(error: Exception, *, verbosity: int) -> ExitCode:
-    """Tell an error on standard error, a line a problem."""
-    if verbosity >= 2:
-        traceback.print_exception(error)
-    text, code = str(error), exit_code_of(error)
-    if isinstance(error, OSError) and error.errno in _FAULTS_OF_THE_MACHINE:
-        place = error.filename or "standard output"
-        text, code = f"{place}: {error.strerror}", ExitCode.USAGE
-        if not error.filename:
-            discard_output()
-    elif not isinstance(error, HilBenchError):
-        text = f"{type(error).__name__}: {error}"
-        if verbosity < 2:
-            text += "; this is a bug, please report it with the output of the same command and -vv"
-    for line in text.splitlines():
-        print(f"hil-bench: error: {line}", file=sys.stderr)
-    return code

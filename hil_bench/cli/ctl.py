@@ -22,6 +22,7 @@ from hil_bench.errors import (
     ConfigError,
     ControllerError,
     HilBenchError,
+    RecordingError,
     WaitTimeoutError,
     printable,
 )
@@ -208,7 +209,7 @@ def record(client: FeedClient, args: argparse.Namespace) -> None:
     """Begin a recording, or end it and print what its file holds.
 
     Raises:
-        BusError: the file is not complete.
+        RecordingError: the file is not complete.
     """
     if not args.stop:
         path = args.file.absolute()
@@ -222,7 +223,7 @@ def record(client: FeedClient, args: argparse.Namespace) -> None:
     print_results(args, [line], found)
     if found["problem"] or found["lost"]:
         lost = f"{found['lost']} messages left out" if found["lost"] else ""
-        raise BusError("; ".join(filter(None, [found["problem"], lost])))
+        raise RecordingError("; ".join(filter(None, [found["problem"], lost])))
 
 
 def stop(client: FeedClient, args: argparse.Namespace) -> None:

@@ -94,9 +94,10 @@ class Helpers:
         self._look_at = clock()
 
     @property
-    def is_incomplete(self) -> bool:
-        """Whether the run ended by a loss, or ends without a helper that is needed."""
-        return self.is_over or any(watch.is_missed for watch in self._watches)
+    def code(self) -> ExitCode:
+        """The exit code: of a run that ended by a loss, or without a helper that is needed."""
+        is_incomplete = self.is_over or any(watch.is_missed for watch in self._watches)
+        return ExitCode.LOST if is_incomplete else ExitCode.DONE
 
     def look(self) -> None:
         """Look after the helpers, where the last look is long enough ago; to be called often."""

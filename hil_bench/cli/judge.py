@@ -4,6 +4,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -60,10 +61,15 @@ def run(args: argparse.Namespace) -> int:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     found = {path: each.findings for path, each in judged.items()}
     content = {str(path): finding_content(findings) for path, findings in found.items()}
-    print_results(args, _lines(found), content)
+    outcomes = (each.judgement.outcome for findings in found.values() for each in findings)
+    ending = Ending(args)
+    ending.take(exit_code_for(outcomes))
+    with ending.going_on():
+        print_results(args, _lines(found), content)
     if args.report:
-        write_report(args, f"Judgement by {args.requirements}", chapters)
-    return exit_code_for(each.judgement.outcome for findings in found.values() for each in findings)
+        with ending.going_on():
+            write_report(args, f"Judgement by {args.requirements}", chapters)
+    return ending.code
 
 
 def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.eyes_arguments import add_listening_arguments, known_ecus, known_nodes
 from hil_bench.cli.listening import (
     add_duration_argument,
@@ -16,6 +16,7 @@ from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.recording_arguments import (
     add_trigger_arguments,
     check_pre_trigger,
+    recording_code,
     report_lines,
 )
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -91,7 +92,13 @@ def run(args: argparse.Namespace) -> int:
         losses, dropped = listener.losses, listener.dropped
     report = recorder.report
     losses[_UNMAPPED] = channels.missed
-    print_results(args, [*report_lines(report), *loss_words(losses)], {"report": report, **losses})
-    if not report.is_complete or dropped:
-        return ExitCode.LOST
-    return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE
+    lines = [*report_lines(report), *loss_words(losses)]
+    ending = Ending(args)
+    ending.take(recording_code(report))
+    if dropped:
+        ending.take(ExitCode.LOST)
+    if not listener.frames:
+        ending.take(ExitCode.INCONCLUSIVE)
+    with ending.going_on():
+        print_results(args, lines, {"report": report, **losses})
+    return ending.code

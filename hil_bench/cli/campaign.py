@@ -88,6 +88,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"
     )
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         metavar="DIR",

@@ -14,6 +14,7 @@ from hil_bench.cli.eyes_arguments import (
     known_ecus,
     known_nodes,
     print_losses,
+    say_assumed,
 )
 from hil_bench.cli.recording_arguments import recording_code
 from hil_bench.cli.results import add_json_argument
@@ -50,7 +51,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "mapping of its PDOs as a DBC file.",
         epilog=_EXAMPLES,
     )
-    add_log_arguments(parser)
+    add_log_arguments(parser, assumes=True)
     parser.add_argument(
         "-o",
         "--output",
@@ -81,13 +82,15 @@ def run(args: argparse.Namespace) -> int:
     decoder = _decoder(args)
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
-    if args.output is None and args.dbc is None:
-        count = _print(args, decoder, frames)
-    else:
+    if _is_writing(args):
         count = _write(args, decoder, list(frames), ending)
+    else:
+        count = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
     print_losses(args, left_out)
+    if not _is_writing(args):
+        say_assumed(args, load_bench_config(args))
     return ending.code
 
 
@@ -151,7 +154,12 @@ def _write(
 def _decoder(args: argparse.Namespace) -> Decoder:
     """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
     config = load_bench_config(args)
-    return Decoder(known_nodes(args, config), known_ecus(args, config))
+    nodes = known_nodes(args, config, assumes=not _is_writing(args))
+    return Decoder(nodes, known_ecus(args, config))
+
+
+def _is_writing(args: argparse.Namespace) -> bool:
+    return args.output is not None or args.dbc is not None
 
 
 def _record(

@@ -88,6 +88,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--stop-at-failure", action="store_true", help="end when all requirements have failed"
     )
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         default=Path("failures"),

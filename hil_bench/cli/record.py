@@ -48,8 +48,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "Nothing is sent; no bench runs.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
-    add_listening_arguments(parser)
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the recording")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="the recording, in place of the first FILE",
+    )
+    add_listening_arguments(parser, assumes=False)
     add_duration_argument(parser, "record")
     add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
@@ -62,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: an option cannot be meant.
     """
+    _settle_file(args)
     check_duration(args)
     check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
@@ -102,3 +110,18 @@ def run(args: argparse.Namespace) -> int:
     with ending.going_on():
         print_results(args, lines, {"report": report, **losses})
     return ending.code
+
+
+def _settle_file(args: argparse.Namespace) -> None:
+    """Put the recording in `file` and the bench in `config`, by whichever words they came.
+
+    Raises:
+        ConfigError: there is no recording, or one word too many.
+    """
+    if args.output is not None:
+        if args.config is not None:
+            raise ConfigError(f"-o {args.output}: {args.file} is a second recording; give one")
+        args.config = None if args.file is None else str(args.file)
+        args.file = args.output
+    if args.file is None:
+        raise ConfigError("record: give the FILE to write, as in bus.mf4")

@@ -11,10 +11,12 @@ from hil_bench.outside.recording.report import FileReport, RecordingReport
 from hil_bench.session.recording import RecordingWish
 
 
-def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of a recording."""
+def add_recording_arguments(
+    parser: argparse.ArgumentParser, often: "argparse._ActionsContainer | None" = None
+) -> None:
+    """Add the arguments of a recording, --record to the group `often` where there is one."""
     group = parser.add_argument_group("recording")
-    group.add_argument(
+    (often or group).add_argument(
         "--record",
         type=Path,
         action="append",

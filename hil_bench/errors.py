@@ -115,10 +115,10 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
         yield
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        text = f"{path}: {what}: {reason}"
+        text = "; ".join(filter(None, (f"{path}: {what}: {reason}", right)))
         if error.errno in DISK_FAULTS:
             raise DiskError(text) from None
-        raise ConfigError("; ".join(filter(None, (text, right)))) from None
+        raise ConfigError(text) from None
 
 
 @contextlib.contextmanager

@@ -39,8 +39,7 @@ class Store:
     def write(self, results: Sequence[RunResult]) -> None:
         """Write results to a file of their own.
 
-        Raises:
-            ConfigError: it cannot be written; those written before are there.
+        A `ConfigError` says why it cannot be written; those written before are there.
         """
         import pyarrow.parquet as pq  # noqa: PLC0415 - an extra, and slow to import
 
@@ -58,12 +57,12 @@ class Store:
                 file.flush()
                 os.fsync(file.fileno())
             half.replace(path)
-        except OSError as error:
+        except OSError:
             with suppress(OSError):
                 half.unlink(missing_ok=True)
             kept = "all earlier runs are kept, and the same command goes on from there"
-            reason = error.strerror or str(error)
-            raise ConfigError(f"{self.folder}: cannot be written: {reason}; {kept}") from None
+            with about_file(self.folder, right=kept):
+                raise
 
     def keys(self) -> set[str]:
         """Return the keys of all runs that are done."""

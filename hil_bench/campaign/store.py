@@ -51,18 +51,17 @@ class Store:
         meta = {_PROGRAM: program_identity().encode()}
         meta |= {_FIRMWARE + k.encode(): v.encode() for k, v in self._firmware.items()}
         table = _to_table(rows).replace_schema_metadata(meta)
-        try:
-            with half.open("wb") as file:
-                pq.write_table(table, file, compression="zstd")
-                file.flush()
-                os.fsync(file.fileno())
-            half.replace(path)
-        except OSError:
-            with suppress(OSError):
-                half.unlink(missing_ok=True)
-            kept = "all earlier runs are kept, and the same command goes on from there"
-            with about_file(self.folder, right=kept):
-                raise
+        kept = "all earlier runs are kept, and the same command goes on from there"
+        with about_file(self.folder, right=kept):
+            try:
+                with half.open("wb") as file:
+                    pq.write_table(table, file, compression="zstd")
+                    file.flush()
+                    os.fsync(file.fileno())
+                half.replace(path)
+            finally:
+                with suppress(OSError):
+                    half.unlink(missing_ok=True)
 
     def keys(self) -> set[str]:
         """Return the keys of all runs that are done."""

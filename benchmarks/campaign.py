@@ -28,7 +28,7 @@ import occasion
 from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import Backend, Pool
+from hil_bench.campaign.pool import Backend
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunResult, RunSpec
 from hil_bench.campaign.store import Store
@@ -77,7 +77,7 @@ def measure(plan: Plan, folder: Path, jobs: int) -> str:
     """Do a campaign; return the digest of its results."""
     store = Store(folder, plan.firmware)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with Pool(jobs) as pool:
+    with run_pool(jobs) as pool:
         execute(plan, store, watched(pool, max(len(plan) // 5, 1)))
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
@@ -90,7 +90,7 @@ def measure(plan: Plan, folder: Path, jobs: int) -> str:
 
 def in_parts(plan: Plan, folder: Path) -> str:
     """Do a campaign in three parts, the last first; return the digest of what they merge to."""
-    with Pool(1) as pool:
+    with run_pool(1) as pool:
         for number in (3, 2, 1):
             execute(plan, Store(folder / str(number), plan.firmware), pool, Shard(number, 3))
     return collect(plan, Store(folder, plan.firmware)).digest
@@ -109,7 +109,7 @@ def killed(plan: Plan, folder: Path, scenario: Path) -> str:
             if store.keys():
                 program.send_signal(signal.SIGKILL)
     kept = len(store.keys())
-    with Pool(1) as pool:
+    with run_pool(1) as pool:
         execute(plan, store, pool)
     print(f"killed with {kept} of {len(plan)} runs kept, the rest done by the next process")
     return collect(plan, store).digest

@@ -4,6 +4,7 @@ Each error is also the builtin that it is, so that a caller may catch either::
 
     HilBenchError
      ├── ConfigError (ValueError)   a file, an argument or a value is wrong: exit code 2
+     │    ├── DiskError             the disk under a file is full or broken: exit code 5
      │    ├── ParameterError        a plant parameter or state makes no sense
      │    └── EdsError              an EDS file cannot serve as a device
      ├── BusError (OSError)         a bus or port could not be opened, or was lost: exit code 3
@@ -20,6 +21,7 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 """
 
 import contextlib
+import errno
 import os
 import re
 from collections.abc import Iterator
@@ -35,9 +37,11 @@ from hil_bench.canopen_device.errors import (
 )
 
 __all__ = [
+    "DISK_FAULTS",
     "BusError",
     "ConfigError",
     "ControllerError",
+    "DiskError",
     "EdsError",
     "HilBenchError",
     "ParameterError",
@@ -51,6 +55,13 @@ __all__ = [
 ]
 
 HilBenchError = DeviceError
+
+DISK_FAULTS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+"""Error numbers of a disk that is full or broken: no other file name helps."""
+
+
+class DiskError(ConfigError):
+    """The disk under a file is full or broken."""
 
 
 class ParameterError(ConfigError):
@@ -99,12 +110,16 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
 
     Raises:
         ConfigError: in the place of the `OSError`.
+        DiskError: likewise, where the disk is full or broken.
     """
     try:
         yield
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise ConfigError("; ".join(filter(None, (f"{path}: {what}: {reason}", right)))) from None
+        text = "; ".join(filter(None, (f"{path}: {what}: {reason}", right)))
+        if error.errno in DISK_FAULTS:
+            raise DiskError(text) from None
+        raise ConfigError(text) from None
 
 
 _LONGEST_HEAD = 1 << 20

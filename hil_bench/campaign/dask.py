@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any, Self
 
 from hil_bench.campaign.identity import program_identity
-from hil_bench.campaign.pool import Pool
+from hil_bench.campaign.pool import Pool, run_pool
 from hil_bench.campaign.records import RunResult, RunSpec
 from hil_bench.errors import BusError, ConfigError
 
@@ -19,7 +19,7 @@ _CONNECT_TIME = 10.0  # [s]
 _KEPT = "all earlier runs are kept, and the same command goes on from there"
 
 
-_POOLS: dict[int, Pool] = {}
+_POOLS: dict[int, Pool[RunSpec, RunResult]] = {}
 """On a worker: the process of each of its threads, from task to task; they end with it."""
 
 
@@ -121,7 +121,7 @@ def perform_batch(specs: list[RunSpec]) -> list[RunResult]:
         right = "start it with DASK_DISTRIBUTED__WORKER__DAEMON=False, or with --no-nanny"
         raise ConfigError(f"the Dask worker may not start processes for the runs; {right}")
     thread = threading.get_ident()
-    pool = _POOLS.pop(thread, None) or Pool(1)
+    pool = _POOLS.pop(thread, None) or run_pool(1)
     try:
         results = list(pool(specs))
     except BaseException:

@@ -13,13 +13,25 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext, suppress
 from multiprocessing.connection import Connection, wait
 from time import monotonic
-from typing import NamedTuple, Self
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
 from hil_bench.campaign.records import RunOutcome, RunResult, RunSpec
 from hil_bench.campaign.running import failed_run, perform
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.processes.helper_process import HelperProcess
 from hil_bench.session.virtual_bench import VirtualBench
+
+
+class Spec(Protocol):
+    """A task that a pool can do."""
+
+    @property
+    def timeout(self) -> float:
+        """How long it may take [s]."""
+
+
+SpecT = TypeVar("SpecT", bound=Spec)
+ResultT = TypeVar("ResultT")
 
 Backend = Callable[[Iterable[RunSpec]], Iterator[RunResult]]
 """Does runs, and yields what came of them in any order."""
@@ -44,25 +56,38 @@ def local_backend(jobs: int) -> AbstractContextManager[Backend]:
     Args:
         jobs: processes; 0 for this one.
     """
-    return Pool(jobs) if jobs else nullcontext(perform_here)
+    return run_pool(jobs) if jobs else nullcontext(perform_here)
+
+
+def run_pool(jobs: int) -> "Pool[RunSpec, RunResult]":
+    """Return so many processes that do runs."""
+    return Pool(jobs, perform, failed_run)
 
 
 class _Task(NamedTuple):
-    spec: RunSpec
+    spec: Any
     deadline: float
 
 
-class Pool:
-    """Processes that do runs.
+class Pool(Generic[SpecT, ResultT]):
+    """Processes that do runs, or other tasks.
 
     Args:
         jobs: how many, 1 or more.
+        perform: does a task; a function of a module. Its `ConfigError` ends all.
+        failed: makes the result of a task that was ended by a time-out or a crash.
     """
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(
+        self,
+        jobs: int,
+        perform: Callable[[SpecT], ResultT],
+        failed: Callable[[SpecT, RunOutcome, str], ResultT],
+    ) -> None:
         self._jobs = jobs
-        self._idle: list[_Worker] = []
-        self._busy: list[_Worker] = []
+        self._perform, self._failed = perform, failed
+        self._idle: list[_Worker[SpecT, ResultT]] = []
+        self._busy: list[_Worker[SpecT, ResultT]] = []
 
     def __enter__(self) -> Self:
         return self
@@ -76,8 +101,8 @@ class Pool:
             worker.kill()
         self._idle, self._busy = [], []
 
-    def __call__(self, specs: Iterable[RunSpec]) -> Iterator[RunResult]:
-        """Do runs.
+    def __call__(self, specs: Iterable[SpecT]) -> Iterator[ResultT]:
+        """Do tasks.
 
         Yields:
             What came of each, in the order in which they end.
@@ -90,14 +115,17 @@ class Pool:
                 if spec is None:
                     is_exhausted = True
                 else:
-                    worker = self._idle.pop() if self._idle else _Worker()
+                    worker = self._idle.pop() if self._idle else self._start()
                     worker.give(spec)
                     self._busy.append(worker)
             if not self._busy:
                 return
             yield from self._collect()
 
-    def _collect(self) -> Iterator[RunResult]:
+    def _start(self) -> "_Worker[SpecT, ResultT]":
+        return _Worker(self._perform, self._failed)
+
+    def _collect(self) -> Iterator[ResultT]:
         """Wait for the next that end.
 
         Yields:
@@ -115,11 +143,16 @@ class Pool:
                 yield result
 
 
-class _Worker:
-    """A process that does one run after the other."""
+class _Worker(Generic[SpecT, ResultT]):
+    """A process that does one task after the other; see `Pool`."""
 
-    def __init__(self) -> None:
-        self._process = HelperProcess(_work, (), name="hil-bench campaign")
+    def __init__(
+        self,
+        perform: Callable[[SpecT], ResultT],
+        failed: Callable[[SpecT, RunOutcome, str], ResultT],
+    ) -> None:
+        self._failed = failed
+        self._process = HelperProcess(_work, (perform,), name="hil-bench worker")
         self._process.start()
         self._task: _Task | None = None
         self._is_ready = False
@@ -138,21 +171,21 @@ class _Worker:
         """Return the descriptor that is readable when it has a result."""
         return self._process.fileno()
 
-    def give(self, spec: RunSpec) -> None:
-        """Let it do a run."""
+    def give(self, spec: SpecT) -> None:
+        """Let it do a task."""
         patience = spec.timeout if self._is_ready else _START_TIME
         self._task = _Task(spec, monotonic() + patience)
         self._process.send(spec)
 
-    def look(self) -> RunResult | None:
-        """Return what came of its run; None where that is open.
+    def look(self) -> ResultT | None:
+        """Return what came of its task; None where that is open.
 
         Raises:
             ConfigError: the files are not those of the campaign, or no process can start.
         """
         if self._task is None:
             return None
-        spec = self._task.spec
+        spec: SpecT = self._task.spec
         try:
             answer = self._process.receive(0.0)
         except TimeoutError:
@@ -160,7 +193,7 @@ class _Worker:
                 return None
             self.kill()
             problem = f"has taken more than {spec.timeout:g} s"
-            return failed_run(spec, RunOutcome.TIMED_OUT, problem)
+            return self._failed(spec, RunOutcome.TIMED_OUT, problem)
         except EOFError:
             self.kill()
             ending = self._process.ending()
@@ -169,7 +202,7 @@ class _Worker:
                 raise ConfigError(
                     f"a process for runs {ending} before its first run; {right}"
                 ) from None
-            return failed_run(spec, RunOutcome.CRASHED, f"its process {ending}")
+            return self._failed(spec, RunOutcome.CRASHED, f"its process {ending}")
         if isinstance(answer, str):
             raise ConfigError(answer)
         if answer is None:  # the process has started, and the time of its first run begins
@@ -177,7 +210,7 @@ class _Worker:
             self._task = _Task(spec, monotonic() + spec.timeout)
             return None
         self._task = None
-        result: RunResult = answer
+        result: ResultT = answer
         return result
 
     def kill(self) -> None:
@@ -188,8 +221,8 @@ class _Worker:
         self._process.stop(0.0)
 
 
-def _work(connection: Connection) -> None:
-    """Do the runs that come, until the parent lets go."""
+def _work(perform: Callable[[Any], object], connection: Connection) -> None:
+    """Do the tasks that come, until the parent lets go."""
     os.setsid()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.getLogger().setLevel(logging.CRITICAL)  # thousands of runs say what one would say
@@ -198,11 +231,11 @@ def _work(connection: Connection) -> None:
     connection.send(None)
     with suppress(EOFError):
         while True:
-            connection.send(_answer(connection.recv()))
+            connection.send(_answer(perform, connection.recv()))
     os.killpg(0, signal.SIGKILL)
 
 
-def _answer(spec: RunSpec) -> RunResult | str:
+def _answer(perform: Callable[[Any], object], spec: object) -> object:
     try:
         return perform(spec)
     except ConfigError as error:

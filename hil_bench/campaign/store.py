@@ -45,8 +45,7 @@ class Store:
     def write(self, results: Sequence[RunResult]) -> None:
         """Write results to a file of their own.
 
-        Raises:
-            ConfigError: it cannot be written; those written before are there.
+        A `ConfigError` says why it cannot be written; those written before are there.
         """
         import pyarrow.parquet as pq  # noqa: PLC0415 - an extra, and slow to import
 
@@ -59,18 +58,17 @@ class Store:
         meta[_GIVEN] = shlex.join(self._given).encode()
         meta |= {_FIRMWARE + k.encode(): v.encode() for k, v in self._firmware.items()}
         table = _to_table(rows).replace_schema_metadata(meta)
-        try:
-            with half.open("wb") as file:
-                pq.write_table(table, file, compression="zstd")
-                file.flush()
-                os.fsync(file.fileno())
-            half.replace(path)
-        except OSError as error:
-            with suppress(OSError):
-                half.unlink(missing_ok=True)
-            kept = "all earlier runs are kept, and the same command goes on from there"
-            reason = error.strerror or str(error)
-            raise ConfigError(f"{self.folder}: cannot be written: {reason}; {kept}") from None
+        kept = "all earlier runs are kept, and the same command goes on from there"
+        with about_file(self.folder, right=kept):
+            try:
+                with half.open("wb") as file:
+                    pq.write_table(table, file, compression="zstd")
+                    file.flush()
+                    os.fsync(file.fileno())
+                half.replace(path)
+            finally:
+                with suppress(OSError):
+                    half.unlink(missing_ok=True)
 
     def keys(self) -> set[str]:
         """Return the keys of all runs that are done."""

@@ -4,7 +4,6 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from hil_bench.campaign.executing import collect, execute
@@ -13,6 +12,7 @@ from hil_bench.campaign.pool import local_backend
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunResult
 from hil_bench.campaign.store import Store
+from hil_bench.scratch import scratch_folder
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
@@ -48,7 +48,7 @@ def run_campaign(
 
     plan = Plan(read_campaign(Path(path)).changed(runs=runs, sampler=sampler, seed=seed))
     with ExitStack() as stack:
-        folder = output or stack.enter_context(TemporaryDirectory(prefix="hil-bench-"))
+        folder = output or stack.enter_context(scratch_folder())
         store = Store(Path(folder), plan.firmware)
         backend = stack.enter_context(local_backend(jobs))
         with tqdm(total=len(plan), unit=" runs", disable=not progress) as bar:

@@ -6,76 +6,83 @@ default, and ``run(args) -> int``. It is imported only when it is called, so tha
 """
 
 import argparse
-import errno
 import importlib
 import logging
 import platform
 import sys
-import traceback
 from collections.abc import Container, Sequence
 from typing import Any, cast
 
 import hil_bench
 from hil_bench.cli.collection import collection_put_off
-from hil_bench.cli.exit_codes import ExitCode, exit_code_of
+from hil_bench.cli.exit_codes import ExitCode, report_error, worst
 from hil_bench.cli.parser import Parser
 from hil_bench.cli.patient_handler import PatientHandler
 from hil_bench.cli.streams import discard_output, flush_output, prepare_streams
 from hil_bench.cli.verbosity import add_verbosity_arguments, add_verbosity_below
-from hil_bench.errors import HilBenchError
 
-VERBS = {
-    "demo": "watch a controller move the cylinder; needs no set-up",
-    "run": "run the bench in real time on a CAN bus",
-    "ctl": "read, set and break a running bench, from a shell",
-    "watch": "watch a running bench or any bus, in the terminal",
-    "panel": "watch, set and break a running bench, on a web page",
-    "new": "write a bench.toml from data sheets, and print what the axis can do",
-    "check": "check a bench.toml, and print each value with its origin",
-    "check-eds": "find errors in EDS files, with line numbers",
-    "export-fmu": "write an axis as an FMU for co-simulation in other tools",
-    "analyse": "analyse valve and cylinder as the paper does: numbers, tables, figures",
-    "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
-    "plot": "draw a recording",
-    "monitor": "print the frames of a bus in words: nodes, objects, values, errors",
-    "decode": "print a log of frames in words, or write its values or a DBC file",
-    "explain": "find what went wrong in a log, in the order in which an expert looks",
-    "record": "record frames and decoded values of any bus",
-    "judge": "judge recordings by requirements: verdict, margin, deciding comparison",
-    "test": "play scenarios, and judge their requirements",
-    "scenario": "check, list and convert scenario files",
-    "campaign": "run scenarios over parameters, benches and firmware, thousands of times",
-    "falsify": "search for parameters that make a requirement fail",
-    "commission": "take an axis into operation step by step, with report and recording",
-    "identify": "estimate the plant's parameters with confidence intervals from recordings",
-    "scan": "find the nodes of a bus, with identity and state",
-    "boot": "boot a network as its NMT master: check, configure and start its devices",
-    "program": "download a program into a device, or show the one that it has",
-    "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
-    "evidence": "validate this installation, and write the evidence as a folder",
-    "doctor": "measure what this machine can do in real time, and name what to change",
-    "shadow": "run the plant beside a machine on its commands, and show the differences",
-    "bus-load": "compute load and response times of a bench on its buses",
-    "devices": "print the device table: node-IDs, profiles, PDOs",
-    "registers": "print the register maps of the Modbus units",
-    "completion": "print the script by which a shell completes verbs and options",
+GROUPS = {
+    "start": {
+        "demo": "watch a controller move the cylinder; needs no set-up",
+        "new": "write a bench.toml from data sheets, and print what the axis can do",
+        "check": "check a bench.toml, and print each value with its origin",
+        "devices": "print the device table: node-IDs, profiles, PDOs",
+        "plot": "draw a recording",
+    },
+    "run": {
+        "run": "run the bench in real time on a CAN bus",
+        "ctl": "read, set and break a running bench, from a shell",
+        "watch": "watch a running bench or any bus, in the terminal",
+        "panel": "watch, set and break a running bench, on a web page",
+        "replay": "put recorded frames on a bus, or drive the plant with recorded set-points",
+    },
+    "test": {
+        "test": "play scenarios, and judge their requirements",
+        "judge": "judge recordings by requirements: verdict, margin, deciding comparison",
+        "scenario": "check, list and convert scenario files",
+        "campaign": "run scenarios over parameters, benches and firmware, thousands of times",
+        "falsify": "search for parameters that make a requirement fail",
+        "evidence": "validate this installation, and write the evidence as a folder",
+    },
+    "bus": {
+        "monitor": "print the frames of a bus in words: nodes, objects, values, errors",
+        "decode": "print a log of frames in words, or write its values or a DBC file",
+        "explain": "find what went wrong in a log, in the order in which an expert looks",
+        "record": "record frames and decoded values of any bus",
+        "scan": "find the nodes of a bus, with identity and state",
+        "boot": "boot a network as its NMT master: check, configure and start its devices",
+        "program": "download a program into a device, or show the one that it has",
+        "conformance": "check a device against CiA 301 and CiA 305, clause by clause",
+        "check-eds": "find errors in EDS files, with line numbers",
+        "bus-load": "compute load and response times of a bench on its buses",
+        "registers": "print the register maps of the Modbus units",
+    },
+    "machine": {
+        "commission": "take an axis into operation step by step, with report and recording",
+        "identify": "estimate the plant's parameters with confidence intervals from recordings",
+        "shadow": "run the plant beside a machine on its commands, and show the differences",
+    },
+    "more": {
+        "doctor": "measure what this machine can do in real time, and name what to change",
+        "analyse": "analyse valve and cylinder as the paper does: numbers, tables, figures",
+        "export-fmu": "write an axis as an FMU for co-simulation in other tools",
+        "completion": "print the script by which a shell completes verbs and options",
+    },
 }
-"""Each verb, which names its module (with _ for -), and what it does in a line."""
+"""Verbs by what they are for; each names its module (with _ for -), and says what it does."""
 
-_FAULTS_OF_THE_MACHINE = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EFBIG,
-    errno.EIO,
-    errno.EMFILE,
-    errno.EROFS,
-}
+VERBS = {verb: line for group in GROUPS.values() for verb, line in group.items()}
+"""All verbs."""
 
 _EXAMPLES = """\
 exit codes:
   0 done; 1 a check failed; 2 usage or configuration; 3 bus or port; 4 real-time budget missed
-  under --strict-timing or --overrun stop; 5 a recording or a server was lost; 6 nothing to
-  check was seen; 70 a bug in hil-bench; 130 interrupted
+  under --strict-timing or --overrun stop; 5 a recording, report or server was lost; 6 nothing to
+  check was seen; 70 a bug in hil-bench; 130 interrupted (docs/exit-codes.md has their order)
+
+short options, the same in every verb:
+  -i --interface, -c --channel, -b --bitrate, -o --output, -k (choose),
+  -v --verbose, -q --quiet
 
 examples:
   hil-bench demo
@@ -88,23 +95,22 @@ examples:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code; see `ExitCode`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    verbosity = 0
+    verbosity, code = 0, ExitCode.DONE
     try:
         prepare_streams()
         with collection_put_off(freezes=argv is None):
             args = _parse(arguments)
         verbosity = args.verbose
         _set_up_logging(verbosity, quiet=args.quiet)
-        code: int = args.run(args)
+        code = ExitCode(args.run(args))
         flush_output()  # here, where a closed pipe can still be told from an error
     except BrokenPipeError:
         # The reader of our output, such as `head`, has seen enough.
         discard_output()
-        return ExitCode.DONE
     except KeyboardInterrupt:
-        return ExitCode.INTERRUPTED
+        return worst(code, ExitCode.INTERRUPTED)
     except Exception as error:  # the last place where it can become one line
-        return _report(error, verbosity=verbosity)
+        return worst(code, report_error(error, verbosity=verbosity))
     return code
 
 
@@ -143,8 +149,28 @@ class _ShowVersion(argparse.Action):
         parser.exit()
 
 
+class _Heading(argparse.Action):
+    """The name of a group of verbs in the help, above them."""
+
+    def __init__(self, name: str, verbs: Sequence[argparse.Action]) -> None:
+        super().__init__((), name, metavar=name)
+        self._verbs = verbs
+
+    def _get_subactions(self) -> Sequence[argparse.Action]:
+        return self._verbs
+
+
 class _Verbs(argparse._SubParsersAction):  # type: ignore[type-arg]  # noqa: SLF001 - no other way
     """Lists each verb with its line of `VERBS`, whether it is there in full or by name."""
+
+    @property
+    def headings(self) -> list[_Heading]:
+        """The groups of verbs, for the help."""
+        known = {action.dest: action for action in self._choices_actions}
+        return [
+            _Heading(name, [known[verb] for verb in verbs if verb in known])
+            for name, verbs in GROUPS.items()
+        ]
 
     def add_name(self, name: str) -> None:
         """Add a verb that nobody calls: parsers for all of them take 4 ms."""
@@ -198,22 +224,3 @@ def _set_up_logging(verbosity: int, *, quiet: bool) -> None:
         logging.getLogger("hil_bench.plants.hydraulic_cylinder.model.kernel").setLevel(logging.INFO)
     # What python-can logs of a bus that it cannot open, our own message says too.
     logging.getLogger("can").setLevel(logging.NOTSET if verbosity else logging.CRITICAL)
-
-
-def _report(error: Exception, *, verbosity: int) -> ExitCode:
-    """Tell an error on standard error, a line a problem."""
-    if verbosity >= 2:
-        traceback.print_exception(error)
-    text, code = str(error), exit_code_of(error)
-    if isinstance(error, OSError) and error.errno in _FAULTS_OF_THE_MACHINE:
-        place = error.filename or "standard output"
-        text, code = f"{place}: {error.strerror}", ExitCode.USAGE
-        if not error.filename:
-            discard_output()
-    elif not isinstance(error, HilBenchError):
-        text = f"{type(error).__name__}: {error}"
-        if verbosity < 2:
-            text += "; this is a bug, please report it with the output of the same command and -vv"
-    for line in text.splitlines():
-        print(f"hil-bench: error: {line}", file=sys.stderr)
-    return code

@@ -72,6 +72,7 @@ def add_analysis(
         )
         parser.add_argument("--axis", metavar="NAME", help="the axis; the first one by default")
         parser.add_argument(
+            "-o",
             "--output",
             type=Path,
             metavar="DIR",

@@ -18,13 +18,22 @@ _LOOP_KEYS = ("sync_period_us", *(key.name for key in REALTIME_KEYS))
 _NOT_CLASSICAL = {"fd": "--fd", "data_bitrate": "--data-bitrate", "timing": "--timing"}
 
 
-def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that `load_bench_config` reads."""
+BUILT_IN = "the built-in bench of one axis"
+"""What a verb takes where no bench is named."""
+
+
+def add_bench_arguments(parser: argparse.ArgumentParser, *, otherwise: str = BUILT_IN) -> None:
+    """Add the arguments that `load_bench_config` reads.
+
+    Args:
+        parser: of the verb.
+        otherwise: what the verb takes where no bench is named.
+    """
     parser.add_argument(
         "config",
         nargs="?",
         metavar="bench.toml",
-        help="the bench (default: HIL_BENCH_CONFIG, else the built-in bench of one axis)",
+        help=f"the bench (default: HIL_BENCH_CONFIG, else {otherwise})",
     )
     parser.add_argument(
         "--seed",
@@ -35,8 +44,11 @@ def add_bench_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
 
 
-def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that say how a paced loop runs; `load_bench_config` reads them."""
+def add_loop_arguments(parser: argparse.ArgumentParser) -> "argparse._ActionsContainer":
+    """Add the arguments that say how a paced loop runs, and return their group.
+
+    `load_bench_config` reads them.
+    """
     group = parser.add_argument_group("real time (docs/realtime.md; 'hil-bench doctor')")
     group.add_argument(
         "--realtime",
@@ -58,9 +70,10 @@ def add_loop_arguments(parser: argparse.ArgumentParser) -> None:
         help="after a tick that took too long: catch up with the late ticks (count, the default), "
         f"skip them and keep the phase, or stop with exit code {ExitCode.TIMING}",
     )
+    return group
 
 
-def add_fault_arguments(parser: argparse.ArgumentParser) -> None:
+def add_fault_arguments(parser: "argparse._ActionsContainer") -> None:
     """Add `--fault`, which `load_bench_config` reads."""
     parser.add_argument(
         "--fault",
@@ -76,6 +89,7 @@ def add_fault_arguments(parser: argparse.ArgumentParser) -> None:
 def add_output_argument(parser: argparse.ArgumentParser, default: str, what: str) -> None:
     """Add `--output`, which names the directory for `what`; `make_directory` makes it."""
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         default=Path(default),

@@ -28,7 +28,7 @@ from hil_bench.campaign.summary import (
 )
 from hil_bench.cli.campaign_arguments import add_jobs_argument, count, count_from_zero, count_runs
 from hil_bench.cli.campaign_view import CampaignView
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code, worst
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
@@ -90,6 +90,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--shard", type=_shard, default=WHOLE, metavar="I/N", help="run part I of N, as in 3/16"
     )
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         metavar="DIR",
@@ -137,17 +138,21 @@ def run(args: argparse.Namespace) -> int:
     sensitivity = sobol_indices(plan, outcome.results)
     found = plan, outcome, changes, sensitivity
     lines = [*_lines(*found), f"  results are in {args.output}"]
-    print_results(args, lines, _content(*found))
+    ending = Ending(args)
+    ending.take(_exit_code(outcome))
+    with ending.going_on():
+        print_results(args, lines, _content(*found))
     if args.report:
-        write_campaign_report(args.report, *found)
-    return _exit_code(outcome)
+        with ending.going_on():
+            write_campaign_report(args.report, *found)
+    return ending.code
 
 
 def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
     """Return what the outcomes of runs mean for a shell."""
-    if any(each.is_failure for each in outcomes):
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if outcomes == {RunOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    return verdict_code(
+        fails=any(each.is_failure for each in outcomes), passes=outcomes == {RunOutcome.PASSED}
+    )
 
 
 def _execute(args: argparse.Namespace, plan: Plan, store: Store) -> None:
@@ -203,7 +208,7 @@ def _repeat(args: argparse.Namespace, plan: Plan) -> int:
 
 def _exit_code(outcome: Outcome) -> ExitCode:
     code = exit_code_of_runs({each.outcome for each in outcome.results})
-    return ExitCode.INCONCLUSIVE if outcome.missing and code is ExitCode.DONE else code
+    return worst(code, ExitCode.INCONCLUSIVE if outcome.missing else ExitCode.DONE)
 
 
 def _lines(

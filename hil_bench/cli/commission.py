@@ -26,11 +26,11 @@ from hil_bench.cli.commission_settings import (
 )
 from hil_bench.cli.commission_view import ShownPlan, limits_text, result_text
 from hil_bench.cli.controller_side import OpenNetwork, open_network
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.progress import Work, shown_work
-from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
 from hil_bench.cli.work_recording import recorded_work
 from hil_bench.cli.work_side import (
@@ -121,8 +121,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Run the plan, write report and recording, print the verdicts.
 
-    Raises:
-        BusError: the bus was lost; the report tells how far it came.
+    A bus that is lost is said last; the report shows how far the plan came.
     """
     check_arguments(args)
     plan = load_plan(args.plan)
@@ -148,11 +147,14 @@ def run(args: argparse.Namespace) -> int:
             shown = ShownPlan(plan, choose_axis(plan, config).name, view)
             found, recorded = _commission(args, opened, config, plan, journal, shown)
     head = _head(args, opened, config, started, recorded)
-    paths = write_report(args.output, found, head)
+    ending = Ending(args)
+    paths: list[Path] = []
+    with ending.going_on():
+        paths = write_report(args.output, found, head)
     lines = [
         *(f"found     {item.name}: {item.evidence}; {item.mend}" for item in found.findings),
         f"verdict   {verdict_of(found)}",
-        f"report    {paths[0]}, {paths[1]}",
+        *((f"report    {', '.join(map(str, paths))}",) if paths else ()),
         *report_lines(recorded),
     ]
     content = {
@@ -162,14 +164,16 @@ def run(args: argparse.Namespace) -> int:
         "report": paths,
         "recording": recorded,
     }
-    print_results(args, lines, content)
-    if found.lost:
-        raise BusError(found.lost)
-    is_done = found.passed and not found.returned.unrestored
-    if not (is_done or found.is_interrupted):
+    with ending.going_on():
+        print_results(args, lines, content)
+    ending.take_error(BusError(found.lost) if found.lost else None)
+    ending.take(recording_code(recorded), _verdict_code(found))
+    return ending.code
+
+
+def _verdict_code(found: Commissioning) -> ExitCode:
+    if found.returned.unrestored or not (found.passed or found.is_interrupted):
         return ExitCode.CHECK_FAILED
-    if not recorded.is_complete:
-        return ExitCode.LOST
     return ExitCode.INTERRUPTED if found.is_interrupted else ExitCode.DONE
 
 

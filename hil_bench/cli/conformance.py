@@ -13,7 +13,7 @@ from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.nmt import NmtCommand
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
 from hil_bench.cli.controller_side import OpenNetwork, open_network
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.network_arguments import add_network_arguments, seen_from_bus
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument
@@ -106,8 +106,14 @@ def run(args: argparse.Namespace) -> int:
                 if not args.json and not args.quiet:
                     print(report.line(result), flush=True)
             device = _description(dut)
-    _tell(results, args, device, allowed, eds)
-    return ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE
+    ending = Ending(args)
+    ending.take(ExitCode.CHECK_FAILED if report.failures(results) else ExitCode.DONE)
+    with ending.going_on():
+        _print(results, args)
+    if args.report is not None:
+        with ending.going_on():
+            _write_report(results, args, device, allowed, eds)
+    return ending.code
 
 
 @contextlib.contextmanager
@@ -198,10 +204,7 @@ def _description(dut: DeviceUnderTest) -> str:
     return ", ".join(words)
 
 
-def _tell(
-    results: list[Result], args: argparse.Namespace, device: str, allowed: Impact, eds: Path
-) -> None:
-    """Print the summary and write the report."""
+def _print(results: list[Result], args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(report.as_json(results), indent=2, ensure_ascii=False))
     elif args.quiet:
@@ -209,8 +212,11 @@ def _tell(
             print(report.line(result))
     else:
         print(report.summary(results), file=sys.stderr)
-    if args.report is None:
-        return
+
+
+def _write_report(
+    results: list[Result], args: argparse.Namespace, device: str, allowed: Impact, eds: Path
+) -> None:
     text = report.markdown(
         results, device=device, allowed=allowed, eds=check_eds(eds), command=_command(args)
     )

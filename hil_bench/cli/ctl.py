@@ -22,6 +22,7 @@ from hil_bench.errors import (
     ConfigError,
     ControllerError,
     HilBenchError,
+    RecordingError,
     WaitTimeoutError,
     printable,
 )
@@ -32,6 +33,7 @@ _EXAMPLES = """\
 examples:
   hil-bench ctl list
   hil-bench ctl status --json
+  hil-bench ctl --bench bench-2 status
   hil-bench ctl fault freeze position for_s=1
   hil-bench ctl fault offset pressure_a offset_bar=20
   hil-bench ctl clear position                  or the number of a fault, or nothing for all
@@ -51,11 +53,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Read, set and break a bench that hil-bench run runs on this machine.",
         epilog=_EXAMPLES,
     )
+    add_bench_argument(parser)
+    add_json_argument(parser)
     actions = parser.add_subparsers(
         title="actions", metavar="ACTION", required=True, parser_class=Parser
     )
     listing = actions.add_parser("list", help="list the running benches")
-    add_json_argument(listing)
+    add_json_argument(listing, default=argparse.SUPPRESS)
     listing.set_defaults(run=list_benches)
     _add(actions, "status", show_status, "show states, faults, values and how the loop is")
     fault = _add(actions, "fault", begin_fault, "begin a fault with the next tick")
@@ -105,10 +109,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
 
 
-def add_bench_argument(parser: argparse.ArgumentParser) -> None:
-    """Add --bench."""
+def add_bench_argument(parser: argparse.ArgumentParser, *, default: str | None = None) -> None:
+    """Add --bench; `argparse.SUPPRESS` as its default leaves what an outer parser set."""
     parser.add_argument(
         "--bench",
+        default=default,
         metavar="NAME",
         help="name of the bench, if more than one runs (hil-bench ctl list)",
     )
@@ -208,7 +213,7 @@ def record(client: FeedClient, args: argparse.Namespace) -> None:
     """Begin a recording, or end it and print what its file holds.
 
     Raises:
-        BusError: the file is not complete.
+        RecordingError: the file is not complete.
     """
     if not args.stop:
         path = args.file.absolute()
@@ -222,7 +227,7 @@ def record(client: FeedClient, args: argparse.Namespace) -> None:
     print_results(args, [line], found)
     if found["problem"] or found["lost"]:
         lost = f"{found['lost']} messages left out" if found["lost"] else ""
-        raise BusError("; ".join(filter(None, [found["problem"], lost])))
+        raise RecordingError("; ".join(filter(None, [found["problem"], lost])))
 
 
 def stop(client: FeedClient, args: argparse.Namespace) -> None:
@@ -291,8 +296,8 @@ def _add(
         return ExitCode.DONE
 
     parser = actions.add_parser(name, help=what, description=f"{what[0].upper()}{what[1:]}.")
-    add_bench_argument(parser)
-    add_json_argument(parser)
+    add_bench_argument(parser, default=argparse.SUPPRESS)
+    add_json_argument(parser, default=argparse.SUPPRESS)
     parser.set_defaults(run=run)
     return parser
 

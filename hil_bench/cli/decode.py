@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.eyes_arguments import (
     add_filter_arguments,
     add_log_arguments,
@@ -14,7 +14,9 @@ from hil_bench.cli.eyes_arguments import (
     known_ecus,
     known_nodes,
     print_losses,
+    say_assumed,
 )
+from hil_bench.cli.recording_arguments import recording_code
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.errors import ConfigError
@@ -26,6 +28,7 @@ from hil_bench.outside.recording.frames import LeftOut, read_frames
 from hil_bench.outside.recording.inline_recorder import InlineRecorder
 from hil_bench.outside.recording.logged_frame import LoggedFrame, from_first
 from hil_bench.outside.recording.recorder import RecordingPlan
+from hil_bench.outside.recording.report import RecordingReport
 
 if TYPE_CHECKING:
     from hil_bench.eyes.known_node import PdoOwner
@@ -50,7 +53,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "mapping of its PDOs as a DBC file.",
         epilog=_EXAMPLES,
     )
-    add_log_arguments(parser)
+    add_log_arguments(parser, assumes=True)
     parser.add_argument(
         "-o",
         "--output",
@@ -84,18 +87,20 @@ def run(args: argparse.Namespace) -> int:
         ConfigError: the log has no frames, or an output cannot be meant.
     """
     _check_outputs(args)
-    left_out = LeftOut()
+    left_out, ending = LeftOut(), Ending(args)
     decoder = _decoder(args)
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
-    if args.output is None and args.write_dbc is None:
-        count = _print(args, decoder, frames)
+    if _is_writing(args):
+        count = _write(args, decoder, list(frames), ending)
     else:
-        count = _write(args, decoder, list(frames))
+        count = _print(args, decoder, frames)
     if not count:
         raise ConfigError(f"{args.log}: has no frames to decode")
     print_losses(args, left_out)
-    return ExitCode.DONE
+    if not _is_writing(args):
+        say_assumed(args, load_bench_config(args))
+    return ending.code
 
 
 def _check_outputs(args: argparse.Namespace) -> None:
@@ -124,7 +129,9 @@ def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFr
     return count
 
 
-def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]) -> int:
+def _write(
+    args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame], ending: Ending
+) -> int:
     """Write what is asked for, and return how many frames there were.
 
     Raises:
@@ -149,8 +156,9 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
         if not channels.channels:
             what = "no PDO of a known node and no J1939 signal of a known device with values"
             raise ConfigError(f"{args.log}: {what}; give bench.toml or --eds N=FILE")
-        rows = _record(args.output, channels, _decoder(args), frames)
-        written.append(f"{rows} rows, {len(channels.channels)} channels: {args.output}")
+        report = _record(args.output, channels, _decoder(args), frames)
+        ending.take(recording_code(report))
+        written.append(f"{report.rows} rows, {len(channels.channels)} channels: {args.output}")
     if not args.quiet:
         print("\n".join(written))
     return len(frames)
@@ -159,22 +167,27 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
 def _decoder(args: argparse.Namespace) -> Decoder:
     """Return a decoder of the nodes as they are at power-on: it changes those that it has."""
     config = load_bench_config(args)
-    return Decoder(known_nodes(args, config), known_ecus(args, config))
+    nodes = known_nodes(args, config, assumes=not _is_writing(args))
+    return Decoder(nodes, known_ecus(args, config))
 
 
-def _record(path: Path, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]) -> int:
-    """Write a recording, and return its rows."""
+def _is_writing(args: argparse.Namespace) -> bool:
+    return args.output is not None or args.write_dbc is not None
+
+
+def _record(
+    path: Path, channels: BusChannels, decoder: Decoder, frames: list[LoggedFrame]
+) -> RecordingReport:
+    """Write a recording, and return what its file holds."""
     recorder = InlineRecorder(RecordingPlan((path,), tuple(channels.channels)))
     recorder.start()
     try:
-        rows = 0
         for logged in frames:
             recorder.append_frames(
                 [logged.frame], logged.now, is_received=logged.is_received is not False
             )
             if sum(map(channels.take, decoder.take(logged))):
                 recorder.append_row(channels.row(logged.now))
-                rows += 1
     finally:
         recorder.stop()
-    return rows
+    return recorder.report

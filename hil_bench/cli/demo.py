@@ -10,7 +10,7 @@ from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, make_directory, read_speed
 from hil_bench.cli.demo_sensors import SensorBus
 from hil_bench.cli.demo_session import CYCLE, DemoReport, DemoSession, TrackingError
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import Helpers, add_loss_argument
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.loop_summary import helper_lines, loop_lines
@@ -19,6 +19,7 @@ from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.recording_arguments import (
     add_recording_arguments,
     check_recording_arguments,
+    recording_code,
     recording_wish,
     report_lines,
 )
@@ -110,6 +111,7 @@ def run(args: argparse.Namespace) -> int:
         sensors=sensors,
         recording=recording_wish(args),
     )
+    ending = Ending(args)
     with contextlib.ExitStack() as stack:
         signals = stack.enter_context(RecordingFile(args.output / "demo.csv"))
         frames = stack.enter_context(open_frame_file(args.output / "demo.log"))
@@ -123,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
         helpers = Helpers(
             [line] if line.is_shown else [],
             ends_on_loss=args.end_on_loss,
-            has_lost_data=lambda: not is_recorded(session),
+            has_lost_data=lambda: recording_code(session.bench.recording) is not ExitCode.DONE,
         )
 
         def stopped() -> bool:
@@ -133,10 +135,16 @@ def run(args: argparse.Namespace) -> int:
         with line, contextlib.closing(helpers):
             report = session.run(stopped)
         recording = session.bench.signals
-        signals.write(recording)
-        frames.write_frames(session.bench.frames)
-    files = {"recording": signals.path, "frames": frames.path}
-    plot, problem = draw(recording, args.output / "demo.png")
+        files: dict[str, Path] = {}
+        with ending.going_on():
+            signals.write(recording)
+            files["recording"] = signals.path
+        with ending.going_on():
+            frames.write_frames(session.bench.frames)
+            files["frames"] = frames.path
+    plot, problem = None, "none, it could not be written"
+    with ending.going_on():
+        plot, problem = draw(recording, args.output / "demo.png")
     recorded = session.bench.recording
     lines = [
         *summary_lines(report, config, session.axis.quantity.unit),
@@ -151,15 +159,10 @@ def run(args: argparse.Namespace) -> int:
         "recording": recorded,
         "helpers": helpers.lines(),
     }
-    print_results(args, lines, content)
-    if helpers.is_incomplete or not is_recorded(session):
-        return ExitCode.LOST
-    return ExitCode.INTERRUPTED if wish.requested else ExitCode.DONE
-
-
-def is_recorded(session: DemoSession) -> bool:
-    """Return whether all that is to be recorded is."""
-    return session.bench.recording is None or session.bench.recording.is_complete
+    with ending.going_on():
+        print_results(args, lines, content)
+    ending.take(helpers.code, recording_code(recorded), wish.code)
+    return ending.code
 
 
 def summary_lines(report: DemoReport, config: BenchConfig, unit: str) -> list[str]:

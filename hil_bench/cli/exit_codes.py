@@ -1,11 +1,21 @@
-"""What the exit code of `hil-bench` says."""
+"""Exit codes of `hil-bench`: their meanings, their order of severity, and the end of a verb."""
 
+import argparse
+import errno
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum
 
+from hil_bench.cli.streams import discard_output
 from hil_bench.errors import (
+    DISK_FAULTS,
     BusError,
     ConfigError,
     ControllerError,
+    DiskError,
+    HilBenchError,
     RecordingError,
     TimingError,
     WaitTimeoutError,
@@ -26,7 +36,7 @@ class ExitCode(IntEnum):
     TIMING = 4
     """The real-time budget was missed under ``--strict-timing`` or ``--overrun stop``."""
     LOST = 5
-    """Something that was asked for was lost on the way: a recording, a Modbus server."""
+    """Output was lost: a recording, a report, standard output, a Modbus server."""
     INCONCLUSIVE = 6
     """The verb ran, but what it was to check could not be seen."""
     INTERNAL = 70
@@ -35,16 +45,112 @@ class ExitCode(IntEnum):
     """Ended by Ctrl-C before it was done (128 + SIGINT, as shells count)."""
 
 
+SEVERITY = (
+    ExitCode.INTERNAL,
+    ExitCode.BUS,
+    ExitCode.CHECK_FAILED,
+    ExitCode.USAGE,
+    ExitCode.LOST,
+    ExitCode.TIMING,
+    ExitCode.INTERRUPTED,
+    ExitCode.INCONCLUSIVE,
+    ExitCode.DONE,
+)
+"""The worst first; docs/exit-codes.md has the reasons."""
+
+
+_CODES_OF_ERRORS = {
+    DiskError: ExitCode.LOST,  # before ConfigError, which it is, too
+    RecordingError: ExitCode.LOST,
+    ConfigError: ExitCode.USAGE,
+    BusError: ExitCode.BUS,
+    ControllerError: ExitCode.BUS,
+    WaitTimeoutError: ExitCode.BUS,
+    TimingError: ExitCode.TIMING,
+}
+
+_CODES_OF_NUMBERS = {
+    **dict.fromkeys(DISK_FAULTS, ExitCode.LOST),
+    errno.EMFILE: ExitCode.USAGE,
+    errno.EROFS: ExitCode.USAGE,
+}
+
+
+def worst(*codes: ExitCode) -> ExitCode:
+    """Return the exit code of a verb to which several things have happened."""
+    return min(codes, key=SEVERITY.index, default=ExitCode.DONE)
+
+
+def verdict_code(*, fails: bool, passes: bool) -> ExitCode:
+    """Return the exit code of a judgement, undecided where it neither fails nor passes."""
+    if fails:
+        return ExitCode.CHECK_FAILED
+    return ExitCode.DONE if passes else ExitCode.INCONCLUSIVE
+
+
 def exit_code_of(error: Exception) -> ExitCode:
     """Return the exit code for an error that ended a verb."""
-    match error:
-        case ConfigError():
-            return ExitCode.USAGE
-        case BusError() | ControllerError() | WaitTimeoutError():
-            return ExitCode.BUS
-        case RecordingError():
-            return ExitCode.LOST
-        case TimingError():
-            return ExitCode.TIMING
-        case _:
-            return ExitCode.INTERNAL
+    if isinstance(error, OSError) and not isinstance(error, HilBenchError):
+        return _CODES_OF_NUMBERS.get(error.errno or 0, ExitCode.INTERNAL)
+    found = (code for kind, code in _CODES_OF_ERRORS.items() if isinstance(error, kind))
+    return next(found, ExitCode.INTERNAL)
+
+
+def report_error(error: Exception, *, verbosity: int) -> ExitCode:
+    """Print an error on standard error, a line a problem, and return its exit code."""
+    if verbosity >= 2:
+        traceback.print_exception(error)
+    text, code = str(error), exit_code_of(error)
+    if isinstance(error, HilBenchError):
+        pass
+    elif isinstance(error, OSError) and code is not ExitCode.INTERNAL:
+        text = f"{error.filename or 'standard output'}: {error.strerror}"
+        if not error.filename:
+            discard_output()
+    else:
+        text = f"{type(error).__name__}: {error}"
+        if verbosity < 2:
+            text += "; this is a bug, please report it with the output of the same command and -vv"
+    for line in text.splitlines():
+        print(f"hil-bench: error: {line}", file=sys.stderr)
+    return code
+
+
+class Ending:
+    """Collects what happens to a verb, so that no later event hides an earlier one.
+
+    Args:
+        args: the command line.
+
+    Attributes:
+        code: the worst exit code so far.
+    """
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        self.code = ExitCode.DONE
+        self._verbosity: int = args.verbose
+
+    def take(self, *codes: ExitCode) -> None:
+        """Count exit codes."""
+        self.code = worst(self.code, *codes)
+
+    def take_error(self, error: Exception | None) -> None:
+        """Print an error, and count it; nothing for None."""
+        if error is not None:
+            self.take(report_error(error, verbosity=self._verbosity))
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Print and count an error of the block, and go on behind it.
+
+        A reader of standard output that has seen enough, such as `head`, is no error.
+
+        Yields:
+            Nothing.
+        """
+        try:
+            yield
+        except BrokenPipeError:
+            discard_output()
+        except (HilBenchError, OSError) as error:
+            self.take_error(error)

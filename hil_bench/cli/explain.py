@@ -37,7 +37,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "with its frames and its clause of CiA 301.",
         epilog=_EXAMPLES,
     )
-    add_log_arguments(parser)
+    add_log_arguments(parser, assumes=False)
     add_json_argument(parser)
     parser.set_defaults(run=run)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.configuration.load import CONFIG_VARIABLE
-from hil_bench.cli.arguments import add_bench_arguments
+from hil_bench.cli.arguments import BUILT_IN, add_bench_arguments
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_ecu import KnownEcu, ecus_of
@@ -17,10 +17,13 @@ from hil_bench.eyes.nodes import merge_nodes, node_of_eds, nodes_of
 from hil_bench.eyes.sight import Service
 from hil_bench.outside.recording.frames import LeftOut
 
+_SHOWN = f"--eds alone, else {BUILT_IN}"
+_NOT_ASSUMED = "the nodes of --eds alone"
 
-def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what says on which bus to listen, and which nodes are on it."""
-    add_bench_arguments(parser)
+
+def add_listening_arguments(parser: argparse.ArgumentParser, *, assumes: bool) -> None:
+    """Add what says on which bus to listen, and which nodes are on it; see `known_nodes`."""
+    add_bench_arguments(parser, otherwise=_SHOWN if assumes else _NOT_ASSUMED)
     parser.add_argument(
         "--on",
         metavar="NAME",
@@ -29,15 +32,15 @@ def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
     add_eds_argument(parser)
 
 
-def add_log_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the log of frames that is read, and which nodes are in it."""
+def add_log_arguments(parser: argparse.ArgumentParser, *, assumes: bool) -> None:
+    """Add the log of frames that is read, and which nodes are in it; see `known_nodes`."""
     parser.add_argument(
         "log",
         type=Path,
         metavar="FILE",
         help="log of frames: .log (candump), .asc, .blf, .trc or .mf4",
     )
-    add_bench_arguments(parser)
+    add_bench_arguments(parser, otherwise=_SHOWN if assumes else _NOT_ASSUMED)
     add_eds_argument(parser)
 
 
@@ -85,21 +88,37 @@ def add_filter_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def known_nodes(args: argparse.Namespace, config: BenchConfig) -> list[KnownNode]:
+def known_nodes(
+    args: argparse.Namespace, config: BenchConfig, *, assumes: bool = False
+) -> list[KnownNode]:
     """Return the nodes that the command line names: those of a bench, those of EDS files.
 
     Args:
         args: the command line.
-        config: the bench; it counts only where somebody has named it.
+        config: the bench; it counts where somebody has named it.
+        assumes: whether the built-in bench counts where nobody has named anything; `say_assumed`
+            says so. What is written, explained or
+            missed must not rest on that.
     """
-    is_named = args.config is not None or CONFIG_VARIABLE in os.environ
-    return merge_nodes(nodes_of(config) if is_named else (), map(node_of_eds, args.eds))
+    counts = _is_named(args) or (assumes and not args.eds)
+    return merge_nodes(nodes_of(config) if counts else (), map(node_of_eds, args.eds))
+
+
+def say_assumed(args: argparse.Namespace, config: BenchConfig) -> None:
+    """Say on standard error that the nodes are read as those of the built-in bench, if they are."""
+    if not (_is_named(args) or args.eds or args.quiet):
+        numbers = ", ".join(str(node.node_id) for node in config.nodes)
+        what = f"nodes {numbers} are read as those of the built-in bench"
+        print(f"hil-bench: {what}; give bench.toml or --eds N=FILE for others", file=sys.stderr)
+
+
+def _is_named(args: argparse.Namespace) -> bool:
+    return args.config is not None or CONFIG_VARIABLE in os.environ
 
 
 def known_ecus(args: argparse.Namespace, config: BenchConfig) -> list[KnownEcu]:
     """Return the J1939 devices of the bench that the command line names; see `known_nodes`."""
-    is_named = args.config is not None or CONFIG_VARIABLE in os.environ
-    return list(ecus_of(config)) if is_named else []
+    return list(ecus_of(config)) if _is_named(args) else []
 
 
 def check_nodes(names: Sequence[str], decoder: Decoder) -> None:

@@ -17,7 +17,7 @@ from hil_bench.cli.campaign_arguments import (
     count_runs,
     positive,
 )
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
@@ -90,6 +90,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--stop-at-failure", action="store_true", help="end when all requirements have failed"
     )
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         default=Path("failures"),
@@ -126,17 +127,24 @@ def run(args: argparse.Namespace) -> int:
         done = f"interrupted after {len(found.search.trials)} of {total} runs"
         further = found.problem or "the same command goes on from there"
         logger.warning("%s: %s; %s", args.scenario, done, further)
-    print_results(args, found.lines(), _content(found))
+    ending = Ending(args)
+    ending.take(_exit_code(found))
+    if found.is_interrupted:
+        ending.take(ExitCode.INTERRUPTED)
+    with ending.going_on():
+        print_results(args, found.lines(), _content(found))
     if args.report:
-        write_search_report(args.report, found)
-    return ExitCode.INTERRUPTED if found.is_interrupted else _exit_code(found)
+        with ending.going_on():
+            write_search_report(args.report, found)
+    return ending.code
 
 
 def _exit_code(found: Falsification) -> ExitCode:
-    if found.search.crashes or any(each.is_failed for each in found.search.finds):
-        return ExitCode.CHECK_FAILED
-    is_seen = all(each.tally.decided for each in found.search.finds)
-    return ExitCode.DONE if is_seen else ExitCode.INCONCLUSIVE
+    finds = found.search.finds
+    return verdict_code(
+        fails=bool(found.search.crashes) or any(each.is_failed for each in finds),
+        passes=all(each.tally.decided for each in finds),
+    )
 
 
 def _content(found: Falsification) -> dict[str, object]:

@@ -36,8 +36,10 @@ _MOST_NAMES = 100
 _FAREWELL = 3.0  # for a panel to end [s]
 
 
-def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what concerns those who watch the bench."""
+def add_feed_arguments(
+    parser: argparse.ArgumentParser, often: "argparse._ActionsContainer"
+) -> None:
+    """Add what concerns those who watch the bench, --panel to the group `often`."""
     group = parser.add_argument_group("watching")
     group.add_argument(
         "--name",
@@ -48,7 +50,7 @@ def add_feed_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--no-feed", action="store_true", help="let nobody watch this bench or give it commands"
     )
-    group.add_argument(
+    often.add_argument(
         "--panel",
         action="store_true",
         help="serve the web page of hil-bench panel, too, in a process of its own",

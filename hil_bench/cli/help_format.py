@@ -2,7 +2,7 @@
 
 import argparse
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import groupby
 
 _COMMENT_INDENT = 8  # of an example's comment that has no room behind its command
@@ -11,6 +11,20 @@ _FAR = 20  # leading spaces of a line that goes on with the comment above
 
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
     """Wraps what is wider than the terminal, and leaves the rest as it is."""
+
+    def _iter_indented_subactions(
+        self, action: argparse.Action
+    ) -> Generator[argparse.Action, None, None]:
+        # Verbs stand below the headings of their groups.
+        headings = getattr(action, "headings", None)
+        if headings is None:
+            yield from super()._iter_indented_subactions(action)
+            return
+        widest = (
+            self._current_indent + 2 * self._indent_increment + max(map(len, action.choices or ()))
+        )
+        self._action_max_length = max(self._action_max_length, widest)
+        yield from headings
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []

@@ -4,17 +4,19 @@ A look costs the loop next to nothing. Starting is slow, so another thread does 
 exists only meanwhile. A helper that ends again and again is given up.
 """
 
-import argparse
 import logging
 import os
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from time import monotonic_ns
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import HilBenchError
+
+if TYPE_CHECKING:
+    import argparse
 
 logger = logging.getLogger(__name__)
 
@@ -29,7 +31,7 @@ SOUND = 60_000_000_000
 """
 
 
-def add_loss_argument(parser: argparse.ArgumentParser) -> None:
+def add_loss_argument(parser: "argparse._ActionsContainer") -> None:
     """Add the argument that says what follows when something is lost."""
     parser.add_argument(
         "--end-on-loss",
@@ -94,9 +96,10 @@ class Helpers:
         self._look_at = clock()
 
     @property
-    def is_incomplete(self) -> bool:
-        """Whether the run ended by a loss, or ends without a helper that is needed."""
-        return self.is_over or any(watch.is_missed for watch in self._watches)
+    def code(self) -> ExitCode:
+        """The exit code: of a run that ended by a loss, or without a helper that is needed."""
+        is_incomplete = self.is_over or any(watch.is_missed for watch in self._watches)
+        return ExitCode.LOST if is_incomplete else ExitCode.DONE
 
     def look(self) -> None:
         """Look after the helpers, where the last look is long enough ago; to be called often."""

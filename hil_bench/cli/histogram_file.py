@@ -1,5 +1,6 @@
 """The timing of a run as a file for programs: summary and histograms in JSON."""
 
+import contextlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -35,14 +36,16 @@ class HistogramFile:
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
-            with naming(Path(self._file.name)):
+            with contextlib.suppress(OSError):  # `write` has said so
                 self._file.close()
 
     def write(self, report: RunReport, period_ns: int, bitrate: int) -> None:
         """Write what a run did."""
         if self._file is not None:
-            json.dump(timing(report, period_ns, bitrate), self._file, indent=1)
-            self._file.write("\n")
+            with naming(Path(self._file.name)):
+                json.dump(timing(report, period_ns, bitrate), self._file, indent=1)
+                self._file.write("\n")
+                self._file.close()
 
 
 def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:

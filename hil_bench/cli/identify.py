@@ -12,7 +12,7 @@ from hil_bench.analysis.study import write_figure
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
 from hil_bench.cli.doubts import warn_of
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.identify_design import (
     Question,
     add_design_arguments,
@@ -166,8 +166,10 @@ def _answer(args: argparse.Namespace, asked: Question, files: "Files") -> int:
         is_right = is_explained(found)
     elif files.result is not None:
         asked = asked._replace(knowledge=read_knowledge(files.result))
-    _finish(args, found, asked, files.recordings, has_design=args.design and is_right)
-    return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+    ending = Ending(args)
+    ending.take(ExitCode.DONE if is_right else ExitCode.CHECK_FAILED)
+    _finish(args, found, asked, files.recordings, ending)
+    return ending.code
 
 
 class Files(NamedTuple):
@@ -222,20 +224,21 @@ def _finish(
     found: Identification | None,
     asked: Question,
     recordings: Sequence[Path],
-    *,
-    has_design: bool,
+    ending: Ending,
 ) -> None:
-    """Write and print what was found, and the design where one is wanted."""
+    """Write and print what was found, and the design where one is wanted and the model is right."""
     texts: list[str] = []
     content: dict[str, Any] = {}
     files: list[Path] = []
     if found is not None:
-        files += _write(args.output, found, ", ".join(path.name for path in recordings))
+        with ending.going_on():
+            files += _write(args.output, found, ", ".join(path.name for path in recordings))
         texts += [summarise(found), ""]
         content |= to_json(found)
-    if has_design:
+    if args.design and ending.code is not ExitCode.CHECK_FAILED:
         design, notes = find_design(args, asked)
-        files += write_design(args.output, design, asked, args.plan)
+        with ending.going_on():
+            files += write_design(args.output, design, asked, args.plan)
         texts += [summarise_design(design, notes), ""]
         content["design"] = design_to_json(design)
     elif args.design:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.streams import discard_lost_terminal
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
@@ -24,6 +25,11 @@ class Interruption:
 
     def __init__(self) -> None:
         self.requested = False
+
+    @property
+    def code(self) -> ExitCode:
+        """The exit code of a verb that nothing worse happened to."""
+        return ExitCode.INTERRUPTED if self.requested else ExitCode.DONE
 
     def request(self, number: int = 0, _frame: FrameType | None = None) -> None:
         """Ask for the end; a second Ctrl-C does not wait for it.

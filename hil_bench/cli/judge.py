@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hil_bench.cli.doubts import warn_of
+from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -72,12 +73,15 @@ def run(args: argparse.Namespace) -> int:
         if args.report:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     content = {str(path): finding_content(each.findings) for path, each in judged.items()}
-    print_results(args, _lines(judged), content)
+    outcomes = (each.judgement.outcome for found in judged.values() for each in found.findings)
+    ending = Ending(args)
+    ending.take(exit_code_for(outcomes))
+    with ending.going_on():
+        print_results(args, _lines(judged), content)
     if args.report:
-        write_report(args, f"Judgement by {args.requirements}", chapters)
-    return exit_code_for(
-        each.judgement.outcome for found in judged.values() for each in found.findings
-    )
+        with ending.going_on():
+            write_report(args, f"Judgement by {args.requirements}", chapters)
+    return ending.code
 
 
 def _seconds(text: str) -> float:

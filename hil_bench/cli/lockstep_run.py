@@ -9,6 +9,7 @@ from hil_bench.bench.bench import Bench
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
+from hil_bench.cli.exit_codes import Ending
 from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.lockstep_status import LockStepStatus
@@ -16,7 +17,6 @@ from hil_bench.cli.loop_summary import fault_lines, frame_lines, helper_lines, n
 from hil_bench.cli.modbus_side import NO_TIME_FOR_MODBUS
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
-from hil_bench.cli.results import print_results
 from hil_bench.cli.run_content import lockstep_content
 from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import StatusLine
@@ -46,10 +46,8 @@ def run(args: argparse.Namespace) -> int:
         report, helpers = follow(setup)
     lines = summary_lines(report, config, setup.session.bench) + recording_lines(setup.recording)
     lines += helper_lines(helpers.lines())
-    print_results(args, lines, lockstep_content(report, setup, helpers))
-    if report.lost is not None:
-        raise report.lost
-    return setup.exit_code(helpers)
+    content = lockstep_content(report, setup, helpers)
+    return setup.finish(Ending(args), helpers, report.lost, lines, content)
 
 
 def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:

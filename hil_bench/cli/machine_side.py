@@ -77,6 +77,7 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--yes", action="store_true", help="move without asking")
     group.add_argument(
+        "-o",
         "--output",
         type=Path,
         default=Path("hil-bench-commissioning"),

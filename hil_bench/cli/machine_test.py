@@ -12,6 +12,7 @@ from hil_bench.cli.arguments import make_directory
 from hil_bench.cli.commission_settings import open_journal, print_returned, restore_command
 from hil_bench.cli.commission_view import limits_by_channel, limits_text
 from hil_bench.cli.controller_side import OpenNetwork, open_network
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.machine_side import (
     Machine,
@@ -20,7 +21,7 @@ from hil_bench.cli.machine_side import (
     load_machine,
     prepare_all,
 )
-from hil_bench.cli.recording_arguments import report_lines
+from hil_bench.cli.recording_arguments import recording_code, report_lines
 from hil_bench.cli.results import is_silent
 from hil_bench.cli.scenario_view import show_results
 from hil_bench.cli.work_recording import recorded_work
@@ -49,17 +50,21 @@ class Samples(NamedTuple):
         view: what people see.
         rows: takes each sample.
         origin: its time 0 on the network's clock [s].
+        ending: counts what a run leaves undone.
     """
 
     view: WorkView
     rows: ShownRows
     origin: float
+    ending: Ending
 
 
 def play_on_machine(
-    args: argparse.Namespace, paths: Sequence[Path], given: Mapping[str, float]
+    args: argparse.Namespace, paths: Sequence[Path], given: Mapping[str, float], ending: Ending
 ) -> list[ScenarioResult]:
     """Play scenarios on a machine; all of them are checked before the bus is opened.
+
+    Settings that are not restored and a recording that is lost are counted in `ending`.
 
     Raises:
         ConfigError: something in them does not exist there, or motion was not confirmed.
@@ -77,9 +82,9 @@ def play_on_machine(
         channels = recorded_channels(axis)
         with (
             watched_work(args, "test", title, channels) as view,
-            _recorded(args, opened, channels) as (recording, origin),
+            _recorded(args, opened, channels, ending) as (recording, origin),
         ):
-            samples = Samples(view, ShownRows(recording, view), origin)
+            samples = Samples(view, ShownRows(recording, view), origin, ending)
             if view.is_watched and opened.virtual is not None:
                 hold_to_real_time(opened.virtual.session)
             show_results(view, results, len(chosen))
@@ -102,10 +107,11 @@ def play_all(
     Yields:
         What came of each.
     """
-    is_stopped = False
+    is_stopped = is_interrupted = False
     for each in chosen:
         if is_stopped:
-            yield _result(machine, each, problem=_NOT_RUN)
+            blank = _result(machine, each, problem=_NOT_RUN)
+            yield replace(blank, is_interrupted=is_interrupted)
             continue
         samples.view.show(
             now=str(each.scenario.path),
@@ -125,13 +131,15 @@ def play_all(
         finally:
             returned = rig.close()
             print_returned(returned, restore_command(args), is_quiet=is_silent(args))
-        is_stopped = bool(result.problem)
+            if returned.unrestored:
+                samples.ending.take(ExitCode.CHECK_FAILED)
+        is_stopped, is_interrupted = bool(result.problem), result.is_interrupted
         yield result
 
 
 @contextlib.contextmanager
 def _recorded(
-    args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel]
+    args: argparse.Namespace, opened: OpenNetwork, channels: Sequence[Channel], ending: Ending
 ) -> Iterator[tuple[RecordingSink | None, float]]:
     """Record where --record says so.
 
@@ -143,6 +151,7 @@ def _recorded(
         return
     with recorded_work(args.record, opened, channels, "test on a machine") as (recording, origin):
         yield recording, origin
+    ending.take(recording_code(recording.report))
     lines = report_lines(recording.report)
     if lines and not is_silent(args):
         print("\n".join(lines), file=sys.stderr)

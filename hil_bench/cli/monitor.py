@@ -11,6 +11,7 @@ from hil_bench.cli.eyes_arguments import (
     check_nodes,
     known_ecus,
     known_nodes,
+    say_assumed,
 )
 from hil_bench.cli.listening import (
     add_duration_argument,
@@ -45,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "by their answers.",
         epilog=_EXAMPLES,
     )
-    add_listening_arguments(parser)
+    add_listening_arguments(parser, assumes=True)
     add_duration_argument(parser, "listen")
     add_filter_arguments(parser)
     add_json_argument(parser)
@@ -56,10 +57,11 @@ def run(args: argparse.Namespace) -> int:
     """Listen until the time is over or somebody interrupts."""
     check_duration(args)
     config = seen_from_bus(args, load_bench_config(args))
-    decoder = Decoder(known_nodes(args, config), known_ecus(args, config))
+    decoder = Decoder(known_nodes(args, config, assumes=True), known_ecus(args, config))
     check_nodes(args.node, decoder)
     lines, bits, last = SightLines(args), 0.0, 0
     with open_listener(config.bus) as listener:
+        say_assumed(args, config)
         for logged in heard(listener, args.duration, sys.stdout.flush):
             last = logged.now
             bits += frame_bits(len(logged.frame.data), is_extended=logged.frame.is_extended)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.feed_side import ShownWork, open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.histogram_file import HistogramFile
@@ -25,7 +26,6 @@ from hil_bench.cli.loop_summary import (
 )
 from hil_bench.cli.progress import Progress
 from hil_bench.cli.recording_arguments import recording_lines
-from hil_bench.cli.results import print_results
 from hil_bench.cli.run_content import paced_content
 from hil_bench.cli.run_setup import RunSetup, set_up
 from hil_bench.cli.status_line import (
@@ -62,12 +62,14 @@ class Guest(NamedTuple):
         lines: what it found, for people.
         content: the same for a program.
         shown: the same for those who watch.
+        code: the exit code of its verdict.
     """
 
     is_over: IsOver
     lines: Callable[[], Iterable[str]]
     content: Callable[[], Mapping[str, object]]
     shown: ShownWork
+    code: Callable[[], ExitCode]
 
 
 def run(args: argparse.Namespace) -> int:
@@ -85,6 +87,7 @@ def run_bench(
         config: of the bench.
         begin: called before the first tick; returns what plays on the bench.
     """
+    ending = Ending(args)
     with (
         HistogramFile(args.histograms) as histograms,
         set_up(args, config, is_real_time=args.speed <= 1) as setup,
@@ -93,18 +96,18 @@ def run_bench(
         guest = None if begin is None else begin(setup.session)
         paced = PacedRun(setup, announce, clock_of(args.speed), guest)
         report = paced.run()
-        histograms.write(report, config.tick_ns, setup.bus.bitrate)
+        with ending.going_on():
+            histograms.write(report, config.tick_ns, setup.bus.bitrate)
     announce()  # where not even one tick was asked for
     lines = summary_lines(report, paced, setup) + recording_lines(setup.recording)
     content = paced_content(report, setup, paced.helpers, is_timed=paced.is_timed)
     if guest is not None:
         lines += guest.lines()
         content |= guest.content()
-    print_results(args, lines, content)
-    if report.lost is not None:
-        raise report.lost
-    is_late = args.strict_timing and report.ticks.overruns > 0
-    return setup.exit_code(paced.helpers, is_late=is_late)
+        ending.take(guest.code())
+    if args.strict_timing and report.ticks.overruns > 0:
+        ending.take(ExitCode.TIMING)
+    return setup.finish(ending, paced.helpers, report.lost, lines, content)
 
 
 def clock_of(speed: float) -> Clock:

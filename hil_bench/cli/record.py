@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from hil_bench.cli.arguments import load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.eyes_arguments import add_listening_arguments, known_ecus, known_nodes
 from hil_bench.cli.listening import (
     add_duration_argument,
@@ -16,6 +16,7 @@ from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.recording_arguments import (
     add_trigger_arguments,
     check_pre_trigger,
+    recording_code,
     report_lines,
 )
 from hil_bench.cli.results import add_json_argument, is_silent, print_results
@@ -47,8 +48,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "Nothing is sent; no bench runs.",
         epilog=_EXAMPLES,
     )
-    parser.add_argument("file", type=Path, metavar="FILE", help="the recording")
-    add_listening_arguments(parser)
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="the recording")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="the recording, in place of the first FILE",
+    )
+    add_listening_arguments(parser, assumes=False)
     add_duration_argument(parser, "record")
     add_trigger_arguments(parser, "begin recording when a channel is beyond a level")
     add_json_argument(parser)
@@ -61,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ConfigError: an option cannot be meant.
     """
+    _settle_file(args)
     check_duration(args)
     check_pre_trigger(args)
     config = seen_from_bus(args, load_bench_config(args))
@@ -91,7 +100,28 @@ def run(args: argparse.Namespace) -> int:
         losses, dropped = listener.losses, listener.dropped
     report = recorder.report
     losses[_UNMAPPED] = channels.missed
-    print_results(args, [*report_lines(report), *loss_words(losses)], {"report": report, **losses})
-    if not report.is_complete or dropped:
-        return ExitCode.LOST
-    return ExitCode.DONE if listener.frames else ExitCode.INCONCLUSIVE
+    lines = [*report_lines(report), *loss_words(losses)]
+    ending = Ending(args)
+    ending.take(recording_code(report))
+    if dropped:
+        ending.take(ExitCode.LOST)
+    if not listener.frames:
+        ending.take(ExitCode.INCONCLUSIVE)
+    with ending.going_on():
+        print_results(args, lines, {"report": report, **losses})
+    return ending.code
+
+
+def _settle_file(args: argparse.Namespace) -> None:
+    """Put the recording in `file` and the bench in `config`, by whichever words they came.
+
+    Raises:
+        ConfigError: there is no recording, or one word too many.
+    """
+    if args.output is not None:
+        if args.config is not None:
+            raise ConfigError(f"-o {args.output}: {args.file} is a second recording; give one")
+        args.config = None if args.file is None else str(args.file)
+        args.file = args.output
+    if args.file is None:
+        raise ConfigError("record: give the FILE to write, as in bus.mf4")

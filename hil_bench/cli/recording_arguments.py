@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.formats import check_suffix
 from hil_bench.outside.recording.inline_recorder import RecordingSink
@@ -10,10 +11,12 @@ from hil_bench.outside.recording.report import FileReport, RecordingReport
 from hil_bench.session.recording import RecordingWish
 
 
-def add_recording_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of a recording."""
+def add_recording_arguments(
+    parser: argparse.ArgumentParser, often: "argparse._ActionsContainer | None" = None
+) -> None:
+    """Add the arguments of a recording, --record to the group `often` where there is one."""
     group = parser.add_argument_group("recording")
-    group.add_argument(
+    (often or group).add_argument(
         "--record",
         type=Path,
         action="append",
@@ -73,9 +76,9 @@ def recording_lines(recording: RecordingSink | None) -> list[str]:
     return [] if recording is None else report_lines(recording.report)
 
 
-def is_incomplete(recording: RecordingSink | None) -> bool:
-    """Return whether something is missing in a recording that was asked for."""
-    return recording is not None and not recording.report.is_complete
+def recording_code(report: RecordingReport | None) -> ExitCode:
+    """Return the exit code of a recording, None for one that was not asked for."""
+    return ExitCode.DONE if report is None or report.is_complete else ExitCode.LOST
 
 
 def report_lines(report: RecordingReport) -> list[str]:

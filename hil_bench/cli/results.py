@@ -12,9 +12,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 
 
-def add_json_argument(parser: argparse.ArgumentParser) -> None:
-    """Add --json."""
-    parser.add_argument("--json", action="store_true", help="print JSON, for programs")
+def add_json_argument(parser: "argparse._ActionsContainer", *, default: bool | str = False) -> None:
+    """Add --json; `argparse.SUPPRESS` as its default leaves what an outer parser set."""
+    parser.add_argument(
+        "--json", action="store_true", default=default, help="print JSON, for programs"
+    )
 
 
 def is_silent(args: argparse.Namespace) -> bool:

@@ -57,23 +57,34 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "lock-step with a controller, whose SYNC moves the bench by one period.",
         epilog=_EXAMPLES,
     )
+    often = parser.add_argument_group("most used")
     add_bench_arguments(parser)
-    add_loop_arguments(parser)
-    add_fault_arguments(parser)
-    parser.add_argument(
+    _add_often(often)
+    add_recording_arguments(parser, often)
+    add_scenario_arguments(often)
+    add_feed_arguments(parser, often)
+    add_json_argument(often)
+    add_lockstep_arguments(parser)
+    _add_timing(add_loop_arguments(parser))
+    _add_seldom(parser.add_argument_group("seldom used"))
+    parser.set_defaults(run=run)
+
+
+def _add_often(group: "argparse._ActionsContainer") -> None:
+    group.add_argument(
         "--duration",
         type=float,
         metavar="S",
         help="end after S seconds of bench time (default: run until Ctrl-C)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--speed",
         type=read_speed,
         default=1.0,
         metavar="X",
         help="factor of real time, as in 0.1, or max: as fast as this machine can (default: 1)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--hub",
         nargs="?",
         type=int,
@@ -81,41 +92,42 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="PORT",
         help=f"host a bus on 127.0.0.1 in the socketcand protocol (default port: {DEFAULT_PORT})",
     )
-    parser.add_argument(
-        "--hub-unlimited",
-        action="store_true",
-        help="with --hub: accept frames faster than the bit rate (-b, else 1 Mbit/s) carries "
-        "them; without it, a program has to wait",
-    )
-    parser.add_argument(
+    group.add_argument(
         "--modbus",
         action="store_true",
         help="serve the devices on Modbus also if bench.toml has no [modbus]",
     )
-    parser.add_argument(
+    add_fault_arguments(group)
+
+
+def _add_timing(group: "argparse._ActionsContainer") -> None:
+    group.add_argument(
         "--strict-timing",
         action="store_true",
         help=f"end with exit code {ExitCode.TIMING} if a tick overran",
     )
-    parser.add_argument(
+    group.add_argument(
         "--histograms",
         type=Path,
         metavar="FILE",
         help="write the timing of the run as JSON, with the histograms of lateness and work",
     )
-    add_lockstep_arguments(parser)
-    add_recording_arguments(parser)
-    parser.add_argument(
+
+
+def _add_seldom(group: "argparse._ActionsContainer") -> None:
+    add_loss_argument(group)
+    group.add_argument(
+        "--hub-unlimited",
+        action="store_true",
+        help="with --hub: accept frames faster than the bit rate (-b, else 1 Mbit/s) carries "
+        "them; without it, a program has to wait",
+    )
+    group.add_argument(
         "--whole-bus",
         action="store_true",
         help="with --record: also record frames that the bench does not use; each costs the loop "
         "time (in lock-step all frames are recorded anyway)",
     )
-    add_feed_arguments(parser)
-    add_scenario_arguments(parser)
-    add_loss_argument(parser)
-    add_json_argument(parser)
-    parser.set_defaults(run=run)
 
 
 def add_lockstep_arguments(parser: argparse.ArgumentParser) -> None:

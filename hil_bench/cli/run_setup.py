@@ -1,9 +1,9 @@
-"""What both ways to `hil-bench run` share: the set-up before the first tick, and the exit code."""
+"""What both ways to `hil-bench run` share: the set-up before the first tick, and the end."""
 
 import argparse
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, FaultConfig
@@ -12,11 +12,13 @@ from hil_bench.cli.bench_bus import OpenBus, open_bus
 from hil_bench.cli.collection import collection_put_off
 from hil_bench.cli.device_table import device_table
 from hil_bench.cli.doubts import warn_of
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.helpers import Helper, Helpers
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.modbus_side import OpenModbus, open_modbus
-from hil_bench.cli.recording_arguments import is_incomplete, recording_wish
+from hil_bench.cli.recording_arguments import recording_code, recording_wish
+from hil_bench.cli.results import print_results
+from hil_bench.errors import HilBenchError
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.session.recording import recorded
 from hil_bench.session.session import Session, open_session
@@ -48,7 +50,7 @@ class RunSetup(NamedTuple):
         return Helpers(
             [*self.bus.helpers, *self.modbus.helpers, *helpers],
             ends_on_loss=self.args.end_on_loss,
-            has_lost_data=lambda: is_incomplete(self.recording),
+            has_lost_data=lambda: self._recording_code() is not ExitCode.DONE,
         )
 
     def announcement(self) -> Callable[[], None]:
@@ -66,13 +68,23 @@ class RunSetup(NamedTuple):
 
         return announce
 
-    def exit_code(self, helpers: Helpers, *, is_late: bool = False) -> int:
-        """Return what the run ends with, if its bus was not lost."""
-        if helpers.is_incomplete or is_incomplete(self.recording):
-            return ExitCode.LOST
-        if is_late:
-            return ExitCode.TIMING
-        return ExitCode.INTERRUPTED if self.wish.requested else ExitCode.DONE
+    def finish(
+        self,
+        ending: Ending,
+        helpers: Helpers,
+        lost: HilBenchError | None,
+        lines: Iterable[str],
+        content: Mapping[str, object],
+    ) -> ExitCode:
+        """Print the summary and the error that ended the run, and return the exit code."""
+        with ending.going_on():
+            print_results(self.args, lines, content)
+        ending.take_error(lost)
+        ending.take(self._recording_code(), helpers.code, self.wish.code)
+        return ending.code
+
+    def _recording_code(self) -> ExitCode:
+        return recording_code(None if self.recording is None else self.recording.report)
 
 
 @contextlib.contextmanager

@@ -100,7 +100,9 @@ def run(args: argparse.Namespace) -> int:
             print(_survey_json(found))
         else:
             print_lines(args, _survey_text(found, opened, args))
-    return ExitCode.DONE if found.nodes or found.unconfigured else ExitCode.CHECK_FAILED
+    has_clash = any(node.clash for node in found.nodes)
+    is_somebody = found.nodes or found.unconfigured
+    return ExitCode.DONE if is_somebody and not has_clash else ExitCode.CHECK_FAILED
 
 
 def _node_ids(text: str) -> range:

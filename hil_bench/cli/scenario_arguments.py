@@ -26,9 +26,8 @@ _INSTEAD = {
 }
 
 
-def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+def add_scenario_arguments(group: "argparse._ActionsContainer") -> None:
     """Add what concerns a bench that plays a scenario."""
-    group = parser.add_argument_group("scenario")
     group.add_argument(
         "--scenario",
         type=Path,

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 
 from hil_bench.cli.arguments import load_bench_config
 from hil_bench.cli.bench_events import BenchEvents
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode, worst
 from hil_bench.cli.feed_side import open_feed
 from hil_bench.cli.helpers import Helpers
 from hil_bench.cli.interruption import Interruption, interruption
 from hil_bench.cli.paced_run import Guest, clock_of, run_bench
-from hil_bench.cli.recording_arguments import recording_wish
+from hil_bench.cli.recording_arguments import recording_code, recording_wish, report_lines
 from hil_bench.cli.results import is_silent, print_results
 from hil_bench.cli.scenario_arguments import has_bus, read_parameter
 from hil_bench.cli.scenario_view import shown_stage
@@ -31,6 +31,7 @@ from hil_bench.cli.verdicts import (
 )
 from hil_bench.errors import ConfigError
 from hil_bench.outside.processes.snapshot import Snapshot
+from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
@@ -69,15 +70,7 @@ def _run_on_bus(args: argparse.Namespace, scenario: Scenario, given: dict[str, f
     args.config = scenario.bench_path
     config = load_bench_config(args, modbus=args.modbus)
     prepared = prepare_on(config, scenario, parameter_values(scenario, given))
-    played: list[_Played] = []
-
-    def begin(session: Session) -> Guest:
-        played.append(_Played(prepared, session))
-        return played[0].guest()
-
-    code = run_bench(args, config, begin)
-    verdict = exit_code_for(each.judgement.outcome for each in played[0].findings)
-    return verdict if code == ExitCode.DONE or verdict == ExitCode.CHECK_FAILED else code
+    return run_bench(args, config, lambda session: _Played(prepared, session).guest())
 
 
 class _Played:
@@ -96,7 +89,10 @@ class _Played:
     def guest(self) -> Guest:
         """Return what the run asks of it."""
         director = self._stage.director
-        return Guest(lambda: director.is_over, self._lines, self._content, self._shown)
+        return Guest(lambda: director.is_over, self._lines, self._content, self._shown, self._code)
+
+    def _code(self) -> ExitCode:
+        return exit_code_for(each.judgement.outcome for each in self.findings)
 
     @functools.cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -118,12 +114,13 @@ def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
         company = _Company(args, prepared, wish)
         options = PlayOptions(record=recording_wish(args), beside=company.beside)
         result = play_for_result(prepared, options)
+    ending = Ending(args)
+    ending.take(exit_code_for(result.outcomes), company.code, wish.code)
     lines = (*result_lines([result]), *company.lines())
-    print_results(args, lines, {"scenario": result_content(result)})
-    verdict = exit_code_for(result.outcomes)
-    if wish.requested and verdict != ExitCode.CHECK_FAILED:
-        return ExitCode.INTERRUPTED
-    return verdict
+    content = {"scenario": result_content(result), "recording": company.recording}
+    with ending.going_on():
+        print_results(args, lines, content)
+    return ending.code
 
 
 class _Company:
@@ -141,13 +138,26 @@ class _Company:
         self._args, self._prepared, self._wish = args, prepared, wish
         self._clock = clock_of(args.speed)
         self._behind = 0.0
+        self._bench: VirtualBench | None = None
+        self._helpers = Helpers([])
+
+    @property
+    def recording(self) -> RecordingReport | None:
+        """What the files of --record hold, None without it or where no bench ran."""
+        return None if self._bench is None else self._bench.recording
+
+    @property
+    def code(self) -> ExitCode:
+        """The exit code of what was lost beside the run."""
+        return worst(recording_code(self.recording), self._helpers.code)
 
     def lines(self) -> list[str]:
-        """Return what is to be said of real time at the end."""
-        if self._behind < _LATE:
-            return []
-        late = f"the run was up to {self._behind:.1f} s behind real time"
-        return [f"  {late}; its verdicts count bench time"]
+        """Return the lateness and the recording of the run, a line a fact."""
+        lines = [] if self.recording is None else report_lines(self.recording)
+        if self._behind >= _LATE:
+            late = f"the run was up to {self._behind:.1f} s behind real time"
+            lines.append(f"  {late}; its verdicts count bench time")
+        return lines
 
     @contextlib.contextmanager
     def beside(self, bench: VirtualBench, stage: Stage) -> Iterator[None]:
@@ -166,7 +176,12 @@ class _Company:
         line = StatusLine(
             snapshot, [[Field("{:6.1f} s", 1.0), *fields]], wanted=not is_silent(self._args)
         )
-        helpers = Helpers([line] if line.is_shown else [], ends_on_loss=self._args.end_on_loss)
+        self._bench = bench
+        self._helpers = helpers = Helpers(
+            [line] if line.is_shown else [],
+            ends_on_loss=self._args.end_on_loss,
+            has_lost_data=lambda: recording_code(bench.recording) is not ExitCode.DONE,
+        )
         events = BenchEvents(config, bench.bench, logger.warning)
         start = self._clock.now()
         feed = open_feed(self._args, config, session, work=shown_stage(self._prepared, stage))

@@ -13,7 +13,7 @@ import can
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.results import add_json_argument
@@ -135,6 +135,7 @@ def run(args: argparse.Namespace) -> int:
         is_quiet=args.quiet or args.json,
         keeps=args.record is not None,
     )
+    ending = Ending(args)
     file = None if args.record is None else RecordingFile(args.record)
     try:
         duration = 0.0
@@ -152,12 +153,16 @@ def run(args: argparse.Namespace) -> int:
             shadow.finish()
             report.take(duration)
             report.view.show(verdict=report.verdict[0])
+        ending.take(report.verdict[1])
         if file is not None:
-            file.write(report.recording())
+            with ending.going_on():
+                file.write(report.recording())
     finally:
         if file is not None:
             file.close()
-    return report.finish(duration, as_json=args.json)
+    with ending.going_on():
+        report.finish(duration, as_json=args.json)
+    return ending.code
 
 
 def _check_arguments(args: argparse.Namespace) -> None:

@@ -121,18 +121,17 @@ class ShadowReport:
             row[f"{axis}.{quantity}"], row[f"{axis}.{quantity}_twin"] = machine, twin
         return table
 
-    def finish(self, duration: float, *, as_json: bool) -> ExitCode:
-        """Say how it ended, after a time [s], and return the exit code."""
-        verdict, code = self.verdict
+    def finish(self, duration: float, *, as_json: bool) -> None:
+        """Print the verdict after a time [s]."""
+        verdict, _ = self.verdict
         exceeded = self._exceeded
         if as_json:
             print(json.dumps(self._content(verdict, exceeded, duration), indent=2))
-            return code
+            return
         if self._windows:
             self._say(self._summary(verdict, exceeded), to_stdout=True)
         for axis in self._unjudged:
             print(f"{axis}: {self._why_unjudged(axis, duration)}", file=sys.stderr)
-        return code
 
     def _show_samples(self) -> None:
         """Show the newest values of machine and twin, at the time of the newest frame."""

@@ -1,11 +1,17 @@
 """`hil-bench test`: scenarios played on the virtual bench, and judged."""
 
 import argparse
-from collections.abc import Sequence
+import logging
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.campaign.pool import Pool
+from hil_bench.campaign.records import RunOutcome
+from hil_bench.cli.campaign_arguments import count
+from hil_bench.cli.exit_codes import Ending, ExitCode, worst
 from hil_bench.cli.interruption import interrupted_once
 from hil_bench.cli.machine_side import add_machine_arguments, is_on_machine
 from hil_bench.cli.machine_test import play_on_machine
@@ -70,6 +76,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_parameter_argument(parser)
     parser.add_argument(
+        "--jobs",
+        type=count,
+        default=1,
+        metavar="N",
+        help="play N scenarios side by side, in processes of their own (default: 1)",
+    )
+    parser.add_argument(
         "--seed",
         type=int,
         metavar="N",
@@ -90,28 +103,87 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Play each scenario and print what was found."""
-    check_report_argument(args)
+    _check_outputs(args)
+    ending = Ending(args)
     given = dict(read_parameter(text) for text in args.given)
     paths = _find_all(args.paths)
     chapters: list[Chapter] = []
     if is_on_machine(args):
-        results = play_on_machine(args, paths, given)
+        results = play_on_machine(args, paths, given, ending)
         lines = [*result_lines(results)]
     else:
-        results, chapters = _test_virtually(args, paths, given)
-        lines = []  # each was told when it was known
-    print_results(args, lines, {result.path: result_content(result) for result in results})
+        results, chapters = _test_virtually(args, paths, given, ending)
+        lines = []  # each was printed when it was known
+    ending.take(_code_of(results))
+    with ending.going_on():
+        print_results(args, lines, {result.path: result_content(result) for result in results})
     if args.junit:
-        write_junit(results, args.junit)
+        with ending.going_on():
+            write_junit(results, args.junit)
     if chapters:
-        write_report(args, "Test report", chapters)
-    if any(result.is_interrupted for result in results):
-        return ExitCode.INTERRUPTED
-    return exit_code_for(set().union(*(result.outcomes for result in results)))
+        with ending.going_on():
+            write_report(args, "Test report", chapters)
+    return ending.code
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse, before anything runs, what could not be written or done.
+
+    Raises:
+        ConfigError: a folder or a library is missing, or options do not go together.
+    """
+    check_report_argument(args)
+    if args.junit is not None and not args.junit.parent.is_dir():
+        missing = f"there is no folder {args.junit.parent}; make it first"
+        raise ConfigError(f"--junit {args.junit}: {missing}")
+    if args.jobs > 1 and is_on_machine(args):
+        raise ConfigError(
+            f"--jobs {args.jobs}: a machine plays one scenario at a time; leave it out"
+        )
+
+
+def _code_of(results: Sequence[ScenarioResult]) -> ExitCode:
+    """Return the exit code of results; an interrupted one says nothing of its requirements."""
+    whole = [result for result in results if not result.is_interrupted]
+    outcomes = set().union(*(result.outcomes for result in whole))
+    interrupted = ExitCode.INTERRUPTED if len(whole) < len(results) else ExitCode.DONE
+    return worst(exit_code_for(outcomes), interrupted)
+
+
+class Task(NamedTuple):
+    """A scenario to be played, as it is passed to another process.
+
+    Attributes:
+        number: among those of the command line.
+        path: its file.
+        args: the command line.
+        timeout: longest time that it may take [s].
+    """
+
+    number: int
+    path: Path
+    args: argparse.Namespace
+    timeout: float = math.inf
+
+
+class Played(NamedTuple):
+    """A scenario that was played.
+
+    Attributes:
+        number: among those of the command line.
+        result: without its evidence, which is large.
+        chapter: of a report; None where none is asked for.
+        messages: logger, level and text of what another process has logged meanwhile.
+    """
+
+    number: int
+    result: ScenarioResult
+    chapter: Chapter | None = None
+    messages: tuple[tuple[str, int, str], ...] = ()
 
 
 def _test_virtually(
-    args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float]
+    args: argparse.Namespace, paths: Sequence[Path], given: dict[str, float], ending: Ending
 ) -> tuple[list[ScenarioResult], list[Chapter]]:
     """Play scenarios on the virtual bench, and print what came of each as soon as it is known.
 
@@ -120,32 +192,110 @@ def _test_virtually(
         asked for.
     """
     chosen = prepare_chosen(args, paths, lambda each: prepare(each, given, seed=args.seed))
-    reader = FrameText if args.report else None
-    options = PlayOptions(args.stop_at_failure, keeps_evidence=bool(args.report), reader=reader)
     results: list[ScenarioResult] = []
     chapters: list[Chapter] = []
     with interrupted_once(), watched_work(args, "test", ", ".join(map(str, args.paths))) as view:
-        for each in chosen:
-            show_results(view, results, len(chosen), str(each.scenario.path))
-            try:
-                result = play_for_result(each, options)
-            except KeyboardInterrupt:
-                result = _interrupted(each)
-            if args.report:
-                chapters.append(run_chapter(each, result, args.given))
-            results.append(replace(result, evidence=None))  # it is large
+        show_results(view, results, len(chosen), str(chosen[0].scenario.path))
+        for played in (_side_by_side if args.jobs > 1 else _one_by_one)(args, chosen):
+            for name, level, text in played.messages:
+                logging.getLogger(name).log(level, "%s", text)
+            results.append(played.result)
+            if played.chapter is not None:
+                chapters.append(played.chapter)
             if not args.json:
-                print_lines(args, *result_lines([result]))
-            if result.is_interrupted:
-                break
+                with ending.going_on():
+                    print_lines(args, *result_lines([played.result]))
+            following = chosen[played.number + 1 :]
+            show_results(
+                view, results, len(chosen), str(following[0].scenario.path) if following else ""
+            )
         show_results(view, results, len(chosen))
     return results, chapters
 
 
+def _one_by_one(args: argparse.Namespace, chosen: Sequence[PreparedScenario]) -> Iterator[Played]:
+    for number, each in enumerate(chosen):
+        try:
+            played = _play(args, number, each)
+        except KeyboardInterrupt:
+            yield _ended(args, number, each, _interrupted(each))
+            return
+        yield played
+
+
+def _side_by_side(args: argparse.Namespace, chosen: Sequence[PreparedScenario]) -> Iterator[Played]:
+    """Yield what comes of scenarios in their order, each played by one of `--jobs` processes."""
+    done: dict[int, Played] = {}
+    due = 0
+
+    def crashed(task: Task, _outcome: RunOutcome, problem: str) -> Played:
+        each = chosen[task.number]
+        return _ended(args, task.number, each, replace(_blank(each), problem=problem))
+
+    tasks = (Task(number, each.scenario.path, args) for number, each in enumerate(chosen))
+    with Pool(min(args.jobs, len(chosen)), play_task, crashed) as pool:
+        try:
+            for played in pool(tasks):
+                done[played.number] = played
+                while due in done:
+                    yield done.pop(due)
+                    due += 1
+        except KeyboardInterrupt:
+            each = chosen[due]
+            yield _ended(args, due, each, _interrupted(each))
+            yield from (done[number] for number in sorted(done))
+
+
+def play_task(task: Task) -> Played:
+    """Play a scenario in a process for it; what it logs is kept for the one who waits."""
+    args = task.args
+    given = dict(read_parameter(text) for text in args.given)
+    (each,) = prepare_chosen(args, [task.path], lambda one: prepare(one, given, seed=args.seed))
+    kept = _KeptMessages()
+    root = logging.getLogger()
+    level = root.level
+    root.addHandler(kept)
+    root.setLevel(logging.DEBUG if args.verbose > 1 else logging.WARNING)
+    try:
+        return _play(args, task.number, each)._replace(messages=tuple(kept.messages))
+    finally:
+        root.setLevel(level)
+        root.removeHandler(kept)
+
+
+class _KeptMessages(logging.Handler):
+    """Keeps messages."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.messages: list[tuple[str, int, str]] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.messages.append((record.name, record.levelno, record.getMessage()))
+
+
+def _play(args: argparse.Namespace, number: int, prepared: PreparedScenario) -> Played:
+    has_report = bool(args.report)
+    reader = FrameText if has_report else None
+    options = PlayOptions(args.stop_at_failure, keeps_evidence=has_report, reader=reader)
+    return _ended(args, number, prepared, play_for_result(prepared, options))
+
+
+def _ended(
+    args: argparse.Namespace, number: int, prepared: PreparedScenario, result: ScenarioResult
+) -> Played:
+    chapter = run_chapter(prepared, result, args.given) if args.report else None
+    return Played(number, replace(result, evidence=None), chapter)
+
+
 def _interrupted(prepared: PreparedScenario) -> ScenarioResult:
+    return replace(_blank(prepared), problem="interrupted", is_interrupted=True)
+
+
+def _blank(prepared: PreparedScenario) -> ScenarioResult:
     scenario, parameters = prepared.scenario, dict(prepared.parameters)
     about = str(scenario.path), scenario.title, scenario.requirement_ids, prepared.config.seed
-    return ScenarioResult(*about, parameters, problem="interrupted", is_interrupted=True)
+    return ScenarioResult(*about, parameters)
 
 
 def _find_all(paths: Sequence[Path]) -> list[Path]:

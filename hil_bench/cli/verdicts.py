@@ -1,9 +1,9 @@
-"""What the verbs that judge share: verdicts line by line, and the exit code."""
+"""Verdicts line by line, and their exit code, for the verbs that judge."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import ExitCode, verdict_code
 from hil_bench.scenario.judgement import RequirementOutcome
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.results import ScenarioResult, reason_of
@@ -12,9 +12,9 @@ from hil_bench.scenario.results import ScenarioResult, reason_of
 def exit_code_for(outcomes: Iterable[RequirementOutcome]) -> ExitCode:
     """Return the exit code for the outcomes of all requirements: that of the worst."""
     found = set(outcomes)
-    if RequirementOutcome.FAILED in found:
-        return ExitCode.CHECK_FAILED
-    return ExitCode.DONE if found == {RequirementOutcome.PASSED} else ExitCode.INCONCLUSIVE
+    return verdict_code(
+        fails=RequirementOutcome.FAILED in found, passes=found == {RequirementOutcome.PASSED}
+    )
 
 
 def result_lines(results: Sequence[ScenarioResult]) -> Iterator[str]:

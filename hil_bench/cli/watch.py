@@ -43,7 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help=f"show one picture, and exit; listen to a bus for {ONCE:g} s",
     )
-    add_listening_arguments(parser)
+    add_listening_arguments(parser, assumes=False)
     parser.set_defaults(run=run)
 
 

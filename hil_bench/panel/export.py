@@ -1,14 +1,13 @@
 """What the scope shows, as a file of measured data: MF4, written as recordings are."""
 
 import json
-import tempfile
-from pathlib import Path
 
 import numpy as np
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, recording_dtype
 from hil_bench.outside.recording.mdf_writer import MdfFile
+from hil_bench.scratch import scratch_folder
 
 MOST_BYTES = 1 << 26
 """Longest request [byte]: two minutes of 60 channels at 1 kHz."""
@@ -41,8 +40,8 @@ def make_mf4(body: bytes) -> bytes:
     dtype = recording_dtype((TIME, *channels))
     if len(rows) % dtype.itemsize:
         raise ConfigError(f"{_WRONG}, {1 + len(channels)} values each")
-    with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
-        path = Path(folder) / "scope.mf4"
+    with scratch_folder() as folder:
+        path = folder / "scope.mf4"
         file = MdfFile(path, (TIME, *channels), comment=comment)
         file.write_rows(np.frombuffer(rows, dtype="<f8").astype(np.float64).view(dtype))
         file.flush(durable=False)

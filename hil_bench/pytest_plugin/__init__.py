@@ -15,6 +15,7 @@ fixture asks.
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from hil_bench.pytest_plugin.options import (
     is_on,
     option,
     path_option,
+    positive_option,
     shown_path,
     versions,
     worker,
@@ -43,6 +45,10 @@ if TYPE_CHECKING:
     from hil_bench.session.virtual_bench import VirtualBench
     from hil_drivers import Network, PositionSensor, PressureSensor, ProportionalValve
 
+_REMEDY = (
+    ", wait longer with --hil-firmware-patience, or let the clock move the bench with "
+    "--hil-realtime"
+)
 _FIRMWARE_BUS: "pytest.StashKey[FirmwareBus]" = pytest.StashKey()
 _ARTIFACTS: "pytest.StashKey[Callable[[], Path]]" = pytest.StashKey()
 _BROKEN: "pytest.StashKey[str]" = pytest.StashKey()
@@ -79,6 +85,7 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(
             f"--hil-firmware-bus {bus}: workers would share it; give vcan{{worker}}, one each"
         )
+    positive_option(config, "firmware-patience")
     if path_option(config, "config"):
         config.stash[_CONFIG] = _load_config(config)
         _warn_of_a_moved_rootdir(config)
@@ -215,7 +222,7 @@ def bench(
         return
     from hil_bench.outside.realtime.clock import MonotonicClock
     from hil_bench.outside.realtime.pacer import Pacer
-    from hil_bench.pytest_plugin.recording import make_recording_path
+    from hil_bench.pytest_plugin.recording import check_recorded, make_recording_path
     from hil_bench.session.recording import NO_RECORDING
     from hil_bench.session.virtual_bench import VirtualBench
 
@@ -225,6 +232,7 @@ def bench(
     path = make_recording_path(request.node)
     with VirtualBench(_bench_config, pacer=pacer, record=path or NO_RECORDING) as virtual:
         yield virtual
+    check_recorded(virtual.recording)
 
 
 @pytest.fixture(scope="session")
@@ -249,14 +257,20 @@ def _firmware(
     """
     if option(request.config, "interface"):
         pytest.skip("firmware needs the virtual bench, which --hil-interface turns off")
+    from hil_bench.errors import HilBenchError
     from hil_bench.session.firmware import HUB, FirmwareBus
+    from hil_bench.session.joined import USUAL_PATIENCE, Patience
 
+    longest = positive_option(request.config, "firmware-patience") or USUAL_PATIENCE.longest
+    patience = Patience(longest, _REMEDY)
     name = (option(request.config, "firmware-bus") or HUB).replace("{worker}", worker())
     buses: list[FirmwareBus] = []
 
     def start(*command: str | Path) -> "Firmware":
+        __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
         if not buses:
-            buses.append(FirmwareBus(bench, name, is_realtime=hil_realtime))
+            bus = FirmwareBus(bench, name, is_realtime=hil_realtime, patience=patience)
+            buses.append(bus)
             request.node.stash[_FIRMWARE_BUS] = buses[0]
         return buses[0].start(command, tmp_path_factory.mktemp("firmware"))
 

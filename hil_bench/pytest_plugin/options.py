@@ -1,5 +1,6 @@
 """Options of the plugin: each on the command line, or as an ini key of its name."""
 
+import math
 import os
 from pathlib import Path
 
@@ -19,6 +20,10 @@ _OPTIONS = {
     "channel": ("NAME", "channel of that interface"),
     "seed": ("N", "seed of all random generators of the bench"),
     "firmware-bus": ("NAME", _FIRMWARE_BUS),
+    "firmware-patience": (
+        "S",
+        "seconds without SYNC from firmware in lock-step after which its test fails (20)",
+    ),
     "record": ("DIR", "record each test's signals and frames in a file of its own: DIR/TEST.mf4"),
     "artifacts": ("DIR", "where failed tests leave trace, signals and plot (pytest's tmp_path)"),
 }
@@ -61,6 +66,24 @@ def shown_path(config: pytest.Config, path: Path) -> str:
     """Return how reports show a path: from the folder that pytest was started in."""
     start = config.invocation_params.dir
     return str(path.relative_to(start) if path.is_relative_to(start) else path)
+
+
+def positive_option(config: pytest.Config, name: str) -> float | None:
+    """Return the number in an option, else in the ini key of its name, else None.
+
+    Raises:
+        pytest.UsageError: it is no positive number.
+    """
+    text = option(config, name)
+    if text is None:
+        return None
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise pytest.UsageError(f"--hil-{name} {text}: give a positive number of seconds")
+    return number
 
 
 def is_on(config: pytest.Config, name: str) -> bool:

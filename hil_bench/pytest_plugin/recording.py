@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from hil_bench.errors import RecordingError
 from hil_bench.outside.recording.network_tap import NetworkTap
 from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.outside.recording.recorder_process import RecorderProcess
+from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.pytest_plugin.options import path_option
 from hil_drivers import Network
 
@@ -27,6 +29,18 @@ def record_frames(network: Network, path: Path | None) -> Iterator[None]:
     with RecorderProcess(RecordingPlan((path,), ())) as recording:
         network.observe = NetworkTap(recording, network.now).observe
         yield
+    check_recorded(recording.report)
+
+
+def check_recorded(report: RecordingReport | None) -> None:
+    """Refuse a recording, None for one that was not asked for, that is not complete.
+
+    Raises:
+        RecordingError: it says why.
+    """
+    if report is not None and not report.is_complete:
+        lost = f"{report.lost} messages left out, the recorder was too slow" if report.lost else ""
+        raise RecordingError("; ".join(filter(None, [*report.problems, lost])))
 
 
 def make_recording_path(item: pytest.Item) -> Path | None:

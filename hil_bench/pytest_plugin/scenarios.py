@@ -1,9 +1,15 @@
 """Files ``*.scenario.toml`` as tests: an item a requirement, one run for all of a file."""
 
-from collections.abc import Iterator
+import hashlib
+import pickle
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import pytest
 
+import hil_bench
 from hil_bench.errors import HilBenchError
 from hil_bench.pytest_plugin.options import option
 from hil_bench.scenario.judgement import RequirementOutcome
@@ -41,10 +47,75 @@ class ScenarioFile(pytest.File):
     def result(self) -> ScenarioResult:
         """Return what came of the scenario."""
         if self._result is None:
-            seed = option(self.config, "seed")
-            prepared = prepare(load_scenario(self.path), seed=None if seed is None else int(seed))
-            self._result = play_for_result(prepared)
+            self._result = played_once(self.config, self.path, self._play)
         return self._result
+
+    def _play(self) -> ScenarioResult:
+        seed = option(self.config, "seed")
+        prepared = prepare(load_scenario(self.path), seed=None if seed is None else int(seed))
+        return play_for_result(prepared)
+
+
+def played_once(
+    config: pytest.Config, path: Path, play: Callable[[], ScenarioResult]
+) -> ScenarioResult:
+    """Return what came of a scenario, played by one worker of pytest-xdist for all of them.
+
+    The others wait for it. Its result is in a file beside the workers' temporary folders; where
+    the worker dies, the next one plays.
+
+    Args:
+        config: of this worker, or of a run without workers.
+        path: of the scenario.
+        play: plays it.
+    """
+    folder = _common_folder(config)
+    if folder is None:
+        return play()
+    about = (path.resolve(), config.workerinput["testrunuid"], sys.version, hil_bench.__version__)  # type: ignore[attr-defined]
+    file = folder / hashlib.sha256(repr(about).encode()).hexdigest()[:32]
+    with _alone(file.with_suffix(".lock")):
+        if not file.exists():
+            result = play()
+            partial = file.with_suffix(".partial")
+            partial.write_bytes(pickle.dumps(result))
+            partial.replace(file)
+            return result
+        kept: ScenarioResult = pickle.loads(file.read_bytes())  # noqa: S301 - this user's own
+        return kept
+
+
+def _common_folder(config: pytest.Config) -> Path | None:
+    """Return a folder that the workers of a run have in common; None where there are none."""
+    factory = getattr(config, "_tmp_path_factory", None)
+    if factory is None or not hasattr(config, "workerinput"):
+        return None
+    folder: Path = factory.getbasetemp().parent / "hil-bench-scenarios"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Wait until no other process holds a file, and hold it; the end of a process lets go of it.
+
+    Yields:
+        Nothing.
+    """
+    with path.open("ab") as file:
+        if sys.platform == "win32":
+            import msvcrt
+
+            file.seek(0)
+            while True:
+                with suppress(OSError):  # after ten seconds, which a scenario may well take
+                    msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+                    break
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 class ScenarioItem(pytest.Item):

@@ -13,8 +13,6 @@ from hil_bench.session.firmware import HUB, Firmware, FirmwareBus
 from hil_bench.session.virtual_bench import VirtualBench
 from hil_drivers import DriverError
 
-_RELATIVE = "a relative path counts from the folder of the command"
-
 
 class Timekeeper(Protocol):
     """Lets the time of a run pass."""
@@ -137,21 +135,12 @@ class FirmwareDriver:
             self._is_due = True
 
     def _start(self, bus: FirmwareBus) -> None:
-        """Start the program.
-
-        Raises:
-            ControllerError: it cannot be started.
-        """
+        """Start the program; a `ControllerError` says why it cannot be."""
         self._is_due = False
         self._starts += 1
         directory = self._directory / str(self._starts)
         directory.mkdir()
-        try:
-            self._program = bus.start(self._words, directory)
-        except OSError as error:
-            wrong = f"{self._words[0]}: cannot be started: {error.strerror or error}"
-            right = "" if Path(self._words[0]).is_absolute() else f"; {_RELATIVE}"
-            raise ControllerError(wrong + right) from None
+        self._program = bus.start(self._words, directory)
 
     def _look_at_the_end(self) -> None:
         """Say so where the program has ended by itself, with an error.

@@ -7,8 +7,6 @@ one likes, each time on a fresh bench.
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from hil_bench.bench.configuration import BenchConfig, FaultConfig, load_config
@@ -33,6 +31,7 @@ from hil_bench.scenario.stage import Stage
 from hil_bench.scenario.targets import Targets
 from hil_bench.scenario.usage import usage_problems
 from hil_bench.scenario.witness import bench_vocabulary
+from hil_bench.scratch import scratch_folder
 from hil_bench.session.fault_spans import fault_spans
 from hil_bench.session.recording import NO_RECORDING, RecordingWish
 from hil_bench.session.session import Session, open_session
@@ -192,8 +191,8 @@ def _driver(prepared: PreparedScenario, bench: VirtualBench) -> Iterator[Timekee
         }
         words = [_filled(word, values) for word in controller.firmware]
         starts = [s.command for s in prepared.scenario.steps if isinstance(s, FirmwareStep)]
-        with TemporaryDirectory(prefix="hil-bench-") as directory:
-            driver = FirmwareDriver(bench, words, Path(directory), starts[:1])
+        with scratch_folder() as directory:
+            driver = FirmwareDriver(bench, words, directory, starts[:1])
             try:
                 yield driver
             finally:

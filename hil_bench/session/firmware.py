@@ -23,7 +23,7 @@ from hil_bench.outside.transports.hub_process import HubProcess
 from hil_bench.outside.transports.joined import JoinedTransport
 from hil_bench.outside.transports.opening import open_transport
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.joined import ControllerLink
+from hil_bench.session.joined import USUAL_PATIENCE, ControllerLink, Patience
 from hil_bench.session.lockstep import PATIENCE
 from hil_bench.session.virtual_bench import VirtualBench
 
@@ -47,13 +47,21 @@ class FirmwareBus:
         bench: the bench of the test.
         name: "hub", or the name of a SocketCAN interface.
         is_realtime: whether the clock lets bench time pass; otherwise the firmware's SYNC does.
+        patience: with firmware that sends no SYNC.
 
     Attributes:
         address: how a program is told of the bus: "vcan0", or "127.0.0.1:PORT".
         variables: the same as environment variables, for python-can too.
     """
 
-    def __init__(self, bench: VirtualBench, name: str, *, is_realtime: bool) -> None:
+    def __init__(
+        self,
+        bench: VirtualBench,
+        name: str,
+        *,
+        is_realtime: bool,
+        patience: Patience = USUAL_PATIENCE,
+    ) -> None:
         self._is_realtime = is_realtime
         self._hub: HubProcess | None = None
         self._programs: list[Firmware] = []
@@ -62,7 +70,7 @@ class FirmwareBus:
         )
         self.variables = _environment(self.address)
         pacer = Pacer(MonotonicClock(), bench.config.tick_ns) if is_realtime else None
-        self.link = bench.join(self._transport, pacer=pacer, check=self._check)
+        self.link = bench.join(self._transport, pacer=pacer, patience=patience, check=self._check)
 
     def start(self, command: Sequence[str | Path], directory: Path) -> "Firmware":
         """Start a program; see the `firmware` fixture."""
@@ -134,6 +142,15 @@ def _environment(address: str) -> dict[str, str]:
     }
 
 
+def _why_unstarted(program: str, error: OSError) -> str:
+    wrong = f"{program}: cannot be started: {error.strerror or error}"
+    if Path(program).is_absolute() or not isinstance(error, FileNotFoundError):
+        return wrong
+    is_path = len(Path(program).parts) > 1
+    right = f"a relative path counts from {Path.cwd()}" if is_path else "it is not on the PATH"
+    return f"{wrong}; {right}"
+
+
 class _Output(NamedTuple):
     stdout: Path
     stderr: Path
@@ -144,6 +161,9 @@ class Firmware:
 
     Attributes:
         process: the process.
+
+    Raises:
+        ControllerError: it cannot be started.
     """
 
     def __init__(self, command: Sequence[str], directory: Path, bus: FirmwareBus) -> None:
@@ -151,13 +171,16 @@ class Firmware:
         self._bus = bus
         self._output = _Output(directory / "stdout", directory / "stderr")
         with self._output.stdout.open("wb") as stdout, self._output.stderr.open("wb") as stderr:
-            self.process = subprocess.Popen(  # noqa: S603 - the test's own program
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=stdout,
-                stderr=stderr,
-                env=os.environ | bus.variables,
-            )
+            try:
+                self.process = subprocess.Popen(  # noqa: S603 - the test's own program
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=stdout,
+                    stderr=stderr,
+                    env=os.environ | bus.variables,
+                )
+            except OSError as error:
+                raise ControllerError(_why_unstarted(command[0], error)) from None
 
     @property
     def is_running(self) -> bool:

@@ -6,7 +6,7 @@ Both are the same to who waits: `advance` returns when bench time has come to a 
 
 from collections.abc import Callable
 from operator import methodcaller
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from hil_bench.errors import ControllerError, HilBenchError
 from hil_bench.outside.realtime.clock import Clock, MonotonicClock
@@ -19,16 +19,20 @@ from hil_bench.session.session import Session
 # Of an error that says what a test's controller did wrong, pytest shows the test's own line.
 __tracebackhide__ = methodcaller("errisinstance", HilBenchError)
 
-SILENCE = 20.0
-"""Time without a frame from the bus after which a controller in lock-step is given up [s]."""
 
-LONGEST_WITHOUT_SYNC = 60.0
-"""The same where frames come, but no SYNC: setting devices up takes that long at most [s]."""
+class Patience(NamedTuple):
+    """How long a controller in lock-step may send no SYNC.
 
-_STANDSTILL = (
-    ", and without SYNC (0x080) bench time stands still; is the controller on this bus, and in "
-    "lock-step?"
-)
+    Attributes:
+        longest: time after which it is given up [s].
+        right: what else would be right, for the message.
+    """
+
+    longest: float = 20.0
+    right: str = ""
+
+
+USUAL_PATIENCE = Patience()
 
 
 class ControllerLink(Protocol):
@@ -51,16 +55,23 @@ class LockStepLink:
     Args:
         lockstep: the bench, powered on.
         transport: the bus.
+        patience: with its controller.
         clock: the machine's clock; None is the monotonic one.
     """
 
     def __init__(
-        self, lockstep: LockStep, transport: Transport, *, clock: Clock | None = None
+        self,
+        lockstep: LockStep,
+        transport: Transport,
+        patience: Patience = USUAL_PATIENCE,
+        *,
+        clock: Clock | None = None,
     ) -> None:
+        self._patience = patience
         self._lockstep = lockstep
         self._bus = LockStepBus(lockstep, transport)
         self._clock = clock or MonotonicClock()
-        self._silence = 0.0
+        self._has_come = False
         self._without_sync = 0.0
 
     @property
@@ -72,21 +83,28 @@ class LockStepLink:
         """Take the next frame; return whether one came within `lockstep.PATIENCE`.
 
         Raises:
-            ControllerError: none came for `SILENCE`, or no SYNC for `LONGEST_WITHOUT_SYNC`.
+            ControllerError: no SYNC has come for as long as its patience lasts.
         """
         began, syncs = self._clock.now(), self._lockstep.syncs
         has_come = self._bus.step()
         # At most what was waited for: a machine that was suspended is not the controller's fault.
         waited = min((self._clock.now() - began) * 1e-9, PATIENCE)
-        self._silence = 0.0 if has_come else self._silence + waited
-        self._without_sync = self._without_sync + waited if self._lockstep.syncs == syncs else 0.0
-        if self._silence > SILENCE:
-            raise ControllerError(f"nobody has sent a frame for {SILENCE:g} s{_STANDSTILL}")
-        if self._without_sync > LONGEST_WITHOUT_SYNC:
-            raise ControllerError(
-                f"frames, but no SYNC for {LONGEST_WITHOUT_SYNC:g} s{_STANDSTILL}"
-            )
+        if self._lockstep.syncs == syncs:
+            self._has_come |= has_come
+            self._without_sync += waited
+        else:
+            self._has_come, self._without_sync = False, 0.0
+        if self._without_sync > self._patience.longest:
+            raise ControllerError(self._standstill())
         return has_come
+
+    def _standstill(self) -> str:
+        what = "frames, but no SYNC (0x080)" if self._has_come else "nobody has sent a frame"
+        right = "let the controller on this bus send SYNC (as producer: bit 30 of 0x1005, 0x1006)"
+        return (
+            f"{what} for {self._patience.longest:g} s, and without SYNC bench time stands still; "
+            f"{right}{self._patience.right}"
+        )
 
     def drain(self) -> None:
         """Answer what has arrived already, without waiting for more."""

@@ -24,7 +24,14 @@ from hil_bench.outside.recording.report import RecordingReport
 from hil_bench.outside.recording.signal_table import SignalTable, as_table
 from hil_bench.outside.transports.embedded import EmbeddedBus, EmbeddedPort
 from hil_bench.outside.transports.transport import Transport
-from hil_bench.session.joined import ControllerLink, LockStepLink, RealTimeLink, advance
+from hil_bench.session.joined import (
+    USUAL_PATIENCE,
+    ControllerLink,
+    LockStepLink,
+    Patience,
+    RealTimeLink,
+    advance,
+)
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.recording import NO_RECORDING, RecordingWish, recorded
 from hil_bench.session.session import open_session
@@ -186,7 +193,12 @@ class VirtualBench:
         return self.now() - start
 
     def join(
-        self, transport: Transport, *, pacer: Pacer | None = None, check: Callable[[], None]
+        self,
+        transport: Transport,
+        *,
+        pacer: Pacer | None = None,
+        patience: Patience = USUAL_PATIENCE,
+        check: Callable[[], None],
     ) -> ControllerLink:
         """Put the bench on a bus where another program controls it, in place of its own `buses`.
 
@@ -197,6 +209,7 @@ class VirtualBench:
         Args:
             transport: the bus, or a `JoinedTransport`; it stays the caller's.
             pacer: paces the bench in real time; None is lock-step.
+            patience: with a controller in lock-step.
             check: called in `run` and `run_until` when nothing came from the bus; raises where
                 nothing will come any more.
 
@@ -215,7 +228,7 @@ class VirtualBench:
                 tick_ns=self.config.tick_ns,
                 ticks_per_sync=self.config.ticks_per_sync,
             )
-            link = LockStepLink(lockstep, transport)
+            link = LockStepLink(lockstep, transport, patience)
         else:
             link = RealTimeLink(session, transport, pacer)
         self._clock = lambda: session.now * 1e-9

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.machine.fmu_export.inputs import find_inputs
 from hil_bench.machine.together import axes_with, find_supply
+from hil_bench.scratch import scratch_folder
 
 _MODULE = "hil_bench_axis"
 _SCRIPT = """\
@@ -55,15 +55,15 @@ def export_axis(config: BenchConfig, axis: AxisConfig, path: Path) -> None:
     find_inputs(config, axes_with(config, axis))  # refuses what is no axis of ours
     searched = list(sys.path)
     with (
-        tempfile.TemporaryDirectory() as folder,
+        scratch_folder() as folder,
         about_file(path),
         whole_file(path) as file,
     ):
         path.parent.resolve(strict=True)  # PythonFMU would make it
-        script, bench = Path(folder) / f"{_MODULE}.py", Path(folder) / "bench.toml"
+        script, bench = folder / f"{_MODULE}.py", folder / "bench.toml"
         script.write_text(_SCRIPT, encoding="utf-8")
         bench.write_text("\n".join(_bench_lines(config, axis)), encoding="utf-8")
-        sys.path.insert(0, folder)
+        sys.path.insert(0, str(folder))
         try:
             FmuBuilder.build_FMU(script, file, [bench], needsExecutionTool="true")
         finally:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
-from hil_bench.errors import ConfigError, RecordingError, check_replaceable
+from hil_bench.errors import ConfigError, RecordingError, about_file, check_replaceable
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
@@ -87,12 +87,9 @@ class OutputFile:
     def __init__(self, path: Path, head: bytes = b"") -> None:
         self.path = path
         self.size = 0
-        check_replaceable(path)
-        try:
+        with opening(path):
             self._file = path.open("wb", buffering=0)
             self._begin(head)
-        except OSError as error:
-            raise ConfigError(why_unwritable(path, error)) from None
 
     def _begin(self, head: bytes) -> None:
         try:
@@ -178,8 +175,18 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
-def why_unwritable(path: Path, error: OSError) -> str:
-    """Return what to say of a file that cannot be opened for writing."""
-    if path.is_dir():
-        return f"{path}: is a directory; give the name of a file to write"
-    return f"{path}: cannot be written: {error.strerror}; give a file in a directory of yours"
+@contextlib.contextmanager
+def opening(path: Path) -> Iterator[None]:
+    """Have an `OSError` at the opening of a file for writing come as a `ConfigError`.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ConfigError: the path is a directory, or cannot be written.
+    """
+    with about_file(path, right="give a file in a directory of yours"):
+        if path.is_dir():
+            raise ConfigError(f"{path}: is a directory; give the name of a file to write")
+        check_replaceable(path)
+        yield

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile, why_unwritable
+from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile, opening
 from hil_bench.outside.recording.channels import TIME, Channel
 from hil_bench.outside.recording.signal_csv import SignalCsvFile
 
@@ -51,21 +51,16 @@ def check_suffix(path: Path) -> None:
 def open_block_file(
     path: Path, channels: Sequence[Channel], heading: Heading = NO_HEADING
 ) -> BlockFile:
-    """Return a new file of a recording.
+    """Return a new file of a recording; a `ConfigError` where it cannot be written.
 
     Args:
         path: the file; its suffix, one of `SUFFIXES`, is its format.
         channels: the signals after `TIME`.
         heading: what it says of itself.
-
-    Raises:
-        ConfigError: it cannot be written.
     """
     check_suffix(path)
-    try:
+    with opening(path):
         return _open(path, channels, heading)
-    except OSError as error:
-        raise ConfigError(why_unwritable(path, error)) from None
 
 
 def _open(path: Path, channels: Sequence[Channel], heading: Heading) -> BlockFile:

@@ -12,6 +12,7 @@ import signal
 import struct
 import subprocess
 import sys
+from collections.abc import Iterator
 from typing import IO, Final, cast
 
 from hil_bench.errors import printable
@@ -41,7 +42,8 @@ class Child:
         self._answer = struct.Struct(f"={len(setup.read)}d")
         words = [sys.executable, "-m", __name__]
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0)  # noqa: S603
+        with _without_ctrl_c():
+            self._process = subprocess.Popen(words, stdin=pipe, stdout=pipe, bufsize=0)  # noqa: S603
         self._requests = cast("IO[bytes]", self._process.stdin)
         self._answers = cast("IO[bytes]", self._process.stdout)
         self._say(json.dumps(setup).encode() + b"\n")
@@ -104,15 +106,45 @@ def _cause(code: int) -> str:
     return f"has ended its process with code {code}"
 
 
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Let what the block starts never hear Ctrl-C, not even while it imports.
+
+    Yields:
+        Nothing.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def main() -> None:
-    """Serve the process at the other end of the standard streams."""
+    """Serve the process at the other end of the standard streams; without it, end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the bench, which ends this one
     requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # what an FMU prints is no answer
-    _serve(Setup(*json.loads(requests.readline())), requests, answers)
+    setup = requests.readline()
+    if setup.endswith(b"\n"):
+        with contextlib.suppress(BrokenPipeError):  # the bench is gone
+            serve(Setup(*json.loads(setup)), requests, answers)
 
 
-def _serve(setup: Setup, requests: IO[bytes], answers: IO[bytes]) -> None:
+def serve(setup: Setup, requests: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer requests until there are no more, or one has failed.
+
+    Args:
+        setup: what the instance is made of.
+        requests: where they come from.
+        answers: where the answers go; what has failed is the last.
+
+    Raises:
+        BrokenPipeError: nobody reads them any more.
+    """
     request = struct.Struct(f"=I{len(setup.written)}d")
     answer = struct.Struct(f"={len(setup.read)}d")
     good = _HEAD.pack(False, 0)
@@ -123,11 +155,12 @@ def _serve(setup: Setup, requests: IO[bytes], answers: IO[bytes]) -> None:
         while len(asked := requests.read(request.size)) == request.size:
             steps, *given = request.unpack(asked)
             answers.write(good + answer.pack(*instance.go_on(given, steps)))
-    except SlaveError as error:
-        reason = str(error).encode()[:_LONGEST_REASON]
-        answers.write(_HEAD.pack(True, len(reason)) + reason)
     except BrokenPipeError:
-        pass  # the bench is gone
+        raise
+    except Exception as error:  # the bench says it, in a line
+        kind = "" if isinstance(error, SlaveError) else f"{type(error).__name__}: "
+        reason = f"{kind}{error}".encode()[:_LONGEST_REASON]
+        answers.write(_HEAD.pack(True, len(reason)) + reason)
     finally:
         if instance is not None:
             instance.end()

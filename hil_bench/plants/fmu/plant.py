@@ -1,17 +1,15 @@
 """An FMU as a plant of a bench."""
 
 import math
-import shutil
-import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from hil_bench.errors import ParameterError
 from hil_bench.plants.fmu.archive import unpack
 from hil_bench.plants.fmu.child import Child
 from hil_bench.plants.fmu.configuration import FULL_SCALE, FmuConfig
 from hil_bench.plants.fmu.slave import Instance, Setup, SlaveError
+from hil_bench.scratch import ScratchFolder
 
 
 class FmuPlant:
@@ -31,8 +29,9 @@ class FmuPlant:
         self._factors = [binding.factor for binding in axis.outputs]
         self._given = [0.0, *(binding.start for binding in axis.inputs.values())]
         self._places = {name: place for place, name in enumerate(axis.inputs, 1)}
-        folder = Path(tempfile.mkdtemp(prefix="hil-bench-fmu-"))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        scratch = ScratchFolder()
+        weakref.finalize(self, scratch.remove)
+        folder = scratch.path
         unpack(axis.path, folder)
         setup = Setup(
             version=axis.description.version,

@@ -1,11 +1,14 @@
 """`hil-bench ctl`: a running bench from the shell."""
 
+import contextlib
 import json
+from types import SimpleNamespace
 
 import pytest
 from support.feed_loop import FeedLoop
 
 from hil_bench.cli import ctl, main
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.errors import BusError
 
 
@@ -193,3 +196,35 @@ def test_no_bench_is_said(monkeypatch, tmp_path, capsys):
     assert capsys.readouterr().err == (
         "hil-bench: error: no bench runs; start one with hil-bench run\n"
     )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--bench", "bench", "--json", "status"],
+        ["--bench", "bench", "status", "--json"],
+        ["status", "--bench", "bench", "--json"],
+        ["--bench", "other", "--json", "status", "--bench", "bench"],
+    ],
+)
+def test_the_bench_may_be_named_before_the_action_and_after_it(loop, monkeypatch, capsys, words):
+    names = []
+
+    def connect(name):
+        names.append(name)
+        return loop.connect(name)
+
+    monkeypatch.setattr(ctl, "connect", connect)
+    assert main(["ctl", *words]) == 0
+    assert names == ["bench"]
+    assert json.loads(capsys.readouterr().out)["name"] == "bench"
+
+
+def test_a_recording_that_is_not_complete_is_lost_output(monkeypatch, capsys):
+    found = {"path": "r.mf4", "rows": 3, "frames": None, "end": 0.1, "problem": "", "lost": 2}
+    client = SimpleNamespace(request=lambda _action: found)
+    monkeypatch.setattr(ctl, "connect", lambda _name: contextlib.nullcontext(client))
+    assert main(["ctl", "record", "--stop"]) == ExitCode.LOST
+    said = capsys.readouterr()
+    assert said.out == "r.mf4: 3 rows, until 0.100 s\n"
+    assert said.err == "hil-bench: error: 2 messages left out\n"

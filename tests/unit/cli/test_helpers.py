@@ -4,6 +4,7 @@ import threading
 
 import pytest
 
+from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.helpers import DELAYS, LOOK, SOUND, Helpers
 from hil_bench.errors import BusError
 
@@ -67,14 +68,14 @@ def test_a_death_is_said_at_the_next_look_and_mended_by_another_thread(caplog):
         f"server: its process {KILLED}; its clients are cut off; the run goes on, and a new start "
         "follows in 0.5 s"
     )
-    assert bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.LOST
     bed.pass_time(0.4)
     assert helper.starts == 0
     bed.pass_time(0.2)
     assert helper.starts == 1
     assert caplog.messages[1:] == ["server: runs again (TCP 127.0.0.1:5020)"]
     assert threading.current_thread() not in helper.threads
-    assert not bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.DONE
     assert not bed.helpers.is_over
     assert bed.helpers.lines() == [f"server ended once, last: {KILLED}; runs again"]
 
@@ -93,7 +94,7 @@ def test_one_that_dies_again_and_again_is_given_up(caplog):
         f"server: its process {KILLED}; its clients are cut off; given up after 5 new starts; "
         "the run goes on without"
     )
-    assert bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.LOST
     assert bed.helpers.lines() == [f"server ended 6 times, last: {KILLED}; does not run any more"]
 
 
@@ -135,7 +136,7 @@ def test_an_error_of_ours_in_a_start_is_no_success(caplog):
     helper.end, helper.problem = KILLED, ZeroDivisionError("a bug")
     bed.pass_time(0.8)
     assert "cannot be started again: an error of hil-bench; " in caplog.messages[-1]
-    assert bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.LOST
 
 
 @pytest.mark.parametrize("is_needed", [True, False])
@@ -147,7 +148,7 @@ def test_the_run_ends_with_it_where_that_is_wanted(caplog, is_needed):
     helper.end = KILLED
     bed.pass_time(20.0)
     assert bed.helpers.is_over
-    assert bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.LOST
     assert helper.starts == 0
     (said,) = caplog.messages
     assert said.endswith("the run ends (--end-on-loss)")
@@ -158,7 +159,7 @@ def test_one_that_is_not_needed_leaves_the_run_complete():
     bed = Bed(helper)
     helper.end, helper.problem = KILLED, BusError("no")
     bed.pass_time(60.0)
-    assert not bed.helpers.is_incomplete
+    assert bed.helpers.code is ExitCode.DONE
 
 
 @pytest.mark.parametrize("ends_on_loss", [True, False])

@@ -254,6 +254,20 @@ def test_what_the_drivers_tell_is_recorded_with_the_set_points(machine, tmp_path
     assert np.ptp(recording["axis1.position"]) > 0.02
 
 
+def test_a_lost_recording_is_lost_output(machine, tmp_path, monkeypatch, capsys):
+    def write_rows(_file, _rows):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    for that, code in (
+        ("always axis1.P_A < 250 bar", ExitCode.LOST),
+        ("always axis1.P_A < 0 bar", ExitCode.CHECK_FAILED),
+    ):
+        words = ("--yes", "--record", str(tmp_path / "run.mf4"))
+        assert machine.test(MOVE + STOP + expect(that), words=words) == code
+        assert "No space left on device" in capsys.readouterr().err
+
+
 def test_a_recording_without_a_machine_is_refused(tmp_path, capsys):
     path = tmp_path / "a.scenario.toml"
     path.write_text(HEAD + expect("always axis1.P_A < 250 bar"))

@@ -16,11 +16,12 @@ import pytest
 from hil_bench import __version__, cli
 from hil_bench.__main__ import main as command
 from hil_bench.cli import VERBS, main
-from hil_bench.cli.exit_codes import ExitCode
+from hil_bench.cli.exit_codes import ExitCode, exit_code_of
 from hil_bench.errors import (
     BusError,
     ConfigError,
     ControllerError,
+    DiskError,
     HilBenchError,
     RecordingError,
     SdoAbort,
@@ -70,7 +71,7 @@ def failing(error: BaseException) -> Callable[[argparse.Namespace], int]:
                 "output of the same command and -vv\n"
             ),
         ),
-        (OSError(ENOSPC, "No space left", "a.csv"), 2, "hil-bench: error: a.csv: No space left\n"),
+        (OSError(ENOSPC, "No space left", "a.csv"), 5, "hil-bench: error: a.csv: No space left\n"),
         (KeyboardInterrupt(), 130, ""),
         (BrokenPipeError(), 0, ""),
     ],
@@ -138,6 +139,7 @@ def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
     ("error", "code"),
     [
         (ConfigError(""), ExitCode.USAGE),
+        (DiskError(""), ExitCode.LOST),
         (BusError(""), ExitCode.BUS),
         (ControllerError(""), ExitCode.BUS),
         (WaitTimeoutError(""), ExitCode.BUS),
@@ -148,7 +150,7 @@ def test_the_code_of_a_verb_is_the_exit_code(act: Callable[..., int]) -> None:
     ],
 )
 def test_each_error_has_its_exit_code(error: Exception, code: ExitCode) -> None:
-    assert cli.exit_code_of(error) is code
+    assert exit_code_of(error) is code
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,11 @@
 """Where positional arguments may stand."""
 
+import argparse
+import re
+
 import pytest
 
-from hil_bench.cli import VERBS, build_parser
+from hil_bench.cli import GROUPS, VERBS, build_parser, main
 from hil_bench.cli.parser import Parser
 
 
@@ -68,3 +71,70 @@ examples:
         a bus for other programs
         where there is none
 """)
+
+
+SHORT = {
+    "-b": "--bitrate",
+    "-c": "--channel",
+    "-h": "--help",
+    "-i": "--interface",
+    "-k": None,
+    "-o": "--output",
+    "-q": "--quiet",
+    "-v": "--verbose",
+}
+"""What each short option stands for, in every verb that has it; the help of hil-bench shows it."""
+
+
+def parsers(parser):
+    """Yield a parser and all below it."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from parsers(below)
+
+
+@pytest.mark.long  # imports every verb
+def test_a_short_option_means_the_same_in_every_verb():
+    for parser in parsers(build_parser(VERBS)):
+        for action in parser._actions:
+            short, long = (
+                [each for each in action.option_strings if each.startswith("--") is is_long]
+                for is_long in (False, True)
+            )
+            assert [SHORT[each] for each in short] == ([*long] or [None])[: len(short)], parser.prog
+            assert not set(long) & set(SHORT.values()) or short, parser.prog
+
+
+def test_the_help_names_the_short_options():
+    shown = build_parser(()).epilog.partition("short options")[2].partition("\n\n")[0]
+    named = dict(re.findall(r"(-\w)(?: (--\w+))?", shown))
+    assert named == {short: long or "" for short, long in SHORT.items() if short != "-h"}
+
+
+def test_the_help_has_each_verb_once_below_the_heading_of_its_group():
+    shown = build_parser(()).format_help().partition("\nverbs:\n  VERB\n")[2].partition("\n\n")[0]
+    found, verbs = {}, []
+    for indent, word in re.findall(r"^( {2,4})([a-z-]+)", shown, re.MULTILINE):
+        if len(indent) == 2:
+            verbs = found[word] = []
+        else:
+            verbs.append(word)
+    assert found == {name: [*verbs] for name, verbs in GROUPS.items()}
+
+
+def test_the_options_of_run_begin_with_those_that_are_used_most(capsys):
+    main(["run", "--help"])
+    text = capsys.readouterr().out
+    order = [
+        "most used:",
+        "  --duration",
+        "  --record",
+        "  --scenario",
+        "bus (",
+        "real time (",
+        "seldom",
+    ]
+    places = [text.index(f"\n{each}") for each in order]
+    assert places == sorted(places)

@@ -1,8 +1,9 @@
 import json
+from dataclasses import replace
 
 import pytest
 
-from hil_bench.cli import main
+from hil_bench.cli import main, scan
 
 UNCONFIGURED = """
 [plant.axis1]
@@ -78,3 +79,16 @@ def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys) -> No
 def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
     assert main(["scan", "-i", "socketcan", "-c", "nosuchbus0"]) == 3
     assert "nosuchbus0" in capsys.readouterr().err
+
+
+def test_two_devices_under_one_node_id_are_a_failed_check(monkeypatch, capsys) -> None:
+    real = scan.survey
+
+    def survey(*args, **options):
+        found = real(*args, **options)
+        first, *rest = found.nodes
+        return replace(found, nodes=(replace(first, clash=True), *rest))
+
+    monkeypatch.setattr(scan, "survey", survey)
+    assert main(["scan", "--virtual", "--nodes", "1-4"]) == 1
+    assert "clash     more than one device answers under this node-ID" in capsys.readouterr().out

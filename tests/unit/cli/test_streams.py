@@ -23,9 +23,9 @@ def test_a_closed_stream_is_no_error(closed):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_full_disk_is_one_line_and_exit_code_2():
+def test_a_full_disk_is_one_line_and_exit_code_5():
     done = sh(f"{CALL} devices >/dev/full")
-    assert done.returncode == 2
+    assert done.returncode == 5
     assert done.stderr == "hil-bench: error: standard output: No space left on device\n"
 
 

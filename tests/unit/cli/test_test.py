@@ -1,11 +1,13 @@
 """`hil-bench test`, on the worked examples and on what is wrong."""
 
 import json
+import pickle
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
 
+from hil_bench.campaign.records import RunOutcome
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.scenario.run import play
@@ -106,12 +108,12 @@ def test_a_run_that_ends_at_a_failure_says_what_it_has_seen(tmp_path, capsys):
     assert 0.0 < float(seen) < 0.1
 
 
-def test_verdicts_are_printed_though_a_file_of_them_cannot_be_written(tmp_path, capsys):
+def test_a_junit_file_without_a_folder_is_refused_before_anything_is_played(tmp_path, capsys):
     path = scenario(tmp_path, "always axis1.P_A < 250 bar")
     assert main(["test", path, "--junit", str(tmp_path / "no" / "j.xml")]) == ExitCode.USAGE
     found = capsys.readouterr()
-    assert found.out.splitlines()[1].startswith("  R1  passed")
-    assert "j.xml: cannot be written: No such file or directory" in found.err
+    assert found.out == ""
+    assert "there is no folder" in found.err
 
 
 def test_firmware_that_dies_is_a_failure_in_a_line(tmp_path, capsys):
@@ -161,3 +163,113 @@ def test_ctrl_c_keeps_the_verdicts_of_scenarios_that_are_done(tmp_path, capsys, 
     assert "b.scenario.toml: T\n  interrupted\n" in out
     assert "R-c" not in out
     assert "R-a" in junit.read_text()
+
+
+def several(tmp_path):
+    """One scenario that passes, one that fails, one whose firmware cannot be started."""
+    texts = {
+        "a": ("always axis1.P_A < 250 bar", ""),
+        "b": ("always axis1.P_A < 1 bar", ""),
+        "c": ("always axis1.P_A < 250 bar", '[controller]\nfirmware = ["/no/such"]\n'),
+    }
+    for name, (that, more) in texts.items():
+        expect = f"[[expect]]\nid = \"R-{name}\"\nthat = '{that}'\n"
+        (tmp_path / f"{name}.scenario.toml").write_text(f"{HEAD}{more}{expect}")
+    return str(tmp_path)
+
+
+class Backwards:
+    """A pool in this process that is done with the last task first."""
+
+    def __init__(self, jobs, perform, failed):
+        assert jobs == 2
+        self.perform, self.failed = perform, failed
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def __call__(self, tasks):
+        for task in reversed(pickle.loads(pickle.dumps(list(tasks)))):  # noqa: S301 - our own
+            yield self.outcome(task)
+
+    def outcome(self, task):
+        return pickle.loads(pickle.dumps(self.perform(task)))  # noqa: S301 - our own
+
+
+class Dying(Backwards):
+    """The process that has the first task dies."""
+
+    def outcome(self, task):
+        if task.number:
+            return super().outcome(task)
+        return self.failed(task, RunOutcome.CRASHED, "its process was killed (SIGKILL)")
+
+
+class Interrupted(Backwards):
+    """Ctrl-C comes while the second task is under way, the third is done and the first is not."""
+
+    def outcome(self, task):
+        if task.number == 1:
+            raise KeyboardInterrupt
+        return super().outcome(task)
+
+
+def faces(folder, out, capsys, *words):
+    """Return what `test` prints and writes for a folder, and its exit code."""
+    out.mkdir(exist_ok=True)
+    files = ["--junit", str(out / "j.xml"), "--report", str(out / "r.html")]
+    code = main(["test", folder, *files, *words])
+    written = [path.read_bytes() for path in sorted(out.iterdir())]
+    main(["test", folder, "--json", *words])
+    said = capsys.readouterr()
+    return code, said.out, said.err, written
+
+
+def test_results_come_in_the_order_of_the_files_whoever_is_done_first(
+    tmp_path, capsys, monkeypatch
+):
+    folder = several(tmp_path)
+    serial = faces(folder, tmp_path / "out", capsys)
+    monkeypatch.setattr("hil_bench.cli.test.Pool", Backwards)
+    assert faces(folder, tmp_path / "out", capsys, "--jobs", "2") == serial
+    assert serial[0] == ExitCode.CHECK_FAILED
+
+
+def test_a_process_that_dies_is_a_result(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.test.Pool", Dying)
+    words = ["-k", "R-a", "-k", "R-", "--jobs", "2"]
+    assert main(["test", several(tmp_path), *words]) == ExitCode.CHECK_FAILED
+    first, problem, second = capsys.readouterr().out.splitlines()[:3]
+    assert first.endswith("a.scenario.toml: T")
+    assert problem == "  its process was killed (SIGKILL)"
+    assert second.endswith("b.scenario.toml: T")
+
+
+def test_ctrl_c_ends_all_and_keeps_what_is_done(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hil_bench.cli.test.Pool", Interrupted)
+    folder = several(tmp_path)
+    (tmp_path / "c.scenario.toml").unlink()
+    (tmp_path / "c.scenario.toml").write_text((tmp_path / "a.scenario.toml").read_text())
+    assert main(["test", folder, "--jobs", "2"]) == ExitCode.INTERRUPTED
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.rpartition("/")[2] for line in lines[:3]] == [
+        "a.scenario.toml: T",
+        "  interrupted",
+        "c.scenario.toml: T",
+    ]
+
+
+@pytest.mark.long  # processes start
+def test_scenarios_in_processes_of_their_own_give_the_same_bytes(tmp_path, capsys):
+    folder = several(tmp_path)
+    serial = faces(folder, tmp_path / "out", capsys)
+    assert faces(folder, tmp_path / "out", capsys, "--jobs", "3") == serial
+
+
+def test_a_machine_plays_one_scenario_at_a_time(tmp_path, capsys):
+    words = ["-i", "virtual", "-c", "x", "--plan", "plan.toml", "--jobs", "2"]
+    assert main(["test", several(tmp_path), *words]) == ExitCode.USAGE
+    assert "--jobs 2: a machine plays one scenario at a time" in capsys.readouterr().err

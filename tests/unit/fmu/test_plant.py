@@ -1,13 +1,19 @@
 """An FMU on a bench: bound to quantities, moved tick by tick, and what it says when it fails."""
 
 import gc
+import io
+import signal
+import struct
+import subprocess
+import sys
 import tempfile
-from pathlib import Path
 
 import pytest
 
 from hil_bench.errors import ParameterError
+from hil_bench.plants.fmu import child
 from hil_bench.plants.fmu.configuration import FULL_SCALE
+from hil_bench.plants.fmu.slave import Setup
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
@@ -123,12 +129,67 @@ def test_a_refused_instance_is_one_line(load, own_process):
         axis.kind.build(axis, config.dt)
 
 
-def test_leaves_no_folder_behind(load):
+def test_leaves_no_folder_behind(load, tmp_path, monkeypatch):
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
     config = load()
     (axis,) = config.axes
-    before = set(Path(tempfile.gettempdir()).glob("hil-bench-fmu-*"))
     plant = axis.kind.build(axis, config.dt)
-    (folder,) = set(Path(tempfile.gettempdir()).glob("hil-bench-fmu-*")) - before
+    assert len(list(folder.iterdir())) == 1
     del plant
     gc.collect()
-    assert not folder.exists()
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.long  # a process starts
+def test_a_child_without_a_bench_ends_without_a_word():
+    """The bench was killed before it sent the setup, or half of it."""
+    for sent in (b"", b'[2, "token'):
+        done = subprocess.run(  # noqa: S603 - our own program
+            [sys.executable, "-m", child.__name__], input=sent, capture_output=True, check=True
+        )
+        assert (done.stdout, done.stderr) == (b"", b"")
+
+
+class Surprised:
+    """An instance that fails in a way that nobody has foreseen."""
+
+    values = (1.0,)
+
+    def __init__(self, _setup):
+        self.is_ended = False
+
+    def go_on(self, _given, _steps):
+        raise OverflowError("intermediate overflow in fsum")
+
+    def end(self):
+        self.is_ended = True
+
+
+def test_an_error_in_a_child_is_an_answer(monkeypatch):
+    monkeypatch.setattr(child, "Instance", Surprised)
+    setup = Setup(2, "t", "i", "", "", "axis1", 1e-4, (), [1], [0.0], [2])
+    answers = io.BytesIO()
+    child.serve(setup, io.BytesIO(struct.pack("=Id", 1, 0.5)), answers)
+    good = struct.pack("=?Hd", False, 0, 1.0)
+    reason = b"OverflowError: intermediate overflow in fsum"
+    assert answers.getvalue() == good + struct.pack("=?H", True, len(reason)) + reason
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="Windows has no signal masks")
+def test_a_child_never_hears_ctrl_c(monkeypatch):
+    masks = []
+
+    class RefusedError(Exception):
+        pass
+
+    def popen(*_, **__):
+        masks.append(signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+        raise RefusedError
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    with pytest.raises(RefusedError):
+        child.Child(Setup(2, "t", "i", "", "", "axis1", 1e-4, (), [1], [0.0], [2]))
+    assert signal.SIGINT in masks[0]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

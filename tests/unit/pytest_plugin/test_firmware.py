@@ -122,7 +122,7 @@ def test_one_that_does_not_end_is_killed(bench, start):
 
 
 def test_a_program_that_is_not_there_is_an_error_of_the_test(bus, tmp_path):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(ControllerError, match=r"no_such_program: cannot be started: .*the PATH$"):
         bus.start(["no_such_program"], tmp_path)
 
 

@@ -413,3 +413,51 @@ def test_frames_of_a_physical_bus_are_recorded_by_another_process(pytester):
     sent = [logged.frame for logged in read_frames(path) if not logged.is_received]
     # The controller's boot-up message, then the test's own frame.
     assert sent == [Frame(0x77F, b"\x00"), Frame(0x123, b"abc")]
+
+
+def test_firmware_that_is_not_there_is_the_first_that_is_said(pytester):
+    pytester.makepyfile("def test_it(firmware):\n    firmware('build/none', '{bus}')\n")
+    result = pytester.runpytest_inprocess()
+    result.assert_outcomes(failed=1)
+    shown = result.outlines[result.outlines.index(f"{' test_it ':_^80}") :]
+    place = next(n for n, line in enumerate(shown) if line.startswith(">"))
+    assert shown[place].strip() == ">       firmware('build/none', '{bus}')"
+    assert shown[place + 1].startswith(
+        "E       hil_bench.errors.ControllerError: build/none: cannot be started: No such file"
+    )
+    assert place < 6
+
+
+def test_firmware_without_sync_fails_its_test_as_early_as_is_wished(pytester):
+    pytester.makepyfile(
+        "import sys\n"
+        "def test_it(firmware, bench):\n"
+        "    firmware(sys.executable, '-c', 'input()')\n"
+        "    firmware(sys.executable, '-c', 'import time; time.sleep(60)')\n"
+        "    bench.run(1.0)\n"
+    )
+    result = pytester.runpytest_inprocess("--hil-firmware-patience=0.2")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["E * nobody has sent a frame for 0.2 s, *--hil-firmware-patience*--hil-realtime"]
+    )
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "inf", "soon"])
+def test_a_patience_that_is_none_is_refused(pytester, text):
+    result = pytester.runpytest_inprocess(f"--hil-firmware-patience={text}")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines([f"*--hil-firmware-patience {text}: give a positive number*"])
+
+
+def test_a_recording_that_is_lost_is_an_error_of_its_test(pytester, monkeypatch):
+    """The test passes, and what was asked for is not there."""
+
+    def write_rows(_file, _rows):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hil_bench.outside.recording.mdf_writer.MdfFile.write_rows", write_rows)
+    pytester.makepyfile("def test_it(bench):\n    bench.run(0.3)\n")
+    result = pytester.runpytest_inprocess("--hil-record=out")
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["*RecordingError: *test_it.mf4: *No space left on device*"])

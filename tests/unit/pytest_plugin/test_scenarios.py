@@ -4,7 +4,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from hil_bench.pytest_plugin.scenarios import RequirementOutcome
+from hil_bench.errors import ControllerError
+from hil_bench.pytest_plugin.scenarios import RequirementOutcome, played_once
+from hil_bench.scenario.results import ScenarioResult
 
 pytest_plugins = ["pytester"]
 
@@ -38,6 +40,69 @@ def test_each_requirement_is_a_test(pytester):
     assert properties["requirement_id"] == "R0"
     assert float(properties["margin"]) > 0.0
     assert properties["seen"] == "1"
+
+
+COUNTING = """
+import pathlib
+from hil_bench.scenario import results
+
+real = results.play
+
+def play(prepared, options):
+    with pathlib.Path({log!r}).open("a") as file:
+        file.write(prepared.scenario.path.name + "\\n")
+    return real(prepared, options)
+
+results.play = play
+"""
+
+
+@pytest.mark.long  # processes start
+@pytest.mark.parametrize("dist", ["load", "each", "worksteal"])
+def test_workers_play_a_scenario_once_between_them(pytester, dist):
+    pytest.importorskip("xdist")
+    log = pytester.path / "plays.txt"
+    pytester.makeconftest(COUNTING.format(log=str(log)))
+    write(pytester, *[HOLDS] * 5, FAILS)
+    (pytester.path / "b.scenario.toml").write_text((pytester.path / "a.scenario.toml").read_text())
+    each = 2 if dist == "each" else 1
+    result = pytester.runpytest_subprocess("-n", "2", "--dist", dist, "--junitxml=junit.xml")
+    result.assert_outcomes(passed=10 * each, failed=2 * each)
+    assert sorted(log.read_text().split()) == ["a.scenario.toml", "b.scenario.toml"]
+    cases = list(ET.parse(pytester.path / "junit.xml").iter("testcase"))  # noqa: S314 - our own
+    assert len(cases) == 12 * each
+    assert all(case.find("properties") is not None for case in cases)
+
+
+class Worker:
+    """What `played_once` needs of a worker's `pytest.Config`."""
+
+    def __init__(self, folder, run):
+        folder.mkdir(exist_ok=True)
+        self.workerinput = {"testrunuid": run}
+        self._tmp_path_factory = self
+        self.getbasetemp = lambda: folder
+
+
+def test_a_worker_takes_what_another_one_of_its_run_has_played(tmp_path):
+    path = tmp_path / "a.scenario.toml"
+    result = ScenarioResult(str(path), "T", (), 0, {})
+    plays = []
+
+    def play(found=result):
+        plays.append(found)
+        if found is None:
+            raise ControllerError("gone")
+        return found
+
+    workers = [Worker(tmp_path / name, "1") for name in ("gw0", "gw1")]
+    with pytest.raises(ControllerError):  # of no whole run nothing is kept
+        played_once(workers[0], path, lambda: play(None))
+    assert [played_once(worker, path, play) for worker in workers] == [result, result]
+    assert plays == [None, result]
+    played_once(Worker(tmp_path / "gw0", "2"), path, play)
+    played_once(workers[0], tmp_path / "b.scenario.toml", play)
+    assert len(plays) == 4
 
 
 def test_k_chooses_a_requirement(pytester):

@@ -7,7 +7,7 @@ from hil_bench.bench.configuration import load_config
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ControllerError
 from hil_bench.outside.realtime.clock import VirtualClock
-from hil_bench.session.joined import LockStepLink
+from hil_bench.session.joined import LockStepLink, Patience
 from hil_bench.session.lockstep import LockStep
 from hil_bench.session.session import Session
 
@@ -59,17 +59,31 @@ def steps_until_given_up(link):
     raise AssertionError("never given up")
 
 
+RIGHT = (
+    " for 20 s, and without SYNC bench time stands still; let the controller on this bus send SYNC "
+    "(as producer: bit 30 of 0x1005, 0x1006)"
+)
+
+
 def test_a_controller_that_says_nothing_is_given_up_after_20_s(link):
     count, why = steps_until_given_up(link)
-    assert why.startswith("nobody has sent a frame for 20 s, and without SYNC (0x080) bench time ")
+    assert why == f"nobody has sent a frame{RIGHT}"
     assert count == pytest.approx(200, abs=1)
 
 
-def test_one_that_says_all_but_sync_is_given_up_after_60_s(link, bus):
+def test_so_is_one_that_says_all_but_sync(link, bus):
     bus.frame = HEARTBEAT
     count, why = steps_until_given_up(link)
-    assert why.startswith("frames, but no SYNC for 60 s, and without SYNC (0x080) bench time ")
-    assert count == pytest.approx(600, abs=1)
+    assert why == f"frames, but no SYNC (0x080){RIGHT}"
+    assert count == pytest.approx(200, abs=1)
+
+
+def test_the_patience_is_a_choice_and_says_what_else_would_be_right(link):
+    link._patience = Patience(1.0, ", or wait longer")
+    count, why = steps_until_given_up(link)
+    assert why.startswith("nobody has sent a frame for 1 s, ")
+    assert why.endswith("0x1006), or wait longer")
+    assert count == pytest.approx(10, abs=1)
 
 
 def test_any_sync_is_a_sign_of_life(link, bus):

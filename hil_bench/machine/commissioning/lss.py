@@ -119,8 +119,7 @@ def find_unconfigured(network: Network, patience: float = PATIENCE) -> LssScan:
     _return_to_waiting(network)
     if answers.count and not found and not problem:
         problem = (
-            "a device without node-ID answered later than the patience of "
-            f"{1000 * patience:g} ms"
+            f"a device without node-ID answered later than the patience of {1000 * patience:g} ms"
         )
     return LssScan(tuple(found), problem)
 

@@ -222,10 +222,32 @@ def test_a_client_that_leaves_is_forgotten(bus, join):
     assert bus.clients == 1
 
 
-def test_more_clients_than_there_is_room_for_are_turned_away(connect):
+def test_more_clients_than_there_is_room_for_are_turned_away(connect, join):
     for _ in range(MAX_CLIENTS):
-        assert connect().hear() == b"< hi >"
-    assert connect().hear() is None
+        join()
+    late = connect()
+    assert late.hear() == b"< hi >"
+    late.say(b"< open can0 >")
+    assert late.hear() == b"< error too many clients >"
+    assert late.hear() is None
+
+
+def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(bus, connect, join):
+    idlers = [connect() for _ in range(2 * MAX_CLIENTS)]
+    client = join()
+    assert idlers[0].hear() == b"< hi >"
+    assert idlers[0].hear() is None
+    bus.send([Frame(0x123)])
+    assert client.hear() == b"< frame 123 12.345678  >"
+
+
+def test_a_remote_request_of_python_can_is_left_unanswered(bus, join):
+    """python-can 4.6 writes it without bytes, and takes any "error" for the loss of its bus."""
+    client = join()
+    client.say(b"< send 701 1  >< send 601 1 40 >")
+    assert receive(bus, 1) == [Frame(0x601, b"\x40")]
+    bus.send([Frame(0x123)])
+    assert client.hear() == b"< frame 123 12.345678  >"
 
 
 def test_python_can_joins_it(bus):

@@ -7,10 +7,10 @@ of the plain and of the inverted frame. In 0x1381 and following stands the mappi
 sub-indices what the plain frame carries, even ones what the inverted one does.
 
 A sender sends both frames each refresh time, one after the other. A receiver takes the plain frame
-only with an inverted one that comes within the SRVT and agrees bit by bit; where no such pair has come
-by the end of the SCT, or one disagrees, the communication has failed: EMCY, an event, and nothing
-is taken until the node enters OPERATIONAL anew. A frame at the very end of a time is in time; later
-frames are not, though they share a tick with the look at the time.
+only with an inverted one that comes within the SRVT and agrees bit by bit; where no such pair has
+come by the end of the SCT, or one disagrees, the communication has failed: EMCY, an event, and
+nothing is taken until the node enters OPERATIONAL anew. A frame at the very end of a time is in
+time; later frames are not, though they share a tick with the look at the time.
 
 SRDOs live in OPERATIONAL, and only while the configuration is valid: 0x13FE holds 0xA5 and 0x13FF.n
 the CRC of the parameters (`signature`). Each write to a parameter sets 0x13FE to 0; in OPERATIONAL

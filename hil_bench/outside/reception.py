@@ -52,7 +52,7 @@ def capacity(seats: int, room: int = ROOM) -> Capacity:
     free = _most_files() - _OWN_FILES
     if free >= seats + room:
         return Capacity(seats, room)
-    room = max(_LEAST, min(room, free // 3))
+    room = min(room, max(_LEAST, free // 3))
     return Capacity(max(_LEAST, min(seats, free - room)), room)
 
 
@@ -134,7 +134,10 @@ def say_errors_in_a_line(server: str) -> None:
 
 
 async def serve_at(
-    make: Callable[[], asyncio.BaseProtocol], host: str | None, port: int | None, **more: Any
+    make: Callable[[], asyncio.BaseProtocol],
+    host: str | None = None,
+    port: int | None = None,
+    **more: Any,  # noqa: ANN401 - asyncio's
 ) -> asyncio.Server:
     """Return a server that accepts a few connections at a time, while many wait in the kernel.
 
@@ -142,10 +145,7 @@ async def serve_at(
         make: returns the protocol of a new connection.
         host: to listen on; None with `sock`.
         port: likewise.
-        more: for `create_server`.
-
-    Raises:
-        OSError: the address cannot be had.
+        more: for `create_server`, which raises `OSError` where the address is in use.
     """
     loop = asyncio.get_running_loop()
     server = await loop.create_server(make, host, port, backlog=_AT_ONCE, **more)

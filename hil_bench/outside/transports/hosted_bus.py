@@ -144,8 +144,10 @@ class HostedBus:
         """Take a client that connects, if there is room for it."""
         try:
             connection, _ = self._server.accept()
-        except OSError:
-            return  # it has gone again
+        except OSError as error:  # it has gone again, or there are too many files
+            if error.errno in {errno.EMFILE, errno.ENFILE} and len(self._waiting):
+                self._waiting.dismiss_oldest()
+            return
         client = _Client(connection, self._channels)
         self._waiting.enter(client)
         self._clients.append(client)

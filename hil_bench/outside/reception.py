@@ -17,8 +17,9 @@ logger = logging.getLogger(__name__)
 PATIENCE = 5.0
 """Longest time in a waiting room [s]."""
 
-ROOM = 64
-"""Most that wait at a time."""
+ROOM = 256
+"""Most that wait at a time: enough that one who is about to speak is not the oldest before, however
+fast others come."""
 
 QUEUE = 1024
 """Connections that the kernel keeps for us until they are accepted."""

@@ -56,8 +56,8 @@ def test_who_has_waited_too_long_goes_and_who_left_does_not(clock):
 def test_connections_leave_files_for_the_process_itself(monkeypatch, limit):
     """Of 64 files, 32 are kept: 10 may wait, 22 have seats; with 1024 nothing is short."""
     monkeypatch.setattr(resource, "getrlimit", lambda _: (limit, limit))
-    found = {64: (22, 10), 100: (46, 22), 1024: (64, 64)}
-    assert capacity(64, 64) == found[limit]
+    found = {64: (22, 10), 100: (46, 22), 1024: (64, 256)}
+    assert capacity(64, 256) == found[limit]
 
 
 def test_what_fails_beside_all_connections_is_a_line_now_and_then(caplog):

@@ -47,7 +47,7 @@ class ClientLink(asyncio.Protocol):
         rows_every: least time between two rows that it wants [s]; None for no rows.
         wants_frames: whether it wants frames.
         is_watching: whether it wants states and events.
-        has_asked: whether a request ever came.
+        has_asked: whether its last request was one.
     """
 
     def __init__(self, server: Server) -> None:
@@ -179,6 +179,7 @@ class ClientLink(asyncio.Protocol):
         try:
             request = parse_request(line)
         except RequestError as error:
+            self.has_asked = False
             self._open += 1
             self.answer(-1, {"id": error.number, "error": str(error), "kind": "usage"})
             return

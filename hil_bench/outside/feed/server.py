@@ -99,7 +99,7 @@ class FeedServer:
         plan.down.put(WANTS, bytes([0]))
 
     def admit(self, client: ClientLink) -> bool:
-        """Greet a client, if there is room for it; one that has never asked anything makes some."""
+        """Greet a client, if there is room for it; one that does not ask makes some."""
         if len(self.clients) >= self._seats:
             idler = next((each for each in self.clients if not each.has_asked), None)
             if idler is not None:

@@ -15,10 +15,11 @@ from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
-from hil_bench.outside.reception import WaitingRoom, capacity
+from hil_bench.outside.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.outside.transports.socketcand_protocol import (
     JOIN_DELAY,
     MAX_COMMAND,
+    MOST_BAD,
     check_channel,
     format_frame,
     is_remote_request,
@@ -74,7 +75,7 @@ class HostedBus:
         self._counters = TransportCounters()
         self._selector = selectors.DefaultSelector()
         try:
-            self._server = socket.create_server((host, port))
+            self._server = socket.create_server((host, port), backlog=QUEUE)
         except OSError as error:
             self._selector.close()
             what = error.strerror or str(error)
@@ -198,6 +199,7 @@ class _Client:
         self._channels = channels
         self._has_opened = self._is_full = False
         self._rest = b""
+        self._bad = 0
         self._unsent = b""
         self._held_until: float | None = None
         connection.setblocking(False)
@@ -259,8 +261,12 @@ class _Client:
         if self.is_on_bus:
             self._release()
             frame = parse_send(command)
-            if frame is None and not is_remote_request(command):  # python-can takes it for a loss
+            if frame is not None:
+                self._bad = 0
+            elif not is_remote_request(command):  # python-can takes an error for a loss
                 self._write(b"< error unknown command >")
+                self._bad += 1
+                self.is_closed |= self._bad >= MOST_BAD
             return frame
         match command.split():
             case [b"<", b"open" | b"rawmode", *_] if self._is_full:

@@ -36,6 +36,7 @@ from hil_bench.outside.transports.rate_limit import RateLimit
 from hil_bench.outside.transports.socketcand_protocol import (
     JOIN_DELAY,
     MAX_COMMAND,
+    MOST_BAD,
     check_channel,
     format_frame,
     is_remote_request,
@@ -71,7 +72,7 @@ class HubCounters:
         frames: frames that clients sent.
         bad_commands: commands that were refused.
         dropped_clients: clients that were cut off: too slow, no end of a command in sight, or
-            never in the raw mode.
+            never in the raw mode, or nothing but malformed commands there.
         waits: how often a client had to wait since it had sent more than the bit rate carries.
     """
 
@@ -188,6 +189,7 @@ class _Client(asyncio.Protocol):
         self._rest = b""
         self._bus: list[_Client] | None = None
         self._in_raw_mode = False
+        self._bad = 0
         self._held_back: list[bytes] | None = None
         self._commands: deque[bytes] = deque()
         self._limit = None if hub.limits.bitrate is None else RateLimit(hub.limits.bitrate)
@@ -264,6 +266,11 @@ class _Client(asyncio.Protocol):
                 self._hub.counters.bad_commands += 1
             elif frame is None:
                 self._refuse(b"unknown command")
+                self._bad += 1
+                if self._bad >= MOST_BAD:
+                    self.drop()
+            else:
+                self._bad = 0
             return frame
         match command.split():
             case [b"<", b"owner", word] if word == self._hub.limits.owner.encode():
@@ -324,6 +331,7 @@ class _Client(asyncio.Protocol):
 
     def drop(self) -> None:
         """Cut the connection, whatever is still to be written."""
+        self._commands.clear()
         self._hub.counters.dropped_clients += 1
         self._hub.forget(self)
         self._transport.abort()

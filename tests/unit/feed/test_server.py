@@ -171,9 +171,12 @@ def test_there_is_room_for_so_many_clients(loop):
 def test_clients_that_have_never_asked_make_room_the_oldest_first(loop):
     asker = Wire(loop)
     asker.say(id=1, do="watch")
-    idlers = [Wire(loop) for _ in range(MOST_CLIENTS - 1)]
+    babbler = Wire(loop)
+    babbler.say(id=1, do="watch")
+    babbler.sendall(b"\xff\n")
+    idlers = [Wire(loop) for _ in range(MOST_CLIENTS - 2)]
     newcomers = [Wire(loop) for _ in range(2)]
-    assert [wire.is_closed for wire in (asker, *idlers[:3])] == [False, True, True, False]
+    assert [wire.is_closed for wire in (asker, babbler, *idlers[:2])] == [False, True, True, False]
     assert [of("hello", wire.lines()) != [] for wire in newcomers] == [True, True]
     assert len(loop.server.clients) == MOST_CLIENTS
 

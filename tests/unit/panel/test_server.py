@@ -13,8 +13,8 @@ from websockets.sync.client import connect
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
-from hil_bench.outside.reception import ROOM
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.panel import connections
 from hil_bench.panel.hub import MOST_VIEWERS
 from hil_bench.panel.record import RecordForm
 from hil_bench.panel.server import open_port, read_password
@@ -158,10 +158,11 @@ HALF_REQUESTS = [
 
 
 @pytest.mark.usefixtures("folder")
-def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog):
+def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog, monkeypatch):
+    monkeypatch.setattr(connections, "ROOM", 16)
     with live_bench(), panel() as port, contextlib.ExitStack() as stack:
         attackers = []
-        for request in ROOM * HALF_REQUESTS:
+        for request in 16 * HALF_REQUESTS:
             attacker = socket.create_connection(("127.0.0.1", port), GUARD)
             stack.callback(attacker.close)
             attacker.sendall(request.replace(b"PORT", b"%d" % port))
@@ -175,10 +176,11 @@ def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog):
 
 
 @pytest.mark.usefixtures("folder")
-def test_browsers_without_the_secret_keep_nobody_out():
+def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
+    monkeypatch.setattr(connections, "ROOM", 8)
     with live_bench(), panel() as port, contextlib.ExitStack() as stack:
         address = f"ws://127.0.0.1:{port}/feed"
-        for _ in range(ROOM + 16):
+        for _ in range(20):
             stack.enter_context(connect(address, origin=f"http://127.0.0.1:{port}"))
         with Client(port) as client:
             assert client.hear("hello")["name"] == "bench"

@@ -128,7 +128,9 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     if found.unconfigured is not None:
         lines += _unconfigured_lines(found.unconfigured)
     count = len(found.nodes)
-    lines.append(f"{count} node{'' if count == 1 else 's'} found")
+    twice = ", ".join(str(node.node_id) for node in found.nodes if node.clash)
+    more = f"; twice on the bus: {twice}" if twice else ""
+    lines.append(f"{count} node{'' if count == 1 else 's'} found{more}")
     if not count and not (found.unconfigured and any(found.unconfigured)):
         lines[-1] += (
             ": is the bus powered and terminated, and the bit rate right? "
@@ -151,7 +153,7 @@ def _table(nodes: Sequence[NodeDescription]) -> list[str]:
                 node.profile or "not told",
                 _hex(node.revision_number),
                 "-" if register is None else f"0x{register:02X}",
-                node.device_name or "-",
+                "twice on the bus" if node.clash else node.device_name or "-",
             )
         )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

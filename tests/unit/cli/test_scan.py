@@ -78,3 +78,23 @@ def test_a_mistake_is_one_line_and_exit_code_2(arguments, message, capsys) -> No
 def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
     assert main(["scan", "-i", "socketcan", "-c", "nosuchbus0"]) == 3
     assert "nosuchbus0" in capsys.readouterr().err
+
+
+def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
+    """Two benches with the same node-IDs: each read has two answers."""
+    from hil_bench.machine.commissioning import survey  # noqa: PLC0415
+
+    discover = survey.discover
+    monkeypatch.setattr(
+        survey,
+        "discover",
+        lambda *args, **options: [
+            each._replace(answers=2 if each.node_id in {1, 4} else 1)
+            for each in discover(*args, **options)
+        ],
+    )
+    assert main(["scan", "--virtual"]) == 0
+    out = capsys.readouterr().out
+    assert "4 nodes found; twice on the bus: 1, 4" in out
+    assert out.count("twice on the bus\n") == 2
+    assert "give each a node-ID of its own" in out

@@ -15,7 +15,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.machine.replay import (
     FrameDirection,
     SignalDeviation,
@@ -131,7 +131,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
                 stopped=lambda: wish.requested,
             )
         except (can.CanError, OSError) as error:
-            raise BusError(f"{what}: {error}") from error
+            raise BusError(f"{what}: {first_line(error)}") from error
     if not args.quiet:
         print(
             f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "

@@ -73,12 +73,7 @@ class Target(NamedTuple):
 
 
 class Attack(NamedTuple):
-    """What a process does to a server.
-
-    Attributes:
-        kind: of it.
-        connections: at a time.
-    """
+    """What a process does to a server, and with how many connections at a time."""
 
     kind: str
     connections: int
@@ -139,7 +134,7 @@ async def stall(target: Target, writer: asyncio.StreamWriter) -> None:
     writer.write(target.opening)
     while not writer.transport.is_closing():
         await asyncio.sleep(0.05)
-        for _ in range(50):
+        for _ in range(10):
             if writer.transport.get_write_buffer_size() < 65_536:
                 writer.write(target.work)
 

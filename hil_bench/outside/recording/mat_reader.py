@@ -10,6 +10,7 @@ import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +61,7 @@ def _main(path: str) -> int:
     except Exception as error:  # whatever a damaged file makes of scipy's reader
         sys.stderr.write(f"it is no MAT file: {error}")
         return _WRONG
-    arrays = {f"v{number}": values for number, values in enumerate(vectors.values())}
+    arrays: dict[str, Any] = {f"v{n}": values for n, values in enumerate(vectors.values())}
     whole = io.BytesIO()
     np.savez(whole, names=np.array([*vectors], dtype=np.str_), **arrays)
     sys.stdout.buffer.write(whole.getvalue())

@@ -178,3 +178,9 @@ def whole_file(path: Path) -> Iterator[Path]:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def first_line(error: BaseException) -> str:
+    """Return what an error says, in one line, without the traceback that some buses put into it."""
+    text = str(error).partition("Traceback (most recent call last)")[0]
+    return (text.splitlines() or [type(error).__name__])[0].strip()

@@ -313,9 +313,10 @@ class Network:
             self.observe(message)
 
     def _lost(self, verb: str, error: Exception) -> BusLostError:
-        # Some interfaces put a traceback into their message: its first line says what happened.
+        # Some interfaces put a traceback into their message: what is before it says what happened.
         self._is_lost = True
-        reason = (str(error).splitlines() or [type(error).__name__])[0].strip()
+        text = str(error).partition("Traceback (most recent call last)")[0]
+        reason = (text.splitlines() or [type(error).__name__])[0].strip()
         return BusLostError(f"cannot {verb} on {self.bus.channel_info}: {reason}")
 
     def _drain(self) -> None:

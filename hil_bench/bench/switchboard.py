@@ -131,7 +131,10 @@ class Switchboard:
             deliver(now)
         table = self._table
         time: Any = now  # made an object once for all handlers
-        for frame in (*self._heard, *frames) if self._heard else frames:
+        for frame in self._heard:
+            for handle in self._inside.get(frame.can_id | frame.bus << BUS_SHIFT, ()):
+                handle(frame, time)
+        for frame in frames:
             can_id, _, _, is_extended, bus = frame
             address = can_id | bus << BUS_SHIFT
             if is_extended or address >= len(table) or not table[address]:
@@ -150,6 +153,12 @@ class Switchboard:
             self.unrouted += 1
         else:
             handle(frame, now)
+
+    def count_foreign(self, frame: Frame, now: int) -> None:
+        """Count a frame from elsewhere that has an identifier of one of our nodes."""
+        if not frame.is_extended:
+            for watch in self._watches.get(address_of(frame.can_id, frame.bus), ()):
+                watch(frame, now)
 
     def send(self, now: int, ports: Sequence[Port]) -> list[Frame]:
         """Return what is sent in this round: PDOs that are due, then what has time.
@@ -229,6 +238,7 @@ class Switchboard:
         self._merged: dict[Node, Routes] = {node: node.routes for node in self.nodes}
         routes: dict[int, list[Handler]] = {}
         listeners: dict[int, list[Port]] = {}
+        self._watches: dict[int, list[Handler]] = {}
         requests, syncs = set[int](), set[int]()
         for port in self.ports:
             node, bus = port.node, self._buses[port.node]
@@ -240,12 +250,20 @@ class Switchboard:
                     taker = self._wiring.guard(node, taker)
                 routes.setdefault(address, []).append(taker)
                 listeners.setdefault(address, []).append(port)
+            for can_id in node.sent_ids:
+                self._watches.setdefault(address_of(can_id, bus), []).append(_foreign_counter(node))
             requests |= {address_of(can_id, bus) for can_id in node.sdo_ids}
             if node.sync_id is not None:
                 syncs.add(address_of(node.sync_id, bus))
-        self.routes: dict[int, tuple[Handler, ...]] = {
+        self._inside: dict[int, tuple[Handler, ...]] = {
             address: (self._settle, *handlers) if address in syncs else tuple(handlers)
             for address, handlers in routes.items()
+        }
+        # On copper, what comes may be our own: there the wire knows who has sent it.
+        watches = {} if self._wiring is not None else self._watches
+        self.routes = {
+            address: (*watches.get(address, ()), *self._inside.get(address, ()))
+            for address in routes | watches
         }
         self._listeners = {address: tuple(ports) for address, ports in listeners.items()}
         # A node routes what it sends itself too, so a second handler is another node's.
@@ -256,6 +274,16 @@ class Switchboard:
         self._table = [self.routes.get(address, ()) for address in range(end)]
         self._marks = bytes(address in self._overheard for address in range(end))
         self._timeless = frozenset(requests - self._overheard)
+
+
+def _foreign_counter(node: Node) -> Handler:
+    """Return what counts frames from elsewhere with an identifier that a node sends with."""
+    counters = node.counters
+
+    def count(frame: Frame, _now: int) -> None:
+        counters.foreign_frames += not frame.is_remote
+
+    return count
 
 
 def _numbered(emit: Emit, bus: int) -> Emit:

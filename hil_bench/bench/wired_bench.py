@@ -77,6 +77,9 @@ class WiredBench(Bench):
             or wiring.is_extended(passage)
             or address_of(passage.frame.can_id, passage.frame.bus) in overheard
         ]
+        for passed in passages:
+            if wiring.is_outside(passed):
+                self._switchboard.count_foreign(passed.frame, now)
         wiring.tell_nodes()
         self.at_once = at_once = super().tick([*heard, *direct] if direct else heard, now)
         wiring.forget()

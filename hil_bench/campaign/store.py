@@ -4,13 +4,13 @@ import hashlib
 import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil_bench.campaign.identity import program_identity
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, printable
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -72,8 +72,12 @@ class Store:
 
     def keys(self) -> set[str]:
         """Return the keys of all runs that are done."""
-        tables = (self._read(path, ["key"]) for path in self._files())
-        return {key for table in tables for key in table["key"].to_pylist()}
+        found = set[str]()
+        for path in self._files():
+            table = self._read(path, ["key"])
+            with _about_rows(path):
+                found.update(table["key"].to_pylist())
+        return found
 
     def results(self, *, is_foreign: bool = False) -> Iterator[RunResult]:
         """Yield all results, file by file; one that is there twice comes twice.
@@ -82,8 +86,10 @@ class Store:
             is_foreign: whether another version of hil-bench may have made them.
         """
         for path in self._files():
-            for row in self._read(path, is_foreign=is_foreign).to_pylist():
-                yield _from_row(row)
+            table = self._read(path, is_foreign=is_foreign)
+            with _about_rows(path):
+                results = [_from_row(row) for row in table.to_pylist()]
+            yield from results
 
     def _files(self) -> list[Path]:
         return sorted(self.folder.rglob("*.parquet"))
@@ -103,7 +109,7 @@ class Store:
                 if not is_foreign:
                     self._check_origin(path, meta)
                 return parquet.read(columns)
-        except (OSError, pa.ArrowException) as error:
+        except (OSError, UnicodeDecodeError, pa.ArrowException) as error:
             right = "remove it, and its runs are done again"
             first = str(error).splitlines()[0]
             raise ConfigError(f"{path}: cannot be read: {first}; {right}") from None
@@ -134,6 +140,23 @@ class Store:
             with suppress(OSError, ValueError):
                 if not _runs(int(path.suffixes[-2][1:])):
                     path.unlink()
+
+
+@contextmanager
+def _about_rows(path: Path) -> Iterator[None]:
+    """Name the file where a row of it is no result.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        ConfigError: it is so.
+    """
+    try:
+        yield
+    except (KeyError, TypeError, ValueError) as error:
+        wrong = f"has a row that is no result of a campaign ({printable(str(error))})"
+        raise ConfigError(f"{path}: {wrong}; remove it, and its runs are done again") from None
 
 
 def same_finding(one: RunResult, other: RunResult) -> bool:

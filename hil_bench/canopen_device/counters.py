@@ -27,6 +27,8 @@ class NodeCounters:
         malformed_lss: LSS messages of a wrong length, and those that switch to a reserved mode.
         dropped_lss_requests: LSS requests beyond the queue's length.
         dropped_emcy: emergency messages beyond the queue's length; the oldest go.
+        foreign_frames: frames from elsewhere with an identifier that this node sends with; a second
+            device has its node-ID. Who runs the node counts them.
     """
 
     ignored_frames: int = 0
@@ -44,6 +46,7 @@ class NodeCounters:
     malformed_lss: int = 0
     dropped_lss_requests: int = 0
     dropped_emcy: int = 0
+    foreign_frames: int = 0
 
     def is_data(self, frame: Frame) -> bool:
         """Return whether it is a data frame with an 11-bit identifier; count it where not."""

@@ -101,6 +101,11 @@ class EmcyProducer(Service):
         """Return whether the error was raised and not cleared."""
         return (code, source) in self._present
 
+    @property
+    def can_id(self) -> int | None:
+        """The identifier of its messages, None where they are switched off."""
+        return self._can_id
+
     def enter(self, state: NmtState) -> None:
         """Begin or end to send."""
         self._is_enabled = state in COMMUNICATING

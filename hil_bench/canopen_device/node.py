@@ -22,6 +22,7 @@ from hil_bench.canopen_device.error_control import ErrorControl
 from hil_bench.canopen_device.errors import ConfigError
 from hil_bench.canopen_device.events import NodeEvent, NodeEventKind, NodeEvents
 from hil_bench.canopen_device.frame import Emit, Frame, Routes
+from hil_bench.canopen_device.heartbeat import ERROR_CONTROL
 from hil_bench.canopen_device.lss import LSS_REQUEST, LssSlave
 from hil_bench.canopen_device.nmt import (
     ENTERED,
@@ -119,6 +120,14 @@ class Node:
     def sdo_ids(self) -> Collection[int]:
         """Identifiers of the requests that this node's SDO servers take."""
         return [can_id for can_id, _ in self._sdo.handlers() if can_id is not None]
+
+    @property
+    def sent_ids(self) -> frozenset[int]:
+        """Identifiers that this node sends with, and no other device should."""
+        if self.node_id == UNCONFIGURED:
+            return frozenset()
+        others = {ERROR_CONTROL + self.node_id, self.emcy.can_id, *self._sdo.response_ids}
+        return self._tpdos.can_ids.union(can_id for can_id in others if can_id is not None)
 
     @property
     def syncs(self) -> int:

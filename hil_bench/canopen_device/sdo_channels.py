@@ -62,6 +62,11 @@ class SdoChannels(Service):
         for server in self._servers:
             yield server.request_id, server.receive
 
+    @property
+    def response_ids(self) -> list[int]:
+        """The identifiers of its answers."""
+        return [server.response_id for server in self._open]
+
     def enter(self, state: NmtState) -> None:
         """Begin to serve, or end all transfers without a word."""
         is_enabled = state in COMMUNICATING

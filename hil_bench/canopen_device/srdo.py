@@ -7,9 +7,10 @@ of the plain and of the inverted frame. In 0x1381 and following stands the mappi
 sub-indices what the plain frame carries, even ones what the inverted one does.
 
 A sender sends both frames each refresh time, one after the other. A receiver takes the plain frame
-only with an inverted one that comes within the SRVT and agrees bit by bit; where no such pair came
-for longer than the SCT, or one disagrees, the communication has failed: EMCY, an event, and nothing
-is taken until the node enters OPERATIONAL anew.
+only with an inverted one that comes within the SRVT and agrees bit by bit; where no such pair has
+come by the end of the SCT, or one disagrees, the communication has failed: EMCY, an event, and
+nothing is taken until the node enters OPERATIONAL anew. A frame at the very end of a time is in
+time; later frames are not, though they share a tick with the look at the time.
 
 SRDOs live in OPERATIONAL, and only while the configuration is valid: 0x13FE holds 0xA5 and 0x13FF.n
 the CRC of the parameters (`signature`). Each write to a parameter sets 0x13FE to 0; in OPERATIONAL
@@ -165,7 +166,7 @@ class Srdo:
         mapping = self._mapping
         if mapping is None or self._is_sender:
             return False
-        if len(frame.data) != mapping.length:
+        if len(frame.data) != mapping.length or now > self.due:
             return True
         if frame.can_id == self.can_ids[0]:
             self._plain, self._half_until = frame.data, now + self._validation
@@ -181,10 +182,11 @@ class Srdo:
         return False
 
     def has_timed_out(self, now: int) -> bool:
-        """Whether a receiver has waited longer than its SCT, or for the inverted frame its SRVT."""
-        if self._is_sender:
-            return False
-        return now > self._half_until or now > self.due
+        """Whether the SCT of a receiver is over, or the SRVT for an inverted frame.
+
+        The frames that came until `now` have been taken by then.
+        """
+        return not self._is_sender and now >= self.deadline
 
 
 class Srdos(Service):

@@ -21,6 +21,11 @@ SYNC_PATIENCE = 1_000_000_000
 MOST_LINES = 20
 """Lines that may follow one another; then it is one a second."""
 
+_TWICE = (
+    "another device sends with the same identifiers: the node-ID is twice on the bus, as with two "
+    "benches; 'hil-bench scan' shows them"
+)
+
 _NS_PER_S = 1_000_000_000
 
 
@@ -90,6 +95,7 @@ class _NodeWatch:
         self._states: tuple[str, ...] | None = None
         self._errors: frozenset[int] = frozenset()
         self._problem: str | None = None
+        self._is_alone = True
 
     def changes(self) -> Iterator[str]:
         """Yield what has changed since the last call; where the node began is no change.
@@ -104,6 +110,9 @@ class _NodeWatch:
         for code in sorted(self._errors - errors):
             yield f"EMCY 0x{code:04X} gone"
         self._errors = errors
+        if self._is_alone and self._node.counters.foreign_frames:
+            self._is_alone = False
+            yield _TWICE
         problem = self._node.storage_problem
         if problem is not None and problem != self._problem:
             yield problem

@@ -41,7 +41,8 @@ def node_text(node: Mapping[str, Any]) -> str:
     device = f", {node['device']}" if node["device"] else ""
     errors = "".join(f", EMCY 0x{code:04X}" for code in node["errors"])
     can = f", {can_text(node['can'])}" if "can" in node else ""
-    return printable(f"{node['state']}{device}{errors}{can}")
+    foreign = f", {node['foreign']} frames of another one" if "foreign" in node else ""
+    return printable(f"{node['state']}{device}{errors}{can}{foreign}")
 
 
 def ecu_text(ecu: Mapping[str, Any]) -> str:

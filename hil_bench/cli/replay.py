@@ -17,7 +17,7 @@ from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.cli.progress import Work, shown_work
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.machine.replay import (
     FrameDirection,
     SignalDeviation,
@@ -143,7 +143,7 @@ def play(args: argparse.Namespace, config: BenchConfig) -> int:
                 stopped=lambda: wish.requested,
             )
         except (can.CanError, OSError) as error:
-            raise BusError(f"{what}: {error}") from error
+            raise BusError(f"{what}: {first_line(error)}") from error
     if not args.quiet:
         print(
             f"{report.frames} of {len(frames)} frames on {what} in {report.duration:.1f} s, "

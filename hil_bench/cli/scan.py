@@ -14,7 +14,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.machine.commissioning.discovery import NODE_IDS, Method
 from hil_bench.machine.commissioning.identity import NodeDescription
 from hil_bench.machine.commissioning.listening import BusTraffic, Traffic, listen
-from hil_bench.machine.commissioning.lss import LssAddress
+from hil_bench.machine.commissioning.lss import LssAddress, LssScan
 from hil_bench.machine.commissioning.survey import Survey, survey
 
 _EXAMPLES = """\
@@ -60,7 +60,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=float,
         default=1.0,
         metavar="S",
-        help="wait S seconds for answers (default: 1)",
+        help="wait S seconds for answers; with --lss, also for the one to each step (default: 1)",
     )
     parser.add_argument(
         "--lss", action="store_true", help="also find devices without node-ID (fastscan)"
@@ -101,8 +101,8 @@ def run(args: argparse.Namespace) -> int:
         else:
             print_lines(args, _survey_text(found, opened, args))
     has_clash = any(node.clash for node in found.nodes)
-    is_somebody = found.nodes or found.unconfigured
-    return ExitCode.DONE if is_somebody and not has_clash else ExitCode.CHECK_FAILED
+    has_found = found.nodes or (found.unconfigured and found.unconfigured.devices)
+    return ExitCode.DONE if has_found and not has_clash else ExitCode.CHECK_FAILED
 
 
 def _node_ids(text: str) -> range:
@@ -126,12 +126,13 @@ def _survey_text(found: Survey, opened: OpenNetwork, args: argparse.Namespace) -
     lines += _table(found.nodes)
     for node in found.nodes:
         lines += _node_lines(node)
-    lines += [_unconfigured_line(address) for address in found.unconfigured or ()]
-    if found.unconfigured == ():
-        lines.append("no device without node-ID")
+    if found.unconfigured is not None:
+        lines += _unconfigured_lines(found.unconfigured)
     count = len(found.nodes)
-    lines.append(f"{count} node{'' if count == 1 else 's'} found")
-    if not count and not found.unconfigured:
+    twice = ", ".join(str(node.node_id) for node in found.nodes if node.clash)
+    more = f"; twice on the bus: {twice}" if twice else ""
+    lines.append(f"{count} node{'' if count == 1 else 's'} found{more}")
+    if not count and not (found.unconfigured and any(found.unconfigured)):
         lines[-1] += (
             ": is the bus powered and terminated, and the bit rate right? "
             "--listen 5 tells whether anything is heard at all"
@@ -153,7 +154,7 @@ def _table(nodes: Sequence[NodeDescription]) -> list[str]:
                 node.profile or "not told",
                 _hex(node.revision_number),
                 "-" if register is None else f"0x{register:02X}",
-                node.device_name or "-",
+                "twice on the bus" if node.clash else node.device_name or "-",
             )
         )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -193,6 +194,13 @@ def _node_lines(node: NodeDescription) -> Iterator[str]:
 
 def _hex(number: int | None) -> str:
     return "-" if number is None else f"0x{number:08X}"
+
+
+def _unconfigured_lines(scan: LssScan) -> list[str]:
+    lines = [_unconfigured_line(address) for address in scan.devices]
+    if scan.problem:
+        lines.append(f"{scan.problem}; a longer --patience may find it")
+    return lines or ["no device without node-ID"]
 
 
 def _unconfigured_line(address: LssAddress) -> str:
@@ -243,9 +251,8 @@ def _survey_json(found: Survey) -> str:
     return json.dumps(
         {
             "nodes": [{**asdict(node), "profile": node.profile} for node in found.nodes],
-            "unconfigured": (
-                None if unconfigured is None else [address._asdict() for address in unconfigured]
-            ),
+            "unconfigured": unconfigured and [each._asdict() for each in unconfigured.devices],
+            "unconfigured_problem": unconfigured and unconfigured.problem,
             "frames": found.traffic.frames,
             "bits": found.traffic.bits,
             "duration": found.traffic.duration,

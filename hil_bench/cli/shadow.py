@@ -19,7 +19,7 @@ from hil_bench.cli.network_arguments import check_one_bus
 from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.shadow_report import ShadowReport
 from hil_bench.cli.work_side import add_work_arguments, watched_work
-from hil_bench.errors import BusError, ConfigError
+from hil_bench.errors import BusError, ConfigError, first_line
 from hil_bench.machine.shadow import Shadow, fit_limits
 from hil_bench.outside.recording.files import RecordingFile
 from hil_bench.outside.recording.frames import message_of, read_frames
@@ -239,5 +239,5 @@ def _bus(config: BenchConfig) -> Source:
             try:
                 message = bus.recv(_POLL)
             except (can.CanError, OSError) as error:
-                raise BusError(f"{what}: {error}") from error
+                raise BusError(f"{what}: {first_line(error)}") from error
             yield message, time.monotonic() - start

@@ -17,6 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import encode
+from hil_bench.panel.connections import SETTLE
 from hil_bench.panel.desk import Desk
 from hil_bench.panel.export import MOST_BYTES, make_mf4
 from hil_bench.panel.guard import EXPORT, App, Guard, Secret
@@ -31,7 +32,6 @@ MOST_OPEN = 16
 KNOCK_TIME = 5.0
 """Longest time until a browser has said its secret [s]."""
 
-_MOST_KNOCKING = 64
 _PENANCE = 1.0  # after a wrong secret [s]
 _REFUSED, _FULL = 4401, 4429  # WebSocket close codes of our own
 
@@ -49,7 +49,6 @@ class Panel:
         self._hub = hub
         self._desk = desk
         self._secret = secret
-        self._knocking = 0
 
     def app(self, port: int, *, is_local: bool = True) -> App:
         """Return the guarded application.
@@ -99,21 +98,16 @@ class Panel:
 
     async def _has_secret(self, browser: WebSocket) -> bool:
         """Return whether the first message is the secret."""
-        if self._knocking >= _MOST_KNOCKING:
-            await _dismiss(browser, _FULL, "too many wait at the door; try again")
-            return False
-        self._knocking += 1
         try:
             async with asyncio.timeout(KNOCK_TIME):
                 text = await _hear(browser)
             if self._secret.fits(_token(text)):
+                browser.scope["extensions"][SETTLE]["settle"]()
                 return True
             await asyncio.sleep(_PENANCE)
             await _dismiss(browser, _REFUSED, "the secret in the address is not this panel's")
         except TimeoutError:
             await _dismiss(browser, _REFUSED, "no secret was said in time")
-        finally:
-            self._knocking -= 1
         return False
 
     async def _follow(self, browser: WebSocket, viewer: Viewer) -> None:

@@ -35,6 +35,7 @@ class Hub:
 
     Args:
         name: of the bench; None for the one that runs.
+        seats: most browsers.
 
     Attributes:
         link: the bench; None while there is none.
@@ -42,10 +43,11 @@ class Hub:
         visited: how many benches have been there.
     """
 
-    def __init__(self, name: str | None = None) -> None:
+    def __init__(self, name: str | None = None, seats: int = MOST_VIEWERS) -> None:
         self.link: BenchLink | None = None
         self.viewers: list[Viewer] = []
         self.visited = 0
+        self._seats = seats
         self._wanted = name
         self._ending = ""  # of the bench that was there last
         self._status: dict[str, Any] = {"type": "panel", "bench": None, "words": "", "benches": []}
@@ -73,8 +75,8 @@ class Hub:
         Raises:
             BusError: there are too many.
         """
-        if len(self.viewers) >= MOST_VIEWERS:
-            raise BusError(f"{MOST_VIEWERS} browsers look at this panel already; close one")
+        if len(self.viewers) >= self._seats:
+            raise BusError(f"{self._seats} browsers look at this panel already; close one")
         self.viewers.append(viewer)
         viewer.tell(encode(self._status) + self._greeting())
         self._change.set()

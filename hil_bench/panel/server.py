@@ -13,11 +13,13 @@ import uvicorn
 
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
+from hil_bench.outside.reception import say_errors_in_a_line
 from hil_bench.panel import DEFAULT_PORT
 from hil_bench.panel.app import Panel
+from hil_bench.panel.connections import AT_ONCE, Connections, Server
 from hil_bench.panel.desk import Desk
 from hil_bench.panel.guard import Secret
-from hil_bench.panel.hub import Hub
+from hil_bench.panel.hub import MOST_VIEWERS, Hub
 
 LOOPBACK = "127.0.0.1"
 
@@ -113,10 +115,12 @@ def read_password(path: Path) -> str:
 
 
 async def _serve(plan: PanelPlan, listener: socket.socket, secret: Secret) -> None:
-    hub = Hub(plan.bench)
+    connections = Connections(MOST_VIEWERS)
+    hub = Hub(plan.bench, connections.seats)
     panel = Panel(hub, Desk(hub, plan.folder), secret)
     is_local = plan.address in {LOOPBACK, "::1"}
-    server = uvicorn.Server(
+    say_errors_in_a_line("panel")
+    server = Server(
         uvicorn.Config(
             panel.app(listener.getsockname()[1], is_local=is_local),
             log_level="error",
@@ -124,11 +128,14 @@ async def _serve(plan: PanelPlan, listener: socket.socket, secret: Secret) -> No
             lifespan="off",
             server_header=False,
             proxy_headers=False,
-            ws="websockets-sansio",
+            http=connections.http(),
+            ws=connections.websocket(),
+            backlog=AT_ONCE,
             ws_max_size=MOST_REQUEST,
             ws_per_message_deflate=False,
             timeout_graceful_shutdown=_FAREWELL,
-        )
+        ),
+        connections,
     )
     visits = asyncio.create_task(hub.run(is_once=plan.is_once), name="visits")
     visits.add_done_callback(lambda _: setattr(server, "should_exit", True))

@@ -181,6 +181,11 @@ class Feed:
                 "state": node.state.name.replace("_", "-"),
                 "device": fitting.state() if fitting.state is not None else None,
                 "errors": sorted(node.emcy.present),
+                **(
+                    {"foreign": node.counters.foreign_frames}
+                    if node.counters.foreign_frames
+                    else {}
+                ),
                 **({"can": plugs[node].standing()} if node in plugs else {}),
             }
             for name, node, fitting in zip(

@@ -121,3 +121,11 @@ def test_lock_step_is_refused():
 
     with bench() as b, pytest.raises(ConfigError, match="lock-step"):
         LockStep(b.session, tick_ns=MS)
+
+
+def test_what_comes_from_outside_with_a_nodes_identifier_is_counted_and_its_own_is_not():
+    with bench() as b:
+        b.run(0.02)
+        send(b, BOOT + 1, b"\0")
+        b.run(0.01)
+        assert [node.counters.foreign_frames for node in b.bench.nodes] == [1, 0, 0, 0]

@@ -1,9 +1,12 @@
 """What goes wrong around a page: sleep, slow lines, clocks that jump. It says so and recovers."""
 
+import itertools
 import re
 
 import pytest
 from support.live_bench import live_bench, panel
+
+from hil_bench.session.commands import Mark
 
 pytestmark = pytest.mark.browser
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -82,3 +85,39 @@ def test_a_slow_line_costs_pictures_and_the_page_says_how_many(pages, monkeypatc
         # What it must have comes over any line.
         bench.session.bench.faults.freeze("position")
         expect(page.locator(".active-faults")).to_contain_text("freeze position")
+
+
+HOSTILE = [
+    "<img src=x onerror=window.hit=1>",
+    "\"'><script>window.hit=1</script>",
+    "\u202e\u2066reversed",
+    "long" * 500,
+]
+
+
+@pytest.mark.usefixtures("folder")
+def test_hostile_names_are_text_and_break_no_view(pages):
+    """A bench refuses such names; who speaks its feed need not."""
+    with live_bench() as plain:
+        channels = plain.session.channels
+    names = itertools.cycle(HOSTILE)
+    hello = {
+        "bench": HOSTILE[0],
+        "program": HOSTILE[1],
+        "nodes": [*HOSTILE, "valve"],
+        "devices": {name: {"node_id": 1, "kind": name, "axis": name} for name in HOSTILE},
+        "axes": {name: [] for name in HOSTILE},
+        "machines": {},
+        "channels": [[f"{next(names)}{n}", channel.unit] for n, channel in enumerate(channels)],
+    }
+    with live_bench(hello=hello) as bench, panel() as port:
+        page = pages.open(port)
+        expect(page.locator("#clock")).to_have_text(re.compile(r"\d+\.\d\d s"))
+        bench.session.door.put(Mark(HOSTILE[0]))
+        for tab in page.locator("[role=tab]:visible").all():
+            tab.click()
+            expect(page.locator("[role=tabpanel]:visible")).to_have_count(1)
+            widths = page.evaluate("[document.body.scrollWidth, document.body.clientWidth]")
+            assert widths[0] <= widths[1], tab.inner_text()
+        assert page.evaluate("window.hit") is None
+        assert page.locator("img[src=x]").count() == 0

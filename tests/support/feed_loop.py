@@ -61,6 +61,8 @@ class Wire:
             self.is_closed = True
             self.link.connection_lost(None)
 
+    abort = close
+
     def settimeout(self, timeout):
         pass
 

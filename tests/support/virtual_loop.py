@@ -7,6 +7,7 @@ a second takes as long as what happens in it.
 """
 
 import asyncio
+import contextlib
 import itertools
 import random
 import selectors
@@ -118,6 +119,12 @@ class _Listener:
 
     def getsockname(self):
         return "127.0.0.1", self._port
+
+    def dup(self):
+        return contextlib.nullcontext(self)
+
+    def listen(self, _backlog):
+        """Take every connection at once, as this loop does."""
 
     async def serve_forever(self):
         await asyncio.Event().wait()

@@ -86,6 +86,30 @@ def test_a_frame_that_nobody_takes_is_counted(pair):
     assert pair.board.unrouted == 2
 
 
+def test_frames_with_a_nodes_own_identifiers_from_elsewhere_are_counted(apart):
+    """TPDO 1 of the node, its SDO answers, EMCY and heartbeat (CiA 301); no request to it."""
+    first, second = apart.nodes
+    write_number(first, 0x1800, 1, 0x185)
+    apart.round()
+    own = [Frame(0x185, b"\0"), Frame(0x585, bytes(8)), Frame(0x085, bytes(8)), Frame(0x705, b"\0")]
+    apart.round(*own)
+    assert (first.counters.foreign_frames, second.counters.foreign_frames) == (4, 0)
+    apart.round(Frame(0x705, is_remote=True), Frame(0x605, bytes(8)), Frame(0x705, bus=2), SYNC)
+    assert first.counters.foreign_frames == 4
+    assert {frame.can_id for frame in own} <= set(apart.board.routes)  # what the kernel lets pass
+
+
+def test_what_a_node_sends_to_another_is_not_foreign(pair):
+    first, second = pair.nodes
+    write_number(first, 0x1016, 1, 6 << 16 | 100)
+    second.object_dictionary.download(0x1017, 0, (50).to_bytes(2, "little"))
+    assert Frame(0x706, b"\x7f") in pair.round()
+    pair.round()
+    assert second.counters.foreign_frames == 0
+    pair.round(Frame(0x706, b"\x7f"))
+    assert second.counters.foreign_frames == 1
+
+
 def test_a_node_hears_another_in_the_next_round(pair):
     first, second = pair.nodes
     write_number(first, 0x1016, 1, 6 << 16 | 100)

@@ -111,7 +111,7 @@ class AuxiliaryValve:
 
     def command(self, now: int) -> float:
         """Return the spool set-point [m]; 0 without a valid command that is not too old."""
-        if self._deadline is not None and now > self._deadline:
+        if self._deadline is not None and now >= self._deadline:
             self._share = 0.0
             self._deadline = None
             self.reason = ExitReason.TIMEOUT

@@ -176,7 +176,7 @@ class CommandSignal:
 
     def command(self, now: int) -> float:
         """Return the command at `now` [ns], in SI."""
-        if self._deadline is not None and now > self._deadline:
+        if self._deadline is not None and now >= self._deadline:
             self._share, self._deadline = self._safe, None
         return self._share * self.full_opening
 

@@ -36,6 +36,11 @@ LONGEST_READING = 10.0
 """Time after which no more is read of a node that goes on answering slowly [s]."""
 
 
+_TWICE = (
+    "two devices answer, perhaps of two benches on one bus, and their words cannot be told apart: "
+    "give each a node-ID of its own"
+)
+
 GUARDING_PATIENCE = 0.1
 """Longest wait for the answer to a guarding request [s]."""
 
@@ -89,13 +94,18 @@ class NodeDescription:
 
 
 def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> NodeDescription:
-    """Return what a node says of itself.
+    """Return what a node says of itself; nothing where two answer, whose words would mix.
 
     Args:
         network: the network that the node was seen on.
         sighting: of the node.
         timeout: longest wait for each answer [s]; the first that is missing ends the reading.
     """
+    if sighting.answers > 1:
+        state = sighting.nmt_state
+        return NodeDescription(
+            sighting.node_id, None if state is None else state.name, clash=True, problem=_TWICE
+        )
     node = network.nodes.get(sighting.node_id)
     if node is None:
         node = network.add_node(sighting.node_id, sdo_timeout=timeout)
@@ -115,7 +125,7 @@ def describe(network: Network, sighting: Sighting, *, timeout: float = 0.5) -> N
     return NodeDescription(
         node_id=sighting.node_id,
         nmt_state=None if state is None else state.name,
-        clash=sighting.answers > 1,
+        clash=False,
         **facts,  # type: ignore[arg-type]  # each reader returns its field's type
     )
 

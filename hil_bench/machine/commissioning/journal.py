@@ -5,6 +5,7 @@ process that is killed leaves it behind. `restore` writes back what differs.
 """
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -22,6 +23,7 @@ _PDOS = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
 _COB_ID = 1
 _INVALID = 1 << 31
 _NUMBERS = frozenset((*datatypes.INTEGER_TYPES, datatypes.BOOLEAN))
+_BEGIN = b'{"node": '
 _LONGEST_VALUE = 64
 """Bytes of an object that is a setting; a longer one is a program or a log."""
 
@@ -85,12 +87,16 @@ class SettingsJournal:
     def read(cls, path: Path) -> Self:
         """Return the journal that another process left behind.
 
+        A last line without its end is of a setting that has not been changed: it stood before that.
+
         Raises:
             ConfigError: the file cannot be read, or is no journal.
         """
         journal = cls(path)
         with about_file(path, what="cannot be read"):
-            lines = path.read_bytes().splitlines()
+            *lines, torn = path.read_bytes().split(b"\n")
+        if torn and not (torn.startswith(_BEGIN) and not torn.endswith(b"}")):
+            lines.append(torn)
         try:
             for line in lines:
                 journal._add(_parse(json.loads(line)))
@@ -177,6 +183,8 @@ class SettingsJournal:
         }
         with about_file(self.path), self.path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
 
 
 def _parse(line: dict[str, object]) -> BorrowedSetting:

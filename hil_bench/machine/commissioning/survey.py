@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from hil_bench.machine.commissioning.discovery import NODE_IDS, Method, discover
 from hil_bench.machine.commissioning.identity import NodeDescription, describe
 from hil_bench.machine.commissioning.listening import BusTraffic
-from hil_bench.machine.commissioning.lss import LssAddress, find_unconfigured
+from hil_bench.machine.commissioning.lss import LssScan, find_unconfigured
 from hil_drivers import Network
 
 
@@ -21,7 +21,7 @@ class Survey:
     """
 
     nodes: tuple[NodeDescription, ...]
-    unconfigured: tuple[LssAddress, ...] | None
+    unconfigured: LssScan | None
     traffic: BusTraffic
 
 
@@ -39,7 +39,7 @@ def survey(
         network: an open network.
         method: how the nodes are made to show themselves.
         node_ids: those to look for.
-        patience: time to listen after the last request [s].
+        patience: time to listen after the last request, and for each answer of LSS [s].
         lss: whether to look for devices without node-ID, too.
     """
     traffic = BusTraffic()
@@ -49,5 +49,5 @@ def survey(
     network.observe = None
     traffic.duration = network.now() - begin
     nodes = tuple(describe(network, sighting) for sighting in sightings)
-    unconfigured = tuple(find_unconfigured(network)) if lss else None
+    unconfigured = find_unconfigured(network, patience) if lss else None
     return Survey(nodes, unconfigured, traffic)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import can
 
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, first_line
 from hil_bench.outside.transports.python_can import frame_of, message_of
 
 Matches = Callable[[Frame], bool]
@@ -59,7 +59,7 @@ class Wire:
             for frame in frames:
                 self._bus.send(message_of(frame))
         except (can.CanError, OSError) as error:
-            raise BusError(f"{self._bus.channel_info}: {error}") from error
+            raise BusError(f"{self._bus.channel_info}: {first_line(error)}") from error
 
     def take(self, matches: Matches, timeout: float) -> Arrival | None:
         """Return the first frame that matches, and remove it; None where none came in time [s]."""
@@ -108,7 +108,7 @@ class Wire:
         try:
             message = self._bus.recv(timeout)
         except (can.CanError, OSError) as error:
-            raise BusError(f"{self._bus.channel_info}: {error}") from error
+            raise BusError(f"{self._bus.channel_info}: {first_line(error)}") from error
         if message is None:
             return False
         frame = frame_of(message)

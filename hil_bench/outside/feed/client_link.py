@@ -47,12 +47,14 @@ class ClientLink(asyncio.Protocol):
         rows_every: least time between two rows that it wants [s]; None for no rows.
         wants_frames: whether it wants frames.
         is_watching: whether it wants states and events.
+        has_asked: whether its last request was one.
     """
 
     def __init__(self, server: Server) -> None:
         self.rows_every: float | None = None
         self.wants_frames = False
         self.is_watching = False
+        self.has_asked = False
         self._server = server
         self._transport: asyncio.Transport | None = None
         self._buffer = bytearray()
@@ -145,6 +147,11 @@ class ClientLink(asyncio.Protocol):
         elif rows:
             self.write(b'{"type":"rows","rows":[' + b",".join(rows) + b"]}\n")
 
+    def abort(self) -> None:
+        """Close at once, whatever is unsent."""
+        if self._transport is not None:
+            self._transport.abort()
+
     def close(self) -> None:
         """Send it what waits, and close."""
         if self._transport is not None:
@@ -172,10 +179,12 @@ class ClientLink(asyncio.Protocol):
         try:
             request = parse_request(line)
         except RequestError as error:
+            self.has_asked = False
             self._open += 1
             self.answer(-1, {"id": error.number, "error": str(error), "kind": "usage"})
             return
         self._open += 1
+        self.has_asked = True
         if request.action == "watch":
             self.is_watching = True
             self._next_row = self._last_row

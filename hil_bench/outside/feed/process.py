@@ -20,6 +20,7 @@ from hil_bench.outside.feed.client_link import ClientLink
 from hil_bench.outside.feed.messages import encode
 from hil_bench.outside.feed.server import FeedPlan, FeedServer
 from hil_bench.outside.processes.helper_process import HelperProcess
+from hil_bench.outside.reception import say_errors_in_a_line, serve_at
 
 logger = logging.getLogger(__name__)
 
@@ -123,7 +124,8 @@ async def _serve(listener: socket.socket, plan: FeedPlan, connection: Connection
     server = FeedServer(plan)
     over = asyncio.Event()
     loop.add_reader(connection.fileno(), over.set)
-    await loop.create_server(lambda: ClientLink(server), sock=listener)
+    say_errors_in_a_line("feed")
+    await serve_at(lambda: ClientLink(server), sock=listener)
     while not over.is_set():
         server.poll()
         with contextlib.suppress(TimeoutError):

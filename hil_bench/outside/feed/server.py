@@ -33,6 +33,7 @@ from hil_bench.outside.feed.messages import (
 from hil_bench.outside.feed.packing import unpack_frames
 from hil_bench.outside.processes.shared_ring import SharedRing
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickStatistics
+from hil_bench.outside.reception import capacity
 
 MOST_CLIENTS = 64
 
@@ -75,6 +76,7 @@ class FeedServer:
 
     def __init__(self, plan: FeedPlan) -> None:
         self.clients: list[ClientLink] = []
+        self._seats = sum(capacity(MOST_CLIENTS, room=0))
         self._plan = plan
         self._row = plan.row
         self._wanted = 0
@@ -97,9 +99,14 @@ class FeedServer:
         plan.down.put(WANTS, bytes([0]))
 
     def admit(self, client: ClientLink) -> bool:
-        """Greet a client, if there is room for it."""
-        if len(self.clients) >= MOST_CLIENTS:
-            text = f"{MOST_CLIENTS} clients are connected already; close one"
+        """Greet a client, if there is room for it; one that does not ask makes some."""
+        if len(self.clients) >= self._seats:
+            idler = next((each for each in self.clients if not each.has_asked), None)
+            if idler is not None:
+                self.leave(idler)
+                idler.abort()
+        if len(self.clients) >= self._seats:
+            text = f"{self._seats} clients are connected already; close one"
             client.write(encode({"type": "error", "error": text}))
             return False
         self.clients.append(client)

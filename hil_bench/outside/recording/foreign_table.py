@@ -2,12 +2,12 @@
 
 import csv
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError, about_file, printable
+from hil_bench.outside.recording.mat_reader import read_vectors
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
 Columns = dict[str, npt.NDArray[np.float64]]
@@ -74,20 +74,7 @@ def _number(text: str, delimiter: str) -> float:
 
 
 def _read_mat(path: Path) -> Columns:
-    from scipy.io import loadmat  # noqa: PLC0415 - an extra
-    from scipy.io.matlab import MatReadError  # noqa: PLC0415 - an extra
-
-    try:
-        content: dict[str, Any] = loadmat(path, variable_names=None, squeeze_me=True)
-    except NotImplementedError:
-        raise ConfigError("it is a MAT file of version 7.3; save it with -v7") from None
-    except (MatReadError, TypeError, KeyError, IndexError, OverflowError, MemoryError) as error:
-        raise ConfigError(f"it is no MAT file: {error}") from None
-    series = {
-        name: np.asarray(values, dtype=np.float64)
-        for name, values in content.items()
-        if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "fiu"
-    }
+    series = read_vectors(path)
     lengths = [len(values) for values in series.values()]
     if not lengths:
         raise ConfigError("it has no vector of numbers")

@@ -15,11 +15,14 @@ from dataclasses import replace
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.outside.reception import QUEUE, WaitingRoom, capacity
 from hil_bench.outside.transports.socketcand_protocol import (
     JOIN_DELAY,
     MAX_COMMAND,
+    MOST_BAD,
     check_channel,
     format_frame,
+    is_remote_request,
     parse_send,
 )
 from hil_bench.outside.transports.transport import TransportCounters
@@ -67,10 +70,12 @@ class HostedBus:
         self._clock = clock
         self._arrived: deque[Frame] = deque()
         self._clients: list[_Client] = []
+        self._seats, room = capacity(MAX_CLIENTS)
+        self._waiting: WaitingRoom[_Client] = WaitingRoom(self._forget, room)
         self._counters = TransportCounters()
         self._selector = selectors.DefaultSelector()
         try:
-            self._server = socket.create_server((host, port))
+            self._server = socket.create_server((host, port), backlog=QUEUE)
         except OSError as error:
             self._selector.close()
             what = error.strerror or str(error)
@@ -129,6 +134,7 @@ class HostedBus:
 
     def _serve(self, timeout: float) -> None:
         """Do what clients ask for, waiting at most `timeout` [s] until one asks anything."""
+        self._waiting.look()
         for client in self._clients:
             if client.is_behind:
                 client.flush()
@@ -139,18 +145,20 @@ class HostedBus:
         """Take a client that connects, if there is room for it."""
         try:
             connection, _ = self._server.accept()
-        except OSError:
-            return  # it has gone again
-        if len(self._clients) >= MAX_CLIENTS:
-            connection.close()
+        except OSError as error:  # it has gone again, or there are too many files
+            if error.errno in {errno.EMFILE, errno.ENFILE} and len(self._waiting):
+                self._waiting.dismiss_oldest()
             return
         client = _Client(connection, self._channels)
+        self._waiting.enter(client)
         self._clients.append(client)
         self._selector.register(connection, selectors.EVENT_READ, lambda: self._hear(client))
 
     def _hear(self, client: "_Client") -> None:
         """Take what a client says: its frames go to the bench and to the other clients."""
-        frames = client.read()
+        frames = client.read(is_full=self.clients >= self._seats)
+        if client.is_on_bus:
+            self._waiting.leave(client)
         self._arrived.extend(frames)
         self._tell(frames, client)
         if client.is_closed:
@@ -174,6 +182,7 @@ class HostedBus:
         """Let go of a client that is gone, once."""
         if client not in self._clients:
             return
+        self._waiting.leave(client)
         self._selector.unregister(client.socket)
         self._clients.remove(client)
         client.close()
@@ -188,8 +197,9 @@ class _Client:
         self.is_closed = False
         self.bus = 0
         self._channels = channels
-        self._has_opened = False
+        self._has_opened = self._is_full = False
         self._rest = b""
+        self._bad = 0
         self._unsent = b""
         self._held_until: float | None = None
         connection.setblocking(False)
@@ -201,8 +211,13 @@ class _Client:
         """Whether something waits to be sent to it."""
         return bool(self._unsent)
 
-    def read(self) -> list[Frame]:
-        """Return the frames that it sends, and answer what else it says."""
+    def read(self, *, is_full: bool) -> list[Frame]:
+        """Return the frames that it sends, and answer what else it says.
+
+        Args:
+            is_full: whether no more clients can be on the bus.
+        """
+        self._is_full = is_full
         try:
             data = self.socket.recv(_CHUNK)
         except BlockingIOError:
@@ -246,10 +261,17 @@ class _Client:
         if self.is_on_bus:
             self._release()
             frame = parse_send(command)
-            if frame is None:
+            if frame is not None:
+                self._bad = 0
+            elif not is_remote_request(command):  # python-can takes an error for a loss
                 self._write(b"< error unknown command >")
+                self._bad += 1
+                self.is_closed |= self._bad >= MOST_BAD
             return frame
         match command.split():
+            case [b"<", b"open" | b"rawmode", *_] if self._is_full:
+                self._write(b"< error too many clients >")
+                self.is_closed = True
             case [b"<", b"open", name] if not self._has_opened:
                 self._open(name)
             case [b"<", b"rawmode"] if self._has_opened:

@@ -8,7 +8,7 @@ from typing import Final
 
 import can
 
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, first_line
 from hil_bench.outside.recording.frames import logged_frame_of
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
@@ -57,7 +57,7 @@ class Listener:
                 self._check_connection()
                 return None
         except (can.CanError, OSError, ValueError) as error:
-            raise BusError(f"{self.description}: bus lost: {error}") from error
+            raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
         if message.is_error_frame or message.is_fd:
             self.error_frames += message.is_error_frame
             self.fd_frames += not message.is_error_frame

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import can
 
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, first_line
 from hil_bench.outside.transports.python_can import PythonCanTransport
 from hil_bench.outside.transports.socketcan import RawCanBus, SocketCanTransport
 from hil_bench.outside.transports.transport import Transport
@@ -91,7 +91,7 @@ def _resolve(given: dict[str, object]) -> dict[str, Any]:
     except can.CanInterfaceNotImplementedError as error:
         raise BusError(_unknown_interface(_wanted_interface(given))) from error
     except (ValueError, TypeError) as error:
-        raise BusError(f"python-can's configuration: {_first_line(error)}") from error
+        raise BusError(f"python-can's configuration: {first_line(error)}") from error
 
 
 def _wanted_interface(given: Mapping[str, object]) -> str:
@@ -143,7 +143,7 @@ def _check_socketcand(settings: dict[str, Any], what: str) -> None:
         answer = _answer_to_open(settings["host"], settings["port"], str(settings["channel"]))
     except OSError as error:
         raise BusError(
-            f"{what}: nobody answers at {address} ({_first_line(error)}); "
+            f"{what}: nobody answers at {address} ({first_line(error)}); "
             "'hil-bench run --hub' makes a bus there"
         ) from error
     if answer != "ok":
@@ -175,13 +175,13 @@ def _why(settings: dict[str, Any], error: Exception) -> str:
     if settings["interface"] == "socketcan" and isinstance(error, OSError):
         return _why_not_socketcan(str(settings["channel"]), error)
     if isinstance(error, TypeError):
-        return f"options do not fit: {_first_line(error).rpartition('__init__() ')[2]}"
+        return f"options do not fit: {first_line(error).rpartition('__init__() ')[2]}"
     if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError, NameError)):
         return (
-            f"its driver or Python package is missing ({_first_line(error)}); see 'CAN Interface "
+            f"its driver or Python package is missing ({first_line(error)}); see 'CAN Interface "
             "Modules' in the documentation of python-can"
         )
-    return _first_line(error)
+    return first_line(error)
 
 
 def _why_not_socketcan(channel: str, error: OSError) -> str:
@@ -191,9 +191,4 @@ def _why_not_socketcan(channel: str, error: OSError) -> str:
         return f"no such device; 'ip link add dev {channel} type vcan' makes one"
     if error.errno == errno.ENODEV:
         return "no such CAN device; 'ip -brief link show type can' lists those there are"
-    return _first_line(error)
-
-
-def _first_line(error: Exception) -> str:
-    lines = str(error).splitlines()
-    return lines[0] if lines else type(error).__name__
+    return first_line(error)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import can
 
 from hil_bench.canopen_device.frame import Frame, make_frame
-from hil_bench.errors import BusError
+from hil_bench.errors import BusError, first_line
 from hil_bench.frame import frame_bits
 from hil_bench.outside.transports.transport import TransportCounters
 
@@ -92,7 +92,7 @@ class PythonCanTransport:
             message, is_filtered = self._bus._recv_internal(timeout)  # noqa: SLF001 - see above
             is_wanted = is_filtered or message is None or self._bus._matches_filters(message)  # noqa: SLF001
         except (can.CanError, OSError, ValueError) as error:
-            raise BusError(f"{self.description}: bus lost: {error}") from error
+            raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
         return message if is_wanted else None
 
     def send(self, frames: Sequence[Frame]) -> None:
@@ -107,7 +107,7 @@ class PythonCanTransport:
             except can.CanOperationError:
                 self._counters.send_failures += 1
             except (can.CanError, OSError, ValueError) as error:
-                raise BusError(f"{self.description}: bus lost: {error}") from error
+                raise BusError(f"{self.description}: bus lost: {first_line(error)}") from error
             else:
                 self._counters.sent += 1
                 self._counters.bits += frame_bits(len(frame.data), is_extended=frame.is_extended)

@@ -6,6 +6,9 @@ mode of the protocol is spoken as python-can's `socketcand` interface and socket
 A client sends no more than a bus of the hub's bit rate carries. What is beyond that is not read, so
 it waits in the client's socket, and in the end the client waits. The hub's owner is not limited; it
 says who it is by `< owner TOKEN >` before it opens a channel.
+
+A client has a place once it is in the raw mode, and keeps it however silent. Until then it waits in
+a `WaitingRoom`, for a few seconds.
 """
 
 import asyncio
@@ -21,11 +24,19 @@ from typing import NamedTuple, cast
 
 from hil_bench.errors import BusError
 from hil_bench.frame import frame_bits
+from hil_bench.outside.reception import (
+    WaitingRoom,
+    capacity,
+    say_errors_in_a_line,
+    serve_at,
+    watch_over,
+)
 from hil_bench.outside.transports.bus_load import bitrate_text
 from hil_bench.outside.transports.rate_limit import RateLimit
 from hil_bench.outside.transports.socketcand_protocol import (
     JOIN_DELAY,
     MAX_COMMAND,
+    MOST_BAD,
     check_channel,
     format_frame,
     is_remote_request,
@@ -36,6 +47,8 @@ DEFAULT_PORT = 29536
 """socketcand's own port."""
 
 MAX_CLIENTS = 64
+"""Most programs on all channels."""
+
 MAX_BACKLOG = 8 * 1024 * 1024
 """What may wait for a client [byte] before it is dropped: tens of seconds of a busy bus."""
 
@@ -58,7 +71,8 @@ class HubCounters:
         connections: clients that connected.
         frames: frames that clients sent.
         bad_commands: commands that were refused.
-        dropped_clients: clients that were cut off: too slow, or no end of a command in sight.
+        dropped_clients: clients that were cut off: too slow, no end of a command in sight, or
+            never in the raw mode, or nothing but malformed commands there.
         waits: how often a client had to wait since it had sent more than the bit rate carries.
     """
 
@@ -96,6 +110,7 @@ class Hub:
         counters: what passed so far.
         limits: as passed in.
         clock: as passed in.
+        waiting: clients that are not in the raw mode yet.
     """
 
     def __init__(
@@ -111,7 +126,10 @@ class Hub:
         self.clock = clock
         self._tell_at = 0
         self._buses: dict[str, list[_Client]] = {channel: [] for channel in channels}
-        self._clients: set[_Client] = set()
+        self._seats, room = capacity(MAX_CLIENTS)
+        self.waiting: WaitingRoom[_Client] = WaitingRoom(
+            _Client.drop, room, clock=lambda: self.clock() * 1e-9
+        )
 
     async def start(self, host: str, port: int) -> asyncio.Server:
         """Listen; port 0 takes a free one.
@@ -119,9 +137,8 @@ class Hub:
         Raises:
             BusError: the address cannot be had.
         """
-        loop = asyncio.get_running_loop()
         try:
-            return await loop.create_server(lambda: _Client(self), host, port, backlog=1024)
+            return await serve_at(lambda: _Client(self), host, port)
         except OSError as error:
             what = f"hub {host}:{port}: "
             if error.errno == errno.EADDRINUSE:
@@ -130,13 +147,10 @@ class Hub:
                 what += error.strerror or str(error)
             raise BusError(what) from error
 
-    def admit(self, client: "_Client") -> bool:
-        """Take a client that has just connected, if there is room for it."""
-        self.counters.connections += 1
-        if len(self._clients) >= MAX_CLIENTS:
-            return False
-        self._clients.add(client)
-        return True
+    @property
+    def is_full(self) -> bool:
+        """Whether no more clients can be in the raw mode."""
+        return sum(map(len, self._buses.values())) >= self._seats
 
     def bus(self, channel: str) -> "list[_Client] | None":
         """Return the clients in raw mode on a channel, None where there is no such channel."""
@@ -161,7 +175,7 @@ class Hub:
 
     def forget(self, client: "_Client") -> None:
         """Remove a client that is gone."""
-        self._clients.discard(client)
+        self.waiting.leave(client)
         for bus in self._buses.values():
             if client in bus:
                 bus.remove(client)
@@ -175,6 +189,7 @@ class _Client(asyncio.Protocol):
         self._rest = b""
         self._bus: list[_Client] | None = None
         self._in_raw_mode = False
+        self._bad = 0
         self._held_back: list[bytes] | None = None
         self._commands: deque[bytes] = deque()
         self._limit = None if hub.limits.bitrate is None else RateLimit(hub.limits.bitrate)
@@ -185,11 +200,9 @@ class _Client(asyncio.Protocol):
         """Greet the client; asyncio sets TCP_NODELAY."""
         self._transport = cast("asyncio.Transport", transport)
         self._socket = transport.get_extra_info("socket")
-        if self._hub.admit(self):
-            self._write(b"< hi >")
-        else:
-            self._write(b"< error too many clients >")
-            transport.close()
+        self._hub.counters.connections += 1
+        self._hub.waiting.enter(self)
+        self._write(b"< hi >")
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's signature
         """Leave the bus."""
@@ -205,7 +218,7 @@ class _Client(asyncio.Protocol):
             self._hub.tell_surplus(_address(self._transport.get_extra_info("peername")))
         if len(self._rest) > MAX_COMMAND:
             self._hub.counters.bad_commands += 1
-            self._drop()
+            self.drop()
         elif _QUICKACK is not None:
             # A client with Nagle's algorithm holds the next frame back until this is acknowledged.
             with contextlib.suppress(OSError):  # it has gone meanwhile
@@ -253,11 +266,19 @@ class _Client(asyncio.Protocol):
                 self._hub.counters.bad_commands += 1
             elif frame is None:
                 self._refuse(b"unknown command")
+                self._bad += 1
+                if self._bad >= MOST_BAD:
+                    self.drop()
+            else:
+                self._bad = 0
             return frame
         match command.split():
             case [b"<", b"owner", word] if word == self._hub.limits.owner.encode():
                 self._limit = None
                 self._write(b"< ok >")
+            case [b"<", b"open" | b"rawmode", *_] if self._hub.is_full:
+                self._refuse(b"too many clients")
+                self._transport.close()
             case [b"<", b"open", name] if self._bus is None:
                 self._open(name)
             case [b"<", b"rawmode"] if self._bus is not None:
@@ -275,6 +296,7 @@ class _Client(asyncio.Protocol):
 
     def _enter_raw_mode(self, bus: "list[_Client]") -> None:
         self._in_raw_mode = True
+        self._hub.waiting.leave(self)
         self._held_back = []
         self._write(b"< ok >")
         bus.append(self)
@@ -305,10 +327,11 @@ class _Client(asyncio.Protocol):
             return
         self._transport.write(data)
         if self._transport.get_write_buffer_size() > MAX_BACKLOG:
-            self._drop()
+            self.drop()
 
-    def _drop(self) -> None:
+    def drop(self) -> None:
         """Cut the connection, whatever is still to be written."""
+        self._commands.clear()
         self._hub.counters.dropped_clients += 1
         self._hub.forget(self)
         self._transport.abort()
@@ -355,6 +378,11 @@ def run_hub(
 
 
 async def _serve(hub: Hub, host: str, port: int, ready: Callable[[int], None]) -> None:
+    say_errors_in_a_line("hub")
     server = await hub.start(host, port)
+    patience = asyncio.create_task(watch_over(hub.waiting))
     ready(server.sockets[0].getsockname()[1])
-    await server.serve_forever()
+    try:
+        await server.serve_forever()
+    finally:
+        patience.cancel()

@@ -14,6 +14,9 @@ from hil_bench.canopen_device.frame import Frame
 MAX_COMMAND = 128
 """Longest command [byte]; a frame of eight bytes takes 44."""
 
+MOST_BAD = 16
+"""Malformed commands in a row, in the raw mode, after which a client is cut off."""
+
 JOIN_DELAY = 0.05
 """How long frames are held back from a client that has just entered the raw mode and has not said
 anything yet [s]: python-can compares what it reads after "rawmode" with "< ok >" exactly."""

@@ -60,8 +60,9 @@ class Card {
     const last = this.model.emcy[this.name];
     const active = node.errors.map(emcyText).join(", ") || "none active";
     const seen = last ? `; last EMCY ${emcyText(last.code)} at ${last.time.toFixed(3)} s` : "";
-    setText(this.errors, active + seen);
-    this.errors.classList.toggle("problem", node.errors.length > 0);
+    const twice = node.foreign ? `; node-ID twice on the bus: ${node.foreign} frames of another device` : "";
+    setText(this.errors, active + seen + twice);
+    this.errors.classList.toggle("problem", node.errors.length > 0 || Boolean(node.foreign));
     const now = performance.now();
     if (this.words.length && now - this.lookedAt > PERIOD) {
       this.lookedAt = now;

@@ -3,13 +3,17 @@
 import json
 import threading
 
+import pyarrow.parquet as pq
 import pytest
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
 from hil_bench.campaign import pool
+from hil_bench.campaign.records import RunOutcome, RunResult
+from hil_bench.campaign.store import Store
 from hil_bench.cli import progress
 from hil_bench.cli.progress import WorkLines
+from hil_bench.errors import ConfigError
 
 ONE = 'scenarios = ["rest.scenario.toml"]\n'
 PLAIN = REST.replace(", range = [1.0, 301.0]", "").replace(", range = [-1.0, 1.0]", "")
@@ -198,3 +202,23 @@ def test_a_log_says_how_far_the_runs_are(verb, tmp_path, monkeypatch, capsys):
     said = capsys.readouterr()
     assert f"hil-bench: {verb}: 0 of {total} runs, 0 s\n" in said.err
     json.loads(said.out)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda table: table.drop_columns(["verdicts"]),
+        lambda table: table.rename_columns([f"{name}x" for name in table.column_names]),
+        lambda table: table.set_column(
+            table.column_names.index("outcome"), "outcome", [["perhaps"] * len(table)]
+        ),
+    ],
+)
+def test_a_table_with_other_rows_is_an_error_of_one_line(tmp_path, change):
+    """Of the kind of file that another program, or a disk, may leave in the folder."""
+    store = Store(tmp_path, {})
+    store.write([RunResult("k", "s", "b", "", 1, {"a": 1.0}, RunOutcome.PASSED)])
+    (path,) = tmp_path.glob("*.parquet")
+    pq.write_table(change(pq.read_table(path)), path)
+    with pytest.raises(ConfigError, match=r"\.parquet: has a row that is no result of a campaign"):
+        list(store.results(is_foreign=True))

@@ -63,10 +63,11 @@ class Rig:
         self.tick()
 
     def tick(self, count=1):
+        """End this tick, whose frames have come, and begin the next one."""
         for _ in range(count):
-            self.now += MS
             self.node.expire(self.now)
             self.node.serve(self.now, self.frames.append)
+            self.now += MS
 
     def receive(self, can_id, data):
         handler = self.node.routes.get(can_id)
@@ -192,7 +193,7 @@ def test_half_a_pair_changes_nothing(receiver):
     [
         ({"inverted": b"\xcb\xed\xf9"}, 1),  # a bit that is not inverted
         ({"plain": b"\x34\x12", "inverted": b"\xcb\xed"}, 1),
-        ({"wait": SRVT + 2}, 1),  # too late
+        ({"wait": SRVT + 1}, 1),  # too late
     ],
 )
 def test_a_pair_that_is_wrong_fails(receiver, what, ticks):
@@ -208,20 +209,48 @@ def test_a_pair_that_is_wrong_fails(receiver, what, ticks):
     assert receiver.values() == (0x1234, 7)
 
 
-def test_a_missing_second_frame_fails_after_the_srvt(receiver):
+def test_a_missing_second_frame_fails_in_the_tick_in_which_the_srvt_ends(receiver):
     receiver.receive(PLAIN, b"\x34\x12\x07")
     receiver.tick(SRVT)
     assert receiver.emcy() == []
-    receiver.tick(2)
+    receiver.tick()
     assert receiver.emcy() == [FAILED]
 
 
-def test_silence_fails_after_the_sct(receiver):
-    for _ in range(3):
-        receiver.pair()
-        receiver.tick(SCT)
+def test_silence_fails_in_the_tick_in_which_the_sct_ends(receiver):
+    receiver.pair()
+    receiver.tick(SCT)
     assert receiver.emcy() == []
-    receiver.tick(2)
+    receiver.tick()
+    assert receiver.emcy() == [FAILED]
+
+
+@pytest.mark.parametrize("before", [0, SRVT])
+def test_pairs_at_the_sct_and_at_the_srvt_are_in_time(receiver, before):
+    receiver.pair()
+    for _ in range(3):
+        receiver.tick(SCT - before)
+        receiver.pair(wait=before)  # its second frame ends the pair
+    assert receiver.emcy() == []
+    assert receiver.values() == (0x1234, 7)
+
+
+def test_a_pair_one_tick_after_the_sct_fails(receiver):
+    receiver.pair()
+    receiver.tick(SCT + 1)
+    receiver.pair(b"\x35\x12\x07", b"\xca\xed\xf8")
+    receiver.tick()
+    assert receiver.values() == (0x1234, 7)
+    assert receiver.emcy() == [FAILED]
+
+
+def test_a_pair_after_the_sct_fails_where_the_node_has_not_looked_since(receiver):
+    """A tick takes its frames before it looks at the time."""
+    receiver.pair()
+    receiver.now += (SCT + 1) * MS
+    receiver.pair(b"\x35\x12\x07", b"\xca\xed\xf8")
+    receiver.tick()
+    assert receiver.values() == (0x1234, 7)
     assert receiver.emcy() == [FAILED]
 
 

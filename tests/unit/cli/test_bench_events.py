@@ -111,3 +111,12 @@ def test_no_flood_of_states_is_a_flood_of_lines(bench):
     # 20 at once, then one a second of the ten.
     assert MOST_LINES <= len(bench.said) <= MOST_LINES + 11
     assert any(line.endswith(" lines left out before)") for line in bench.said)
+
+
+def test_a_second_device_with_our_identifiers_is_said_once(bench):
+    """Boot-up messages of nodes 1 and 4, as a second bench on the bus sends them."""
+    for _ in range(3):
+        bench.tick(Frame(0x701, b"\0"), Frame(0x704, b"\0"), count=100)
+    (line,) = bench.said
+    assert line.startswith("0.201 s: valve, position: another device sends with the same ident")
+    assert [node.counters.foreign_frames for node in bench.bench.nodes] == [3, 0, 0, 3]

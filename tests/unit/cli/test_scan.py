@@ -1,9 +1,8 @@
 import json
-from dataclasses import replace
 
 import pytest
 
-from hil_bench.cli import main, scan
+from hil_bench.cli import main
 
 UNCONFIGURED = """
 [plant.axis1]
@@ -81,14 +80,21 @@ def test_a_bus_that_cannot_be_opened_is_exit_code_3(capsys) -> None:
     assert "nosuchbus0" in capsys.readouterr().err
 
 
-def test_two_devices_under_one_node_id_are_a_failed_check(monkeypatch, capsys) -> None:
-    real = scan.survey
+def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
+    """Two benches with the same node-IDs: each read has two answers."""
+    from hil_bench.machine.commissioning import survey  # noqa: PLC0415
 
-    def survey(*args, **options):
-        found = real(*args, **options)
-        first, *rest = found.nodes
-        return replace(found, nodes=(replace(first, clash=True), *rest))
-
-    monkeypatch.setattr(scan, "survey", survey)
-    assert main(["scan", "--virtual", "--nodes", "1-4"]) == 1
-    assert "clash     more than one device answers under this node-ID" in capsys.readouterr().out
+    discover = survey.discover
+    monkeypatch.setattr(
+        survey,
+        "discover",
+        lambda *args, **options: [
+            each._replace(answers=2 if each.node_id in {1, 4} else 1)
+            for each in discover(*args, **options)
+        ],
+    )
+    assert main(["scan", "--virtual"]) == 1
+    out = capsys.readouterr().out
+    assert "4 nodes found; twice on the bus: 1, 4" in out
+    assert out.count("twice on the bus\n") == 2
+    assert "give each a node-ID of its own" in out

@@ -92,6 +92,14 @@ def test_what_a_device_refuses_is_none_and_the_rest_is_read(device, device_netwo
     assert found.product_code == 0x1234
 
 
+def test_of_two_devices_with_one_node_id_nothing_is_read(device, device_network):
+    found = describe(device_network, Sighting(5, answers=2))
+    assert found.clash
+    assert found.problem.startswith("two devices answer, perhaps of two benches on one bus")
+    assert (found.device_type, found.vendor_id) == (None, None)
+    assert device.received == []
+
+
 def test_a_device_that_answers_aborts_only_is_said_to_do_so(device, device_network):
     device.refuse_all(5)
     found = describe(device_network, Sighting(5))

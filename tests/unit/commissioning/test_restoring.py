@@ -342,6 +342,16 @@ def refuse(machine, index, subindex):
     node.object_dictionary.add_check(index, subindex, check)
 
 
+@pytest.mark.parametrize("length", range(9, 84, 15))
+def test_a_line_that_was_not_written_to_its_end_leaves_those_before_it(tmp_path, length):
+    """It stands before the write to the device, which therefore did not happen."""
+    path = tmp_path / "unrestored.jsonl"
+    line = '{"node": 1, "object": "0x1017.00", "name": "", "before": "6400", "during": "0000"}'
+    path.write_text(f"{line}\n{line.replace('1017', '1018')[:length].removesuffix('}')}")
+    (setting,) = SettingsJournal.read(path).settings
+    assert (setting.key, setting.before) == ((0x1017, 0), b"\x64\x00")
+
+
 @pytest.mark.parametrize(
     "line",
     [

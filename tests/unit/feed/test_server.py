@@ -158,12 +158,27 @@ def test_a_request_without_an_end_is_cut_off(loop, ending):
 
 def test_there_is_room_for_so_many_clients(loop):
     wires = [Wire(loop) for _ in range(MOST_CLIENTS)]
+    for wire in wires:
+        wire.say(id=1, do="watch")
     one_more = Wire(loop)
     assert one_more.is_closed
     (error,) = one_more.lines()
     assert error["error"] == f"{MOST_CLIENTS} clients are connected already; close one"
     wires[0].close()
     assert not Wire(loop).is_closed
+
+
+def test_clients_that_have_never_asked_make_room_the_oldest_first(loop):
+    asker = Wire(loop)
+    asker.say(id=1, do="watch")
+    babbler = Wire(loop)
+    babbler.say(id=1, do="watch")
+    babbler.sendall(b"\xff\n")
+    idlers = [Wire(loop) for _ in range(MOST_CLIENTS - 2)]
+    newcomers = [Wire(loop) for _ in range(2)]
+    assert [wire.is_closed for wire in (asker, babbler, *idlers[:2])] == [False, True, True, False]
+    assert [of("hello", wire.lines()) != [] for wire in newcomers] == [True, True]
+    assert len(loop.server.clients) == MOST_CLIENTS
 
 
 def test_fifty_clients_see_the_same(loop):

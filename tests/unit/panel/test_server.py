@@ -14,6 +14,7 @@ from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.panel import connections
 from hil_bench.panel.hub import MOST_VIEWERS
 from hil_bench.panel.record import RecordForm
 from hil_bench.panel.server import open_port, read_password
@@ -146,6 +147,58 @@ def test_nothing_is_shown_or_done_without_the_secret(monkeypatch):
                 with pytest.raises(ConnectionClosed):
                     browser.recv(timeout=GUARD)
         assert bench.session.controls.is_over is False
+
+
+HALF_REQUESTS = [
+    b"",
+    b"GET / HTTP/1.1\r\nHost: x",
+    b"POST /mf4 HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nContent-Length: 9\r\n\r\n{",
+    b"GET /feed HTTP/1.1\r\nHost: 127.0.0.1:PORT\r\nUpgrade: websocket\r\n",
+]
+
+
+@pytest.mark.usefixtures("folder")
+def test_half_requests_keep_nobody_out_and_the_oldest_go(caplog, monkeypatch):
+    monkeypatch.setattr(connections, "ROOM", 16)
+    with live_bench(), panel() as port, contextlib.ExitStack() as stack:
+        attackers = []
+        for request in 16 * HALF_REQUESTS:
+            attacker = socket.create_connection(("127.0.0.1", port), GUARD)
+            stack.callback(attacker.close)
+            attacker.sendall(request.replace(b"PORT", b"%d" % port))
+            attackers.append(attacker)
+        with Client(port) as client:
+            assert client.hear("hello")["name"] == "bench"
+            with contextlib.suppress(ConnectionResetError):
+                while attackers[0].recv(4096):
+                    pass
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+@pytest.mark.usefixtures("folder")
+def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
+    monkeypatch.setattr(connections, "ROOM", 8)
+    with live_bench(), panel() as port, contextlib.ExitStack() as stack:
+        address = f"ws://127.0.0.1:{port}/feed"
+        for _ in range(20):
+            stack.enter_context(connect(address, origin=f"http://127.0.0.1:{port}"))
+        with Client(port) as client:
+            assert client.hear("hello")["name"] == "bench"
+
+
+@pytest.mark.usefixtures("folder")
+def test_bad_utf8_ends_its_connection_without_a_traceback(caplog):
+    with live_bench(), panel() as port:
+        address = f"ws://127.0.0.1:{port}/feed"
+        with connect(address, origin=f"http://127.0.0.1:{port}") as browser:
+            frame = b"\x81\x82\0\0\0\0\xff\xff"  # FIN and text, two masked bytes: no UTF-8
+            browser.socket.sendall(100 * frame)
+            with pytest.raises(ConnectionClosed) as ended:
+                browser.recv(timeout=GUARD)
+        assert ended.value.rcvd.code == 1007
+        with Client(port) as client:
+            assert client.hear("hello")["name"] == "bench"
+    assert caplog.messages == []
 
 
 @pytest.mark.usefixtures("folder")

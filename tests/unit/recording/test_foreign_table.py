@@ -74,3 +74,14 @@ def test_a_broken_mat_file_is_refused_in_a_line(tmp_path: Path, content: bytes) 
         read_columns(path)
 
     assert "\n" not in str(error.value)
+
+
+def test_a_mat_file_that_ends_its_reader_is_refused_in_a_line(tmp_path: Path) -> None:
+    """The type of the first vector's data, bytes 176 to 179, is 0: scipy 1.16 reads beyond it."""
+    path = tmp_path / "rig.mat"
+    savemat(path, {"t": np.arange(5.0), "s": np.arange(5.0)})
+    content = path.read_bytes()
+    path.write_bytes(content[:176] + bytes(4) + content[180:])
+    with pytest.raises(ConfigError, match="is no recording: it is no MAT file") as error:
+        read_columns(path)
+    assert str(error.value).isprintable()

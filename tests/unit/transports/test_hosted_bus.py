@@ -15,9 +15,10 @@ from support.patience import GUARD
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import BusError
+from hil_bench.outside.reception import ROOM
 from hil_bench.outside.transports import hosted_bus
 from hil_bench.outside.transports.hosted_bus import MAX_CLIENTS, HostedBus
-from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND
+from hil_bench.outside.transports.socketcand_protocol import MAX_COMMAND, MOST_BAD
 from hil_bench.outside.transports.transport import TransportCounters
 
 
@@ -222,10 +223,45 @@ def test_a_client_that_leaves_is_forgotten(bus, join):
     assert bus.clients == 1
 
 
-def test_more_clients_than_there_is_room_for_are_turned_away(connect):
+def test_more_clients_than_there_is_room_for_are_turned_away(connect, join):
     for _ in range(MAX_CLIENTS):
-        assert connect().hear() == b"< hi >"
-    assert connect().hear() is None
+        join()
+    late = connect()
+    assert late.hear() == b"< hi >"
+    late.say(b"< open can0 >")
+    assert late.hear() == b"< error too many clients >"
+    assert late.hear() is None
+
+
+def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(bus, connect, join):
+    idlers = [connect() for _ in range(ROOM + 1)]
+    client = join()
+    assert idlers[0].hear() == b"< hi >"
+    assert idlers[0].hear() is None
+    bus.send([Frame(0x123)])
+    assert client.hear() == b"< frame 123 12.345678  >"
+
+
+def test_a_client_that_sends_nothing_but_nonsense_is_cut_off(bus, join):
+    client, other = join(), join()
+    client.say((MOST_BAD - 1) * b"\xff>" + b"< send 001 0 >" + (MOST_BAD - 1) * b"< send 7 9 >")
+    assert receive(bus, 1) == [Frame(0x001)]
+    assert other.hear() == b"< frame 001 12.345678  >"
+    assert bus.clients == 2
+    client.say(b"x>")
+    for _ in range(2 * MOST_BAD - 1):
+        assert client.hear() == b"< error unknown command >"
+    assert client.hear() is None
+    assert bus.clients == 1
+
+
+def test_a_remote_request_of_python_can_is_left_unanswered(bus, join):
+    """python-can 4.6 writes it without bytes, and takes any "error" for the loss of its bus."""
+    client = join()
+    client.say(b"< send 701 1  >< send 601 1 40 >")
+    assert receive(bus, 1) == [Frame(0x601, b"\x40")]
+    bus.send([Frame(0x123)])
+    assert client.hear() == b"< frame 123 12.345678  >"
 
 
 def test_python_can_joins_it(bus):

@@ -119,7 +119,13 @@ def test_a_frame_that_is_refused_is_counted_and_the_next_one_sent(make_transport
 
 @pytest.mark.parametrize(
     "error",
-    [can.CanOperationError("gone"), can.CanError("gone"), OSError("gone"), ValueError("gone")],
+    [
+        can.CanOperationError("gone"),
+        can.CanError("gone"),
+        OSError("gone"),
+        ValueError("gone"),
+        can.CanOperationError("gone  Traceback (most recent call last):\n  File x"),  # socketcand
+    ],
 )
 def test_an_error_while_receiving_is_a_lost_bus(make_transport, error):
     transport, _ = make_transport(received=[error])

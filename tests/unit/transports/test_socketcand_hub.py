@@ -10,8 +10,10 @@ import re
 import pytest
 
 from hil_bench.errors import BusError
+from hil_bench.outside.reception import ROOM
 from hil_bench.outside.transports import socketcand_hub
 from hil_bench.outside.transports.socketcand_hub import MAX_CLIENTS, MAX_COMMAND, Hub, HubCounters
+from hil_bench.outside.transports.socketcand_protocol import MOST_BAD
 
 TIME_STAMP = re.compile(rb"(< frame [0-9A-F]+ )\d+\.\d{6} ")
 
@@ -301,11 +303,64 @@ def test_thousands_of_connections_that_say_nothing_do_no_harm():
     with_hub(scenario)
 
 
+@pytest.mark.parametrize("word", [b"", b"< open can0 >", b"garbage", b"\xff>"])
+def test_clients_that_never_join_keep_nobody_out_and_the_oldest_go(word):
+    async def scenario(place):
+        idlers = [await place.connect() for _ in range(ROOM + 9)]
+        for idler in idlers:
+            await idler.say(word)
+        sender, listener = await place.join(), await place.join()
+        for idler in idlers[:9]:
+            await idler.hear_end()
+        await sender.say(b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+
+    assert with_hub(scenario).dropped_clients >= 9
+
+
+def test_who_does_not_join_in_time_goes_and_a_silent_listener_stays():
+    """5 s are those of `reception.PATIENCE`; the listener says nothing for an hour."""
+    now = 0
+
+    async def scenario(place):
+        nonlocal now
+        listener, idler = await place.join(), await place.connect()
+        assert await idler.hear() == b"< hi >"
+        now += 4_999_999_999
+        place.hub.waiting.look()
+        sender = await place.join()
+        assert place.hub.counters.dropped_clients == 0
+        now += 1
+        place.hub.waiting.look()
+        await idler.hear_end()
+        now += 3_600_000_000_000
+        place.hub.waiting.look()
+        await sender.say(b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+
+    assert with_hub(scenario, clock=lambda: now).dropped_clients == 1
+
+
+def test_a_client_that_sends_nothing_but_nonsense_is_cut_off():
+    async def scenario(place):
+        client, listener = await place.join(), await place.join()
+        await client.say((MOST_BAD - 1) * b"\xff>" + b"< send 001 0 >")
+        assert await listener.hear() == b"< frame 001  >"
+        await client.say(MOST_BAD * b"< send 7 9 >" + b"< send 002 0 >")
+        await client.hear_end()
+        await (await place.join()).say(b"< send 003 0 >")
+        assert await listener.hear() == b"< frame 003  >"
+
+    assert with_hub(scenario).dropped_clients == 1
+
+
 def test_more_clients_than_there_is_room_for_are_turned_away():
     async def scenario(place):
         for _ in range(MAX_CLIENTS):
-            assert await (await place.connect()).hear() == b"< hi >"
+            await place.join()
         late = await place.connect()
+        assert await late.hear() == b"< hi >"
+        await late.say(b"< open can0 >")
         assert await late.hear() == b"< error too many clients >"
         await late.hear_end()
         place.clients[0].writer.close()

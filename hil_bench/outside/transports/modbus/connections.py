@@ -12,6 +12,7 @@ import asyncio
 import socket
 
 from hil_bench.outside.modbus.server_config import TlsConfig
+from hil_bench.outside.reception import capacity
 from hil_bench.outside.transports.modbus.complaints import Complaints
 from hil_bench.outside.transports.modbus.register_server import RegisterServer
 from hil_bench.outside.transports.modbus.session import tcp_session
@@ -48,7 +49,7 @@ class ConnectionPool:
         self.complaints = Complaints(asyncio.get_running_loop().time)
         self.context = None if tls is None else server_context(tls)
         self.writer_role = None if tls is None else tls.writer_role
-        self._limit = limit
+        self._limit = sum(capacity(limit, room=0))
         self._connections: dict[_Connection, None] = {}  # in the order of their opening
 
     def __len__(self) -> int:

@@ -13,23 +13,21 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from multiprocessing.connection import Connection
-from typing import Any, NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 from hil_bench.errors import BusError
 from hil_bench.outside.modbus.mailbox import Mailbox
 from hil_bench.outside.modbus.server_config import SerialConfig, ServerConfig
 from hil_bench.outside.modbus.unit_image import UnitImage
 from hil_bench.outside.processes.child_process import ChildProcess
+from hil_bench.outside.reception import say_errors_in_a_line, serve_at
 from hil_bench.outside.transports.modbus.connections import ConnectionPool
 from hil_bench.outside.transports.modbus.register_server import RegisterServer, RowSource
-
-logger = logging.getLogger(__name__)
 
 _POLL = 0.0005
 """Time between two looks for the loop's answer to a write [s]."""
 _WATCH = 0.1
 """Time between two looks whether the loop lives [s]."""
-_LISTEN_BACKLOG = 128
 _REASONS = {
     errno.EADDRINUSE: "the port is in use; give another port, or end the program that has it",
     errno.EACCES: "ports below 1024 are for root; give another port",
@@ -152,7 +150,7 @@ def _run(
 
 async def serve(config: ServerConfig, server: RegisterServer, connection: Connection) -> None:
     """Serve until the process ends; `BusError` where a port is not free."""
-    asyncio.get_running_loop().set_exception_handler(_log_error)
+    say_errors_in_a_line("modbus server")
     pool = ConnectionPool(server, config.connections, config.tls)
     port = await _listen(config, pool) if config.is_on_tcp else None
     connection.send((port, _open_line(config.serial, server) if config.serial else None))
@@ -168,12 +166,6 @@ async def serve(config: ServerConfig, server: RegisterServer, connection: Connec
             await asyncio.wait_for(write_waits.wait(), _WATCH)
 
 
-def _log_error(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Log what went wrong beside all requests, such as an accept without a free descriptor."""
-    error = context.get("exception")
-    logger.error("modbus server: %s: %r", context["message"], error, exc_info=error)
-
-
 def _open_line(config: SerialConfig, server: RegisterServer) -> str:
     """Serve the serial line and return its device file."""
     from hil_bench.outside.transports.modbus.serial_line import SerialLine  # noqa: PLC0415 - POSIX alone
@@ -187,11 +179,8 @@ async def _listen(config: ServerConfig, pool: ConnectionPool) -> int:
     Raises:
         BusError: the port is not free, or not allowed.
     """
-    loop = asyncio.get_running_loop()
     try:
-        listener = await loop.create_server(
-            pool.make_connection, config.host, config.port, backlog=_LISTEN_BACKLOG
-        )
+        listener = await serve_at(pool.make_connection, config.host, config.port)
     except OSError as error:
         # From Python 3.13 on, asyncio gives no number where the machine lacks every address.
         number = error.errno or errno.EADDRNOTAVAIL

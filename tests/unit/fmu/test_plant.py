@@ -9,6 +9,10 @@ import pytest
 from hil_bench.errors import ParameterError
 from hil_bench.plants.fmu.configuration import FULL_SCALE
 
+HUGE = (
+    '{ position = "x", speed = "v", a = { variable = "v", unit = "1" }, '
+    'b = { variable = "v", unit = "1" } }'
+)
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
 
@@ -132,3 +136,12 @@ def test_leaves_no_folder_behind(load):
     del plant
     gc.collect()
     assert not folder.exists()
+
+
+def test_outputs_whose_sum_is_no_number_are_numbers(load):
+    """Each is below the largest double, 1.8e308; x' = 1e306 · 100 mm/s, so v = 1e308 mm/s."""
+    config = load(parameters="{ gain = 1e306 }", outputs=HUGE)
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    seen = plant.drive(FULL_SCALE, 1)
+    assert seen[2:4] == pytest.approx((1e308, 1e308))

@@ -1,5 +1,7 @@
 """Every kind of fault as a step: it begins at the step's tick, and ends after its time."""
 
+from types import SimpleNamespace
+
 import pytest
 from support.built_in_nodes import NODES
 
@@ -7,6 +9,7 @@ from hil_bench.devices.faults.kinds import FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.scenario import run
 from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.targets import Targets
 from hil_bench.session.virtual_bench import VirtualBench
 
 KEYS = {
@@ -130,3 +133,12 @@ def test_a_fault_without_its_amount_is_refused_as_in_a_bench(tmp_path, kind, key
         run.prepare(load_scenario(path))
     assert wrong in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_a_bench_on_which_nothing_can_be_set_says_so():
+    """As that of a plug-in's plant without influences, on generic nodes and without Modbus."""
+    config = SimpleNamespace(nodes=(), ecus=())
+    session = SimpleNamespace(bench=SimpleNamespace(axes=(), nodes=()), modbus=None, ecus={})
+    with pytest.raises(ConfigError) as caught:
+        Targets(config, session).find("rig.load")
+    assert str(caught.value) == '"rig.load" is nothing to set here; objects are NODE.0x6300.01'

@@ -139,8 +139,8 @@ def resolve_steps(
         sensor_units: those in which faults have their amounts, as in a `BenchConfig`; steps that
             disturb a sensor without one are not checked.
 
-    Raises:
-        ConfigError: a fault lacks its amount, or has it in another unit than its sensor measures.
+    A fault that lacks its amount, or has it in another unit than its sensor measures, is a
+    `ConfigError`.
     """
     resolver = _Resolver(scenario, tick_ns, values, sensor_units)
     actions = [

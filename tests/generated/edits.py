@@ -21,9 +21,12 @@ Draw = Any
 Path = tuple[str | int, ...]
 
 HOSTILE = st.sampled_from(
-    [math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, -0.0, 0, -1, 2**31, 2**64, 10**400]
-    + [True, "", " ", "NaN", "1 bar", "-5 mm", "1e999 kN", "\x1b[2J", "a\nb", "\u202e", "é\x7f"]
-    + ["axis1", "valve", "axis1.P_A", "../none", "always", [], {}, [[]], [1], ["x", "x"], {"a": {}}]
+    [
+        *(math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, -0.0, 0, -1, 2**31, 2**64, 10**400),
+        *(True, "", " ", "NaN", "1 bar", "-5 mm", "1e999 kN", "\x1b[2J", "a\nb", "\u202e", "é\x7f"),
+        *("axis1", "valve", "axis1.P_A", "../none", "always", [], {}, [[]], [1], ["x", "x"]),
+        {"a": {}},
+    ]
 ) | st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 WORDS = ("axis1", "valve", "pressure_a", "position", "P_A", "bus", "bar", "mm")
 

@@ -28,7 +28,7 @@ import occasion
 from hil_bench.campaign.dask import DaskBackend
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import Backend
+from hil_bench.campaign.pool import Backend, run_pool
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunResult, RunSpec
 from hil_bench.campaign.store import Store

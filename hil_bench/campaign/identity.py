@@ -23,7 +23,12 @@ from hil_bench.scenario.records import Scenario
 
 _SOURCES = {".py", ".lark", ".eds", ".toml"}
 _LENGTH = 32  # hexadecimal digits of a digest: 128 bits
-_LEFT_OUT = {"path", "settings", "realtime"}  # of a bench: they change nothing in virtual time
+_LEFT_OUT = {
+    "path",
+    "settings",
+    "realtime",
+    "sensor_units",
+}  # of a bench: they change nothing in virtual time
 
 
 @cache

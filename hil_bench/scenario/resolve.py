@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from hil_bench.bench.configuration.fault_keys import COMMON_KEYS, OWN_KEYS
-from hil_bench.bench.configuration.faults import build_fault
+from hil_bench.bench.configuration.faults import build_fault, check_amount
 from hil_bench.bench.configuration.records import FaultConfig
 from hil_bench.config.document import give
 from hil_bench.config.settings import Origin, Problems, read_table
 from hil_bench.config.values import find_nearest, quote
-from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.devices.faults.kinds import SENSOR_KINDS, FaultKind
 from hil_bench.errors import ConfigError
 from hil_bench.scenario.dimensions import unit_of_name
 from hil_bench.scenario.nodes import Condition
@@ -29,7 +30,7 @@ from hil_bench.scenario.records import (
 )
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.units import ONE
+from hil_bench.units import ONE, Unit
 
 
 class SetAction(NamedTuple):
@@ -122,7 +123,10 @@ def parameter_values(
 
 
 def resolve_steps(
-    scenario: Scenario, tick_ns: int, values: Mapping[str, float]
+    scenario: Scenario,
+    tick_ns: int,
+    values: Mapping[str, float],
+    sensor_units: Mapping[str, Unit | None] = MappingProxyType({}),
 ) -> tuple[TimedAction, ...]:
     """Return the steps as actions, in the order of time, and of the file within a tick.
 
@@ -132,8 +136,13 @@ def resolve_steps(
         scenario: whose steps.
         tick_ns: time between two ticks [ns].
         values: the SI value of each parameter.
+        sensor_units: those in which faults have their amounts, as in a `BenchConfig`; steps that
+            disturb a sensor without one are not checked.
+
+    A fault that lacks its amount, or has it in another unit than its sensor measures, is a
+    `ConfigError`.
     """
-    resolver = _Resolver(scenario, tick_ns, values)
+    resolver = _Resolver(scenario, tick_ns, values, sensor_units)
     actions = [
         TimedAction(resolver.ticks(step.at), resolver.action(step), step.place)
         for step in scenario.steps
@@ -189,8 +198,14 @@ def compile_texts(
 class _Resolver:
     """Puts numbers in."""
 
-    def __init__(self, scenario: Scenario, tick_ns: int, values: Mapping[str, float]) -> None:
-        self._source = str(scenario.path)
+    def __init__(
+        self,
+        scenario: Scenario,
+        tick_ns: int,
+        values: Mapping[str, float],
+        sensor_units: Mapping[str, Unit | None],
+    ) -> None:
+        self._source, self._sensor_units = str(scenario.path), sensor_units
         self._tick_ns, self._values = tick_ns, values
 
     def ticks(self, time: Amount) -> int:
@@ -224,6 +239,9 @@ class _Resolver:
         keys = (*COMMON_KEYS, *OWN_KEYS[FaultKind(step.kind)])
         table = f"step {step.kind} {step.target}"
         found = read_table(table, give(table, given, Origin.FILE, problems), keys, problems)
+        problems.raise_any()
+        if FaultKind(step.kind) in SENSOR_KINDS and step.target in self._sensor_units:
+            check_amount(found, self._sensor_units[step.target], problems)
         problems.raise_any()
         return build_fault(found)
 

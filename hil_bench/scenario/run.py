@@ -117,7 +117,7 @@ def prepare_on(
     Raises:
         ConfigError: something does not fit; a line a problem.
     """
-    actions = resolve_steps(scenario, config.tick_ns, values)
+    actions = resolve_steps(scenario, config.tick_ns, values, config.sensor_units)
     session = open_session(config)
     requirements: tuple[Requirement, ...] = ()
     problems = [

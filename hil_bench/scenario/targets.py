@@ -155,7 +155,8 @@ class Targets:
         if name in (shared := name_shared(self._registers)):
             raise ConfigError(f"{quote(name)} is in several tables; give {shared[name]}")
         known = sorted(self._names())
-        right = f"the nearest is {find_nearest(name, known)}, and objects are NODE.0x6300.01"
+        near = f"the nearest is {find_nearest(name, known)}, and " if known else ""
+        right = f"{near}objects are NODE.0x6300.01"
         raise ConfigError(f"{quote(name)} is nothing to set here; {right}")
 
     def check_units(self, name: str, symbols: Iterable[str]) -> None:

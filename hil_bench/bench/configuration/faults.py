@@ -103,6 +103,7 @@ class FaultsSection:
         self._faults = _read_faults(document, overrides, problems)
         self._nodes, self._axes, self._problems = nodes, axes, problems
         self._buses, self._supplies = buses, axes.supplies
+        self._sensors: Mapping[str, Unit | None] = {}
 
     def resolve(self) -> None:
         """Note faults of what the bench does not have."""
@@ -112,6 +113,7 @@ class FaultsSection:
         targets = targets._replace(
             axes={**targets.axes, **lowest}, plants=[*targets.plants, *lowest]
         )
+        self._sensors = targets.sensors
         _check_faults(self._faults, targets, self._problems)
         self._check_wires()
         _check_defects(self._faults, self._axes.records, self._supplies.defects, self._problems)
@@ -129,8 +131,9 @@ class FaultsSection:
                 self._problems.add(place, wrong)
 
     def build(self) -> dict[str, Any]:
-        """Return the records of the faults."""
-        return {"faults": tuple(build_fault(fault) for fault in self._faults)}
+        """Return the records of the faults, and the units of the sensors that may have one."""
+        faults = tuple(build_fault(fault) for fault in self._faults)
+        return {"faults": faults, "sensor_units": self._sensors}
 
     def tables(self) -> Iterable[Settings]:
         """Return the table of each fault."""
@@ -217,7 +220,7 @@ def _check_faults(faults: Sequence[Settings], targets: FaultTargets, problems: P
             place = problems.place(table, "target")
             problems.add(place, f"{quote(target)} is no {what}; {right}")
         elif kind in SENSOR_KINDS:
-            _check_amount(fault, targets.sensors[target], problems)
+            check_amount(fault, targets.sensors[target], problems)
         elif kind is FaultKind.DROP_SUPPLY:
             _check_pressure(fault, targets.axes[target], problems)
 
@@ -285,8 +288,14 @@ def _check_pressure(fault: Settings, tank: float, problems: Problems) -> None:
         problems.add(place, f"{wrong}; give that or more")
 
 
-def _check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> None:
-    """Note where not the one amount is given that is in the unit of the sensor."""
+def check_amount(fault: Settings, unit: Unit | None, problems: Problems) -> None:
+    """Note where not the one amount is given that is in the unit of the sensor.
+
+    Args:
+        fault: one of a sensor.
+        unit: that of the sensor's amounts; None where `[[faults]]` has no key for it.
+        problems: to be noted.
+    """
     kind, table = fault["kind"].value, fault["kind"].table
     amounts = [key.name for key in OWN_KEYS[kind] if key.name.startswith(f"{kind}_")]
     if not amounts:

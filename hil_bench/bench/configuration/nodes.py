@@ -48,7 +48,8 @@ def read_nodes(
         node = nodes[name] = _read_node(f"nodes.{name}", given, problems)
         if "profile" in node:
             kind = kind_of(node["profile"].value)
-            if (axis := _axis_of(node, axes)) is not None:
+            is_read = len(node) == len(node_keys(kind))  # a key with a problem is not there
+            if is_read and (axis := _axis_of(node, axes)) is not None:
                 kind.check(f"nodes.{name}", node, axis, problems)
             if chain is not None and kind.chain_unit is None:
                 problems.add(chain.place, f"{kind.name} measures nothing; leave it out")

@@ -16,6 +16,7 @@ from hil_bench.outside.realtime.policy import RealtimeConfig
 from hil_bench.outside.wire.config import WireConfig
 from hil_bench.plants.hydraulic_cylinder.supply_group import SupplyConfig
 from hil_bench.plants.kind import AxisConfig
+from hil_bench.units import Unit
 
 FIRST_BUS = "bus"
 """Name of the bus of the table ``[bus]``."""
@@ -123,6 +124,8 @@ class BenchConfig:
         realtime: how the loop runs where it is paced.
         ecus: the J1939 devices, in the order of the file.
         supplies: those that several axes share, in the order of the file.
+        sensor_units: the unit in which a fault of a sensor has its amount, by the sensor's name;
+            None where faults have no key for it.
     """
 
     path: Path | None
@@ -140,6 +143,7 @@ class BenchConfig:
     further_buses: Mapping[str, BusConfig] = field(default_factory=dict)
     ecus: tuple[EcuConfig, ...] = ()
     supplies: tuple[SupplyConfig, ...] = ()
+    sensor_units: Mapping[str, Unit | None] = field(default_factory=dict)
 
     @property
     def buses(self) -> dict[str, BusConfig]:

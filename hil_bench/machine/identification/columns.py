@@ -39,7 +39,7 @@ def _polarity(value: object) -> float:
         ConfigError: it is none.
     """
     known = {"unknown": 0.0, 1: 1.0, -1: -1.0}
-    if isinstance(value, bool) or value not in known:
+    if not isinstance(value, str | int | float) or isinstance(value, bool) or value not in known:
         raise ConfigError(f'{describe(value)} is no polarity; give 1, -1 or "unknown"')
     return known[value]
 

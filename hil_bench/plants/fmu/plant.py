@@ -91,7 +91,7 @@ class FmuPlant:
             SlaveError: one is no number.
         """
         seen = [value * factor for value, factor in zip(values, self._factors, strict=True)]
-        if not math.isfinite(math.fsum(seen)):
+        if not all(map(math.isfinite, seen)):
             for name, value in zip(self._names, seen, strict=False):
                 if not math.isfinite(value):
                     raise SlaveError(f"{name} is {value}; a finite number is right")

@@ -63,10 +63,8 @@ def supply(value: object) -> str:
     Raises:
         ConfigError: the value is no name.
     """
-    if value in set(Supply):
-        return Supply(str(value))
     if isinstance(value, str) and value:
-        return value
+        return Supply(value) if value in set(Supply) else value
     right = 'give "constant", "unit" or the name of a [supply.NAME]'
     raise ConfigError(f"{describe(value)} is no supply; {right}")
 

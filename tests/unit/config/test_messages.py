@@ -27,6 +27,8 @@ ONE_VALUE = [
     ('[plant.axis1]\nstroke_mm = "400"', 'plant.axis1.stroke_mm: "400" is not a number; give a number in mm'),
     ("[plant.axis1]\nstroke_mm = true", "plant.axis1.stroke_mm: true is not a number; give a number in mm"),
     ("[plant.axis1]\nstroke_mm = nan", "plant.axis1.stroke_mm: nan is not finite; give a number in mm"),
+    ('[nodes.v]\nprofile = "valve_408"\nnode_id = 1\npressure_source = -1', "nodes.v.pressure_source: -1 is not a name; give text in quotes"),
+    ("[plant.axis1]\nsupply = []", 'plant.axis1.supply: an array is no supply; give "constant", "unit" or the name of a [supply.NAME]'),
     ("[plant.axis1]\nstroke_mm = inf", "plant.axis1.stroke_mm: inf is not finite; give a number in mm"),
     (f"[plant.axis1]\nstroke_mm = 1{'0' * 400}", f"plant.axis1.stroke_mm: 1{'0' * 36}... is not finite; give a number in mm"),
     ("[plant.axis1]\nstroke_mm = [1]", "plant.axis1.stroke_mm: an array is not a number; give a number in mm"),

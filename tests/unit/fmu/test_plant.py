@@ -15,6 +15,10 @@ from hil_bench.plants.fmu import child
 from hil_bench.plants.fmu.configuration import FULL_SCALE
 from hil_bench.plants.fmu.slave import Setup
 
+HUGE = (
+    '{ position = "x", speed = "v", a = { variable = "v", unit = "1" }, '
+    'b = { variable = "v", unit = "1" } }'
+)
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
 
@@ -193,3 +197,12 @@ def test_a_child_never_hears_ctrl_c(monkeypatch):
         child.Child(Setup(2, "t", "i", "", "", "axis1", 1e-4, (), [1], [0.0], [2]))
     assert signal.SIGINT in masks[0]
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_outputs_whose_sum_is_no_number_are_numbers(load):
+    """Each is below the largest double, 1.8e308; x' = 1e306 · 100 mm/s, so v = 1e308 mm/s."""
+    config = load(parameters="{ gain = 1e306 }", outputs=HUGE)
+    (axis,) = config.axes
+    plant = axis.kind.build(axis, config.dt)
+    seen = plant.drive(FULL_SCALE, 1)
+    assert seen[2:4] == pytest.approx((1e308, 1e308))

@@ -101,6 +101,7 @@ def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
             "unit furlong is unknown; position has one of m, mm, um",
         ),
         ("polarity = -1", "polarity = 2", '2 is no polarity; give 1, -1 or "unknown"'),
+        ("polarity = -1", "polarity = []", 'an array is no polarity; give 1, -1 or "unknown"'),
         ("polarity = -1", "full_scale = 2", "full_scale is for spool_setpoint"),
         ("[P_A]", "[P_C]", "unknown quantity; the nearest known one is P_"),
         ("gain = 2.0", "gian = 2.0", "unknown key; the nearest known key is gain"),

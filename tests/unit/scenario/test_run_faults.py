@@ -1,11 +1,15 @@
 """Every kind of fault as a step: it begins at the step's tick, and ends after its time."""
 
+from types import SimpleNamespace
+
 import pytest
 from support.built_in_nodes import NODES
 
 from hil_bench.devices.faults.kinds import FaultKind
+from hil_bench.errors import ConfigError
 from hil_bench.scenario import run
 from hil_bench.scenario.load import load_scenario
+from hil_bench.scenario.targets import Targets
 from hil_bench.session.virtual_bench import VirtualBench
 
 KEYS = {
@@ -106,3 +110,35 @@ def test_a_fault_begins_and_ends_at_its_ticks(tmp_path, benches, kind):
     (bench,) = benches
     found = [(event.time, event.kind.value, event.is_begin) for event in bench.faults.events]
     assert found == [(20_000_000, kind, True), (30_000_000, kind, False)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "wrong"),
+    [
+        ("noise", 'target = "position"', "noise_mm: missing; give noise_mm = 1, for example"),
+        ("offset", 'target = "pressure_a"', "offset_bar: missing; give offset_bar = 1"),
+        ("drift", 'target = "position"', "drift_mm_s: missing; give drift_mm_s = 1"),
+        (
+            "offset",
+            'target = "pressure_a"\noffset_mm = 5',
+            "offset_mm: is not what this sensor measures; give offset_bar",
+        ),
+    ],
+)
+def test_a_fault_without_its_amount_is_refused_as_in_a_bench(tmp_path, kind, keys, wrong):
+    (tmp_path / "bench.toml").write_text(BENCH)
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(SCENARIO.format(kind=kind, keys=keys))
+    with pytest.raises(ConfigError) as caught:
+        run.prepare(load_scenario(path))
+    assert wrong in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_bench_on_which_nothing_can_be_set_says_so():
+    """As that of a plug-in's plant without influences, on generic nodes and without Modbus."""
+    config = SimpleNamespace(nodes=(), ecus=())
+    session = SimpleNamespace(bench=SimpleNamespace(axes=(), nodes=()), modbus=None, ecus={})
+    with pytest.raises(ConfigError) as caught:
+        Targets(config, session).find("rig.load")
+    assert str(caught.value) == '"rig.load" is nothing to set here; objects are NODE.0x6300.01'

@@ -1,0 +1,28 @@
+"""A few generated files of each cheap dialect; the program of this folder plays many."""
+
+import tempfile
+from pathlib import Path
+from random import Random
+
+import pytest
+from generated.play import live
+from generated.seeds import lay_out
+from hypothesis.internal.conjecture.data import ConjectureData
+
+LIVES = 4
+CHEAP = ("bench", "network", "requirements", "register map", "columns", "scenario sheet")
+VERBS = {"bench": "check", "network": "boot", "columns": "identify", "scenario sheet": "scenario"}
+
+
+@pytest.mark.parametrize("dialect", CHEAP)
+def test_no_verb_breaks_on_a_generated_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dialect: str
+) -> None:
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
+    monkeypatch.chdir(tmp_path)
+    lay_out(tmp_path)
+    for life in range(LIVES):
+        source = ConjectureData(random=Random(life))
+        for result, text in live(source.draw, tmp_path, dialect, VERBS.get(dialect, "")):
+            assert not result.wrong, text

@@ -1,6 +1,7 @@
 """`hil-bench judge`: requirements held against recordings."""
 
 import argparse
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,11 +14,11 @@ from hil_bench.cli.scenario_report import (
 )
 from hil_bench.cli.verdicts import exit_code_for, finding_content, finding_lines
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.scenario.recorded import Finding, judge_with_trace
+from hil_bench.scenario.recorded import Judged, judge_with_trace
 
 _EXAMPLES = """\
 A requirements file is TOML with [[expect]] tables, or a whole scenario; docs/expectations.md has
-the language.
+the language. With duration_s in it, what a recording lacks of that time is unknown.
 
 exit code 1 where a requirement failed; 6 where none did, but one could not be decided, or its
 trigger never became true
@@ -43,6 +44,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "recordings", type=Path, nargs="+", metavar="RECORDING", help="recording, .mf4 or .csv"
     )
+    parser.add_argument(
+        "--start",
+        type=_seconds,
+        metavar="S",
+        help="time of the recordings at which the run begins, in s\n"
+        "(default: 0 where the requirements have duration_s, else the first row)",
+    )
     add_report_argument(parser)
     add_json_argument(parser)
     parser.set_defaults(run=run)
@@ -51,22 +59,40 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Judge each recording and print what was found."""
     check_report_argument(args)
-    judged = {}
+    judged: dict[Path, Judged] = {}
     chapters = []
     for path in args.recordings:
         signals = read_recording(path)
-        judged[path] = judge_with_trace(args.requirements, signals, str(path))
+        judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
         if args.report:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
-    found = {path: each.findings for path, each in judged.items()}
-    content = {str(path): finding_content(findings) for path, findings in found.items()}
-    print_results(args, _lines(found), content)
+    content = {str(path): finding_content(each.findings) for path, each in judged.items()}
+    print_results(args, _lines(judged), content)
     if args.report:
         write_report(args, f"Judgement by {args.requirements}", chapters)
-    return exit_code_for(each.judgement.outcome for findings in found.values() for each in findings)
+    return exit_code_for(
+        each.judgement.outcome for found in judged.values() for each in found.findings
+    )
 
 
-def _lines(found: dict[Path, list[Finding]]) -> Iterator[str]:
-    for path, findings in found.items():
+def _seconds(text: str) -> float:
+    """Return a time.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no finite number.
+    """
+    try:
+        time = float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time):
+        raise argparse.ArgumentTypeError(f"{text}: give a time in s, such as 12.5")
+    return time
+
+
+def _lines(judged: dict[Path, Judged]) -> Iterator[str]:
+    for path, (findings, trace) in judged.items():
         yield f"{path}:"
+        if trace.note:
+            yield f"  {trace.note}"
         yield from finding_lines(findings)

@@ -35,6 +35,7 @@ from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.scenario.on_machine import MachineScenario, lay_samples
 from hil_bench.scenario.recorded import judge_trace
+from hil_bench.scenario.records import ticks_of
 from hil_bench.scenario.results import ScenarioResult
 from hil_drivers import BusLostError, DriverError
 
@@ -163,7 +164,7 @@ def _play(opened: OpenNetwork, machine: Machine, each: MachineScenario, rig: Rig
     except (LimitError, DriverError) as error:
         return _result(machine, each, problem=f"{error}; {_closing(rig)}")
     period = machine.plan.period
-    ticks = round(each.scenario.duration / period) + 1
+    ticks = ticks_of(each.scenario.duration, round(period * 1e9))
     fields = {name: channel.name for name, channel in machine.fields.items()}
     trace = lay_samples(samples, fields, ticks, period)
     findings = tuple(judge_trace(requirement, trace) for requirement in each.requirements)

@@ -144,25 +144,30 @@ def recording_chapter(
         signals: what it holds.
         judged: what it says.
     """
-    findings, (columns, ticks, tick_ns) = judged
-    start = float(signals[TIME.name][0])
+    findings, trace = judged
+    times, start = signals[TIME.name], trace.start
     shifted = signals.copy()
     shifted[TIME.name] -= start
     evidence = Evidence(
         shifted,
-        columns,
-        ticks,
-        tick_ns,
+        trace.columns,
+        trace.ticks,
+        trace.tick_ns,
         frames=tuple(_frames_near(path, findings, round(start * 1e9))),
         reader=PlainReader(),
+        planned=trace.planned,
     )
-    length = f"{(ticks - 1) * tick_ns * 1e-9:g} s from {start:g} s, a row a {tick_ns * 1e-6:g} ms"
+    length = f"{times[-1] - times[0]:g} s from {times[0]:g} s, a row a {trace.tick_ns * 1e-6:g} ms"
     words = ["hil-bench", "judge", str(requirements), str(path)]
     return Chapter(
         str(path),
         path.name,
         (),
-        (("Requirements", str(requirements)), ("Length", length)),
+        (
+            ("Requirements", str(requirements)),
+            ("Length", length),
+            *((("Judged", trace.note),) if trace.note else ()),
+        ),
         (),
         shlex.join(words),
         (),

@@ -48,6 +48,11 @@ def result_content(result: ScenarioResult) -> dict[str, object]:
 def finding_content(findings: Iterable[Finding]) -> list[dict[str, object]]:
     """Return judgements for a program."""
     return [
-        {"id": each.requirement.id, "that": each.requirement.that, "judgement": each.judgement}
+        {
+            "id": each.requirement.id,
+            "that": each.requirement.that,
+            "judgement": each.judgement,
+            "text": reason_of(each.judgement),
+        }
         for each in findings
     ]

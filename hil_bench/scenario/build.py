@@ -8,7 +8,7 @@ import numpy as np
 from hil_bench.scenario import nodes
 from hil_bench.scenario.atoms import ComparisonMargins, EdgeMargins, EventMargins, StateMargins
 from hil_bench.scenario.bounds import Bounds, negate
-from hil_bench.scenario.nodes import Condition, Window
+from hil_bench.scenario.nodes import Atom, Condition, Window
 from hil_bench.scenario.streams import (
     Ahead,
     AheadToEnd,
@@ -54,6 +54,14 @@ class Span(NamedTuple):
 
 AT_START = Span(0, 0)
 
+
+class Asked(NamedTuple):
+    """A comparison, a state, an event or an edge, and the ticks at which it is asked for."""
+
+    node: Atom
+    span: Span
+
+
 Wrap = Callable[[Condition, Stream], Stream]
 """Puts something between a stream and who reads it."""
 
@@ -86,10 +94,12 @@ class StreamBuilder:
 
     Attributes:
         triggers: of each implication, its stream's counter.
+        asked: all comparisons, states, events and edges.
     """
 
     def __init__(self, tick_ns: int, wrap: Wrap | None = None) -> None:
         self.triggers: list[tuple[nodes.Implies, Trigger]] = []
+        self.asked: list[Asked] = []
         self._tick_ns = tick_ns
         self._wrap = wrap or (lambda _node, stream: stream)
 
@@ -106,6 +116,7 @@ class StreamBuilder:
             case nodes.Until() | nodes.Since():
                 return self._until(node, span)
             case nodes.Comparison() | nodes.StateIs() | nodes.Event() | nodes.Edge():
+                self.asked.append(Asked(node, span))
                 return Atoms(self._atom(node))
             case _:
                 return self._combined(node, span)

@@ -42,8 +42,8 @@ def _abs(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Op
     (operand,) = _take(given, "abs(x)", position)
     found = quantity_of(operand, "abs")
     if isinstance(found.node, Number):
-        return found._replace(node=Number(abs(found.node.value), position=position))
-    return found._replace(node=Magnitude(found.node, position=position))
+        return found._replace(node=Number(abs(found.node.value), position=position), slack=0.0)
+    return found._replace(node=Magnitude(found.node, position=position), slack=0.0)
 
 
 def _rate(given: Sequence[Operand], position: Position, _known: Vocabulary) -> Operand:
@@ -61,7 +61,7 @@ def _previous(given: Sequence[Operand], position: Position, _known: Vocabulary) 
     found = quantity_of(operand, "previous")
     if found.is_constant:
         raise ExpectationError(position, f"previous {_NO_SIGNAL}")
-    return found._replace(node=PreviousValue(found.node, position=position))
+    return found._replace(node=PreviousValue(found.node, position=position), slack=0.0)
 
 
 def _edge(turn: Turn) -> Call:

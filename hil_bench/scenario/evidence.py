@@ -42,6 +42,7 @@ class Evidence:
         faults: when which fault was there.
         frames: oldest first.
         reader: puts them in words.
+        planned: how many ticks the run has; None for one that ends with these.
     """
 
     signals: Recording
@@ -51,3 +52,4 @@ class Evidence:
     faults: tuple[Span, ...] = ()
     frames: Sequence[LoggedFrame] = ()
     reader: FrameReader | None = None
+    planned: int | None = None

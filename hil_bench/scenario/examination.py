@@ -7,10 +7,14 @@ import numpy.typing as npt
 
 from hil_bench.scenario import nodes
 from hil_bench.scenario.build import window_ticks
+from hil_bench.scenario.coverage import View
 from hil_bench.scenario.explain import Cause, Explainer, Log
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.nodes import Condition
+from hil_bench.scenario.reach import breadth
 from hil_bench.scenario.sliding import Floats
+from hil_bench.scenario.syntax import DEEPEST
+from hil_bench.scenario.values import Block
 
 _HEAD = 8192  # ticks that come first: what they decide needs no more
 
@@ -21,23 +25,39 @@ class Examination:
     Args:
         requirement: the condition.
         columns: the values of each signal that it names, shape (ticks,); NaN where unknown.
-        ticks: how many.
+        ticks: how many of them were seen.
         tick_ns: time between two [ns].
+        planned: how many ticks the run has; those behind the ones seen are unknown. None for a run
+            that ends with what was seen.
 
     Attributes:
         monitor: that has seen the whole run.
+        view: how much of the requirement's time was seen.
+        values: the values of each signal, up to where nothing changes any more.
     """
 
     def __init__(
-        self, requirement: Condition, columns: Mapping[str, Floats], ticks: int, tick_ns: int
+        self,
+        requirement: Condition,
+        columns: Mapping[str, Floats],
+        ticks: int,
+        tick_ns: int,
+        planned: int | None = None,
     ) -> None:
-        self._requirement, self._ticks, self._tick_ns = requirement, ticks, tick_ns
+        ticks = ticks if planned is None else min(ticks, planned)
+        unseen = 0 if planned is None else min(planned - ticks, _settling(requirement, tick_ns))
+        seen = {name: column[:ticks] for name, column in columns.items()}
+        self.values = Block(
+            {n: _padded(column, unseen) for n, column in seen.items()}, ticks + unseen
+        )
+        self._requirement, self._ticks, self._tick_ns = requirement, ticks + unseen, tick_ns
         self._log = Log()
         self.monitor = Monitor(requirement, tick_ns, self._log.wrap)
-        for start, end in ((0, min(_HEAD, ticks)), (_HEAD, ticks)):
-            part = {name: column[start:end] for name, column in columns.items()}
+        for start, end in ((0, min(_HEAD, self._ticks)), (_HEAD, self._ticks)):
+            part = {name: column[start:end] for name, column in self.values.columns.items()}
             self.monitor.push(part, max(0, end - start))
         self.monitor.finish()
+        self.view = View(self.monitor.asked, seen, ticks, tick_ns, planned)
 
     def find_cause(self) -> Cause:
         """Return what decides; only where the requirement is decided."""
@@ -65,3 +85,17 @@ class Examination:
             part = self._log.margins(node.operand).high[start:stop] < 0.0
             found[start : start + len(part)] = part
         return found
+
+
+def _settling(requirement: Condition, tick_ns: int) -> int:
+    """Return after how many ticks that are all unknown another one changes nothing.
+
+    By then each window lies in them as a whole; a level rounds both its bounds to ticks, or looks
+    at its neighbours.
+    """
+    return breadth(requirement) // tick_ns + 2 * DEEPEST
+
+
+def _padded(column: Floats, count: int) -> Floats:
+    """Return a column with unknown values behind it."""
+    return np.concatenate((column, np.full(count, np.nan))) if count else column

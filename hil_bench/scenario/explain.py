@@ -19,10 +19,12 @@ class Cause(NamedTuple):
     Attributes:
         node: the comparison, state, event or edge.
         tick: at which.
+        is_true: whether it is true then.
     """
 
     node: Atom
     tick: int
+    is_true: bool
 
 
 class Log:
@@ -94,7 +96,7 @@ class Explainer:
             case nodes.Until() | nodes.Since():
                 cause = self._until(node, tick)
             case _:
-                cause = Cause(node, tick)
+                cause = Cause(node, tick, not self._is_failed)
         return cause
 
     def _contrary(self) -> "Explainer":

@@ -6,14 +6,20 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-import numpy as np
-
+from hil_bench.scenario.coverage import Coverage
 from hil_bench.scenario.examination import Examination
 from hil_bench.scenario.explain import Cause
 from hil_bench.scenario.nodes import Comparison, Condition
 from hil_bench.scenario.sliding import Floats
-from hil_bench.scenario.values import Block, build_values
-from hil_bench.scenario.wording import show_atom, show_margin, show_number, unit_of
+from hil_bench.scenario.values import build_values
+from hil_bench.scenario.wording import (
+    show_atom,
+    show_comparison,
+    show_fact,
+    show_margin,
+    show_reading,
+    unit_of,
+)
 
 
 class RequirementOutcome(StrEnum):
@@ -39,15 +45,17 @@ class Deciding:
 
     Attributes:
         time: [s], from the first tick of the run.
-        condition: in the words of the language.
+        condition: what had to be true then, in the words of the language.
         reading: the value of its left side, with a unit; empty where it compares nothing.
         margin: in the same unit; empty where it has no size.
+        fact: what was true then, in words.
     """
 
     time: float
     condition: str
     reading: str
     margin: str
+    fact: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +68,15 @@ class Judgement:
             the requirement holds; None where it is unknown or has no size.
         deciding: the comparison that decides; None for an inconclusive outcome.
         first: when it is violated first [s]; None where it is not.
-        duration: for how long it is violated in all [s]; 0 where it does not speak of each tick.
+        duration: for how long it is violated in all [s]; 0 where its violations are instants.
         triggered: how often the triggers of its implications became true; None without any.
         reason: why it is not decided; empty where it is.
+        coverage: how much of its time was seen.
     """
 
     outcome: RequirementOutcome
     margin: float | None
+    coverage: Coverage
     deciding: Deciding | None = None
     first: float | None = None
     duration: float = 0.0
@@ -75,54 +85,59 @@ class Judgement:
 
 
 def judge(
-    requirement: Condition, columns: Mapping[str, Floats], *, ticks: int, tick_ns: int
+    requirement: Condition,
+    columns: Mapping[str, Floats],
+    *,
+    ticks: int,
+    tick_ns: int,
+    planned: int | None = None,
 ) -> Judgement:
-    """Return what a whole run says of a requirement.
+    """Return what a run says of a requirement.
 
     Args:
         requirement: the condition.
         columns: the values of each signal that it names, shape (ticks,); NaN where unknown.
-        ticks: how many; 0 leaves every requirement undecided.
+        ticks: how many were seen; 0 leaves every requirement undecided.
         tick_ns: time between two [ns].
+        planned: how many the run has; those behind the ones seen are unknown. None for a run that
+            ends with what was seen.
     """
-    examination = Examination(requirement, columns, ticks, tick_ns)
-    monitor = examination.monitor
+    examination = Examination(requirement, columns, ticks, tick_ns, planned)
+    monitor, coverage = examination.monitor, examination.view.coverage
     times = [exercise.times for exercise in monitor.exercises]
     triggered = sum(times) if times else None
     if not (monitor.is_failed or monitor.is_met):
-        reason = _why_open(columns, ticks)
-        return Judgement(RequirementOutcome.INCONCLUSIVE, None, triggered=triggered, reason=reason)
+        reason = "; ".join(examination.view.gaps()) or "the run ends before it is decided"
+        return Judgement(
+            RequirementOutcome.INCONCLUSIVE, None, coverage, triggered=triggered, reason=reason
+        )
     low, high = monitor.margin
     margin = high if monitor.is_failed else low
     cause = examination.find_cause()
-    deciding = _describe(cause, margin, columns, ticks, tick_ns)
+    deciding = _describe(cause, margin, examination, tick_ns)
     size = margin if math.isfinite(margin) else None
     if monitor.is_met:
         outcome = RequirementOutcome.NOT_EXERCISED if 0 in times else RequirementOutcome.PASSED
         reason = "its trigger never became true" if 0 in times else ""
-        return Judgement(outcome, size, deciding, triggered=triggered, reason=reason)
+        return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
-    first, count = (found.first, found.ticks) if found else (cause.tick, 0)
+    first = found.first if found else cause.tick
+    count = found.ticks if found and found.lasts else 0
     begin, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
-    return Judgement(RequirementOutcome.FAILED, size, deciding, begin, duration, triggered)
+    outcome = RequirementOutcome.FAILED
+    return Judgement(outcome, size, coverage, deciding, begin, duration, triggered)
 
 
-def _describe(
-    cause: Cause, margin: float, columns: Mapping[str, Floats], ticks: int, tick_ns: int
-) -> Deciding:
-    time = cause.tick * tick_ns / 1e9
-    if not isinstance(cause.node, Comparison):
-        return Deciding(time, show_atom(cause.node), "", "")
-    node = cause.node
-    values = build_values(node.left, tick_ns)(Block(columns, ticks))
-    reading = show_number(float(values[cause.tick]), unit_of(node.dimension, node.symbol))
-    return Deciding(time, show_atom(node), reading, show_margin(margin, node))
-
-
-def _why_open(columns: Mapping[str, Floats], ticks: int) -> str:
-    holes = [name for name, column in columns.items() if bool(np.isnan(column[:ticks]).any())]
-    if not ticks:
-        return "there is no tick to judge"
-    if holes:
-        return f"values are missing of {', '.join(sorted(holes))}, or the run is too short"
-    return "the run ends before it is decided"
+def _describe(cause: Cause, margin: float, examination: Examination, tick_ns: int) -> Deciding:
+    time, node = cause.tick * tick_ns / 1e9, cause.node
+    is_right = cause.is_true == examination.monitor.is_met
+    condition = show_atom(node) if is_right else f"not {show_atom(node)}"
+    if not isinstance(node, Comparison):
+        return Deciding(time, condition, "", "", show_fact(node, is_true=cause.is_true))
+    left, right = (
+        float(build_values(side, tick_ns)(examination.values)[cause.tick])
+        for side in (node.left, node.right)
+    )
+    reading = show_reading(left, left - right, unit_of(node.dimension, node.symbol))
+    fact = show_comparison(node, left, right)
+    return Deciding(time, condition, reading, show_margin(margin, node), fact)

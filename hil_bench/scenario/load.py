@@ -7,7 +7,7 @@ from hil_bench.config.document import Document, Sort, read_document
 from hil_bench.scenario.csv_form import read_csv_document
 from hil_bench.scenario.places import LocatedProblems, find_spots
 from hil_bench.scenario.reading import read_requirements, read_scenario
-from hil_bench.scenario.records import Expectation, Scenario
+from hil_bench.scenario.records import RequirementsFile, Scenario
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
@@ -22,12 +22,11 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     return read_scenario(file, document, problems)
 
 
-def load_requirements(
-    path: str | os.PathLike[str],
-) -> tuple[tuple[Expectation, ...], dict[str, float]]:
-    """Return the expectations of a file and the SI values of its parameters.
+def load_requirements(path: str | os.PathLike[str]) -> RequirementsFile:
+    """Return what a file requires.
 
-    The file is a scenario, or holds nothing but ``[[expect]]`` and ``[parameters]``.
+    The file is a scenario, or holds nothing but ``duration_s``, ``[[expect]]`` and
+    ``[parameters]``.
     """
     document, problems = _read(Path(path))
     return read_requirements(document, problems)

@@ -6,15 +6,16 @@ and the memory is that of the windows inside.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from hil_bench.scenario import nodes
 from hil_bench.scenario.bounds import Bounds, negate
-from hil_bench.scenario.build import AT_START, Span, StreamBuilder, Wrap, window_ticks
+from hil_bench.scenario.build import AT_START, Asked, Span, StreamBuilder, Wrap, window_ticks
 from hil_bench.scenario.nodes import Condition
+from hil_bench.scenario.reach import has_duration
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.streams import Stream
 from hil_bench.scenario.values import Block
@@ -31,10 +32,12 @@ class Violation(NamedTuple):
     Attributes:
         first: number of the first tick.
         ticks: how many of them.
+        lasts: whether they add up to a time; else they are instants.
     """
 
     first: int
     ticks: int
+    lasts: bool
 
 
 class Exercise(NamedTuple):
@@ -100,13 +103,18 @@ class Monitor:
             self.margin = self._summary.push(Block(columns, count))
 
     def finish(self) -> None:
-        """Take the end of the run."""
+        """Take the end of the run; of one that was cut short, push what is missing as NaN first."""
         self.margin = self._summary.finish()
 
     @property
     def violation(self) -> Violation | None:
         """The ticks that violate the requirement, where it says of each tick that it must hold."""
         return self._summary.violation()
+
+    @property
+    def asked(self) -> Sequence[Asked]:
+        """Its comparisons, states, events and edges, with the ticks at which it asks for them."""
+        return self._builder.asked
 
     @property
     def exercises(self) -> tuple[Exercise, ...]:
@@ -141,8 +149,9 @@ class _AtStart:
 class _Throughout:
     """``always``: the lowest margin of the ticks in its window, and which are violated."""
 
-    def __init__(self, stream: Stream, start: int, end: int | None) -> None:
+    def __init__(self, stream: Stream, start: int, end: int | None, *, lasts: bool = False) -> None:
         self._stream, self._start, self._end = stream, start, end
+        self._lasts = lasts
         self._tick = 0
         self._seen = 0
         self._low = self._high = math.inf
@@ -178,10 +187,10 @@ class _Throughout:
 
     def _note(self, first: int, is_violated: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> None:
         count = int(np.count_nonzero(is_violated))
-        if count and self._violation is None:
-            self._violation = Violation(first + int(is_violated.argmax()), count)
-        elif self._violation is not None:
-            self._violation = Violation(self._violation.first, self._violation.ticks + count)
+        if self._violation is not None:
+            self._violation = self._violation._replace(ticks=self._violation.ticks + count)
+        elif count:
+            self._violation = Violation(first + int(is_violated.argmax()), count, self._lasts)
 
 
 class _Contrary:
@@ -252,7 +261,8 @@ def _summarise(node: Condition, tick_ns: int, builder: StreamBuilder) -> _Summar
         case nodes.Always() | nodes.Eventually():
             start, end = window_ticks(node, node.window, tick_ns)
             child = builder.build(node.operand, Span(start, end))
-            kind = _Throughout if isinstance(node, nodes.Always) else _Sometime
-            return kind(child, start, end)
+            if isinstance(node, nodes.Eventually):
+                return _Sometime(child, start, end)
+            return _Throughout(child, start, end, lasts=has_duration(node.operand))
         case _:
             return _AtStart(builder.build(node, AT_START))

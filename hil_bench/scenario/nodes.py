@@ -251,6 +251,7 @@ class Since(Node):
     goal: "Condition"
 
 
+Windowed = Always | Eventually | Historically | Once | Until | Since
 Atom = Comparison | StateIs | Event | Edge | ConditionEdge
 Condition = (
     Comparison

@@ -14,16 +14,23 @@ class MeasuredValue(NamedTuple):
         node: the value.
         dimension: what it measures.
         symbol: the unit that the text gives it; empty for none.
+        slack: the smallest constant among the terms of its sum [SI]; 0 for none, and for no sum.
     """
 
     node: Value
     dimension: Dimension
     symbol: str = ""
+    slack: float = 0.0
 
     @property
     def is_constant(self) -> bool:
         """Whether no signal is in it."""
         return isinstance(self.node, Number)
+
+    @property
+    def tolerance(self) -> float:
+        """The smallest constant term of it [SI]; 0 for none."""
+        return self.slack or abs(self.node_value or 0.0)
 
     @property
     def fits_all(self) -> bool:

@@ -43,7 +43,9 @@ def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValu
     """
     one, other = quantity_of(left, operation), quantity_of(right, operation)
     position = one.node.position
+    slack = 0.0
     if operation in {Operation.ADD, Operation.SUBTRACT}:
+        slack = _smallest_of(one, other)
         dimension = common_dimension(one, other, f"{operation} of")
         symbol = one.symbol or other.symbol
     else:
@@ -54,9 +56,9 @@ def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValu
         raise ExpectationError(other.node.position, "divides by 0; give another divisor")
     if isinstance(one.node, Number) and isinstance(other.node, Number):
         value = _calculate(operation, one.node.value, other.node.value)
-        return MeasuredValue(Number(value, position=position), dimension, symbol)
+        return MeasuredValue(Number(value, position=position), dimension, symbol, slack)
     node = Arithmetic(operation, one.node, other.node, position=position)
-    return MeasuredValue(node, dimension, symbol)
+    return MeasuredValue(node, dimension, symbol, slack)
 
 
 def compare(operands: list[Operand], relations: list[Relation], known: Vocabulary) -> Condition:
@@ -66,6 +68,11 @@ def compare(operands: list[Operand], relations: list[Relation], known: Vocabular
         for relation, (left, right) in zip(relations, pairwise(operands), strict=True)
     )
     return parts[0] if len(parts) == 1 else All(parts, position=parts[0].position)
+
+
+def _smallest_of(*values: MeasuredValue) -> float:
+    """Return the smallest constant term of some values [SI]; 0 for none."""
+    return min((each.tolerance for each in values if each.tolerance), default=0.0)
 
 
 def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dimension:
@@ -118,12 +125,13 @@ def _compare(relation: Relation, left: Operand, right: Operand, known: Vocabular
         raise ExpectationError(
             one.node.position, "compares no signal, so nothing can change it; give a signal"
         )
-    constant = next((abs(q.node_value) for q in (one, other) if q.node_value), 0.0)
+    constants = [each for each in (one, other) if each.is_constant]
+    scale = _smallest_of(*(constants or (one, other)))
     return Comparison(
         relation,
         one.node,
         other.node,
-        constant or REFERENCES.get(dimension, 1.0),
+        scale or REFERENCES.get(dimension, 1.0),
         one.symbol or other.symbol,
         dimension,
         position=one.node.position,

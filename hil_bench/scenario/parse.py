@@ -36,14 +36,11 @@ from hil_bench.scenario.operands import (
     quantity_of,
 )
 from hil_bench.scenario.operators import combine, compare
-from hil_bench.scenario.syntax import ExpectationError, read_syntax
+from hil_bench.scenario.syntax import DEEPEST, ExpectationError, read_syntax
 from hil_bench.scenario.vocabulary import DM1, EMCY, Vocabulary
 
 if TYPE_CHECKING:
     from lark import Token, Tree
-
-DEEPEST = 60
-"""Levels that an expectation may be nested."""
 
 _LONGEST_TIME = 1e9  # [s]
 _SPANS: Final[Mapping[str, type[nodes.Always | nodes.Eventually]]] = MappingProxyType(
@@ -193,7 +190,7 @@ class _Builder:
             return found._replace(node=Number(-found.node.value, position=position))
         minus = MeasuredValue(Number(-1.0, position=position), NUMBER)
         product = combine(Operation.MULTIPLY, minus, found)
-        return product._replace(symbol=found.symbol)
+        return product._replace(symbol=found.symbol, slack=found.slack)
 
     def _arithmetic(self, tree: "Tree[Token]", _position: Position) -> Operand:
         left, right = (self.build(_tree(child)) for child in tree.children)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hil_bench.bench.configuration import BenchConfig
-from hil_bench.scenario.records import Scenario
+from hil_bench.scenario.records import Scenario, ticks_of
 from hil_bench.scenario.resolve import Requirement, TimedAction
 
 
@@ -29,4 +29,4 @@ class PreparedScenario:
     @property
     def last_tick(self) -> int:
         """Number of the last tick of a run."""
-        return round(self.scenario.duration * 1e9) // self.config.tick_ns
+        return ticks_of(self.scenario.duration, self.config.tick_ns) - 1

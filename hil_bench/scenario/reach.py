@@ -1,4 +1,7 @@
-"""How far into a run a requirement looks before it can be decided."""
+"""What a requirement needs of a run: how far it looks, and at which signals."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
 
 from hil_bench.scenario import nodes
 from hil_bench.scenario.nodes import Condition
@@ -11,6 +14,26 @@ def reach(node: Condition) -> int:
         window = node.window
         ahead += window.start if window.end is None else window.end
     return ahead
+
+
+def breadth(node: Condition) -> int:
+    """Return the sum of the times that all windows of a condition reach, ahead and back [ns]."""
+    own = 0
+    if isinstance(node, nodes.Windowed):
+        own = node.window.start if node.window.end is None else node.window.end
+    return own + sum(breadth(part) for part in parts_of(node))
+
+
+def has_duration(node: Condition) -> bool:
+    """Return whether the ticks at which a condition is false add up to a time.
+
+    Those of an edge, an event or a window ahead are instants at which something else begins.
+    """
+    if isinstance(node, nodes.Always | nodes.Eventually | nodes.Until):
+        return False
+    if isinstance(node, nodes.Edge | nodes.ConditionEdge | nodes.Event):
+        return False
+    return all(has_duration(part) for part in parts_of(node))
 
 
 def parts_of(node: Condition) -> tuple[Condition, ...]:
@@ -26,3 +49,24 @@ def parts_of(node: Condition) -> tuple[Condition, ...]:
             return ()
         case _:
             return (node.operand,)
+
+
+def names_in(conditions: Iterable[Condition]) -> set[str]:
+    """Return the names of all signals, states and events in some conditions."""
+    return {
+        node.name
+        for node in _walk(conditions)
+        if isinstance(node, nodes.Reading | nodes.StateIs | nodes.Event)
+    }
+
+
+def _walk(conditions: Iterable[Condition]) -> Iterator[object]:
+    """Yield each piece of some conditions, values too."""
+    waiting: list[object] = list(conditions)
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if isinstance(node, nodes.Node):
+            waiting += (getattr(node, each.name) for each in fields(node))
+        elif isinstance(node, tuple):
+            waiting += node

@@ -23,6 +23,7 @@ from hil_bench.scenario.records import (
     NmtStep,
     Parameter,
     Reference,
+    RequirementsFile,
     Scenario,
     SetStep,
     Step,
@@ -31,6 +32,7 @@ from hil_bench.scenario.records import (
 )
 from hil_bench.scenario.step_keys import (
     CONTROLLER_KEYS,
+    DURATION_KEY,
     EXPECT_KEYS,
     HEAD_KEYS,
     PARAMETER_KEYS,
@@ -83,10 +85,8 @@ def read_scenario(path: Path, document: Document, problems: LocatedProblems) -> 
     )
 
 
-def read_requirements(
-    document: Document, problems: LocatedProblems
-) -> tuple[tuple[Expectation, ...], dict[str, float]]:
-    """Return the expectations of a document, and the SI value of each parameter.
+def read_requirements(document: Document, problems: LocatedProblems) -> RequirementsFile:
+    """Return what a document requires.
 
     Args:
         document: the tables; of a scenario, all else is left out.
@@ -95,8 +95,13 @@ def read_requirements(
     check_tables(document, (*(key.name for key in HEAD_KEYS), *_TABLES), problems)
     parameters = _read_parameters(document, problems)
     expectations = _read_expectations(document, problems)
+    head = {name: document[name] for name in (DURATION_KEY.name,) if name in document}
+    keys = (DURATION_KEY,) if head else ()
+    settings = read_table("", give("", head, Origin.FILE, problems), keys, problems)
     problems.raise_any()
-    return expectations, {name: each.unit.to_si(each.value) for name, each in parameters.items()}
+    duration = settings[DURATION_KEY.name].value if head else None
+    values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
+    return RequirementsFile(expectations, values, duration)
 
 
 class StepReader:

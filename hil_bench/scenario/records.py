@@ -23,6 +23,16 @@ Amount = float | Reference
 """A number, or the parameter that holds it."""
 
 
+def ticks_of(duration: float, tick_ns: int) -> int:
+    """Return how many ticks a run has: that at its beginning, and all up to its end.
+
+    Args:
+        duration: of the run [s].
+        tick_ns: time between two ticks [ns].
+    """
+    return round(duration * 1e9) // tick_ns + 1
+
+
 class NmtVerb(StrEnum):
     """What an NMT master may ask of a node (CiA 301)."""
 
@@ -180,6 +190,20 @@ class TextPlace(NamedTuple):
         """Return the place of a character of the text, as a message begins with it."""
         shift = self.column - 1 if line == 1 else 0
         return f"{self.source}:{self.line + line - 1}:{column + shift}"
+
+
+class RequirementsFile(NamedTuple):
+    """What a file requires, of whatever run.
+
+    Attributes:
+        expectations: one or more.
+        parameters: the SI value of each parameter.
+        duration: of the run of which they speak [s]; None where the file does not say it.
+    """
+
+    expectations: tuple[Expectation, ...]
+    parameters: dict[str, float]
+    duration: float | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,8 @@ from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.recorded import Finding
 from hil_bench.scenario.run import PLAIN, PlayOptions, play
 
+_EQUAL = 1e-300  # a margin below is that of equal sides, whose relation has a sign but no size
+
 
 @dataclass(frozen=True, slots=True)
 class ScenarioResult:
@@ -79,21 +81,24 @@ def play_for_result(prepared: PreparedScenario, options: PlayOptions = PLAIN) ->
 
 
 def reason_of(judgement: Judgement) -> str:
-    """Return why a requirement has its outcome, in a line."""
+    """Return why a requirement has its outcome, and how much of its time was seen, in a line."""
     parts = [judgement.reason] if judgement.reason else []
     if judgement.first is not None:
-        lasting = f", for {judgement.duration:g} s in all" if judgement.duration else ""
-        parts.append(f"first violated at {judgement.first:g} s{lasting}")
+        lasting = f", for {judgement.duration:.9g} s in all" if judgement.duration else ""
+        parts.append(f"first violated at {judgement.first:.9g} s{lasting}")
     deciding = judgement.deciding
-    if deciding is not None and deciding.reading:
-        share = f" ({judgement.margin:+.2g} of the tolerance)" if judgement.margin else ""
-        parts.append(
-            f"{deciding.condition} at {deciding.time:g} s is {deciding.reading}, "
-            f"margin {deciding.margin}{share}"
-        )
-    elif deciding is not None:
-        parts.append(f"{deciding.condition} at {deciding.time:g} s")
-    return "; ".join(parts)
+    if deciding is not None:
+        word = "worst " if judgement.outcome is RequirementOutcome.FAILED else "closest "
+        when = f"{word if deciding.margin else ''}at {deciding.time:.9g} s"
+        parts.append(f"{when}: {deciding.fact}{_share(judgement.margin)}")
+    return "; ".join([*parts, str(judgement.coverage)])
+
+
+def _share(margin: float | None) -> str:
+    """Return a margin in words; nothing for one without a size, or where both sides are equal."""
+    if margin is None or abs(margin) < _EQUAL:
+        return ""
+    return f" ({margin:+.2g} of the tolerance)"
 
 
 def write_junit(results: Iterable[ScenarioResult], path: Path) -> None:
@@ -119,6 +124,7 @@ def junit_properties(result: ScenarioResult, finding: Finding) -> list[tuple[str
         ("outcome", judgement.outcome.value),
         ("margin", margin),
         ("deciding", reason_of(judgement)),
+        ("seen", f"{judgement.coverage.share:.6g}"),
         ("seed", str(result.seed)),
     ]
 

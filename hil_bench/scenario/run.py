@@ -164,6 +164,7 @@ def play(prepared: PreparedScenario, options: PlayOptions = PLAIN) -> Run:
                 tuple(fault_spans(bench)),
                 tuple(bench.frames),
                 options.reader(bench) if options.reader is not None else None,
+                last_tick + 1,
             )
     findings = stage.judge()
     duration = max(witness.ticks - 1, 0) * config.tick_ns * 1e-9

@@ -5,9 +5,10 @@ from hil_bench.scenario.director import Director, FirmwareHook, RunPlan
 from hil_bench.scenario.hand import Hand
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.prepared import PreparedScenario
+from hil_bench.scenario.reach import names_in
 from hil_bench.scenario.recorded import Finding, Trace, judge_trace
 from hil_bench.scenario.targets import Targets
-from hil_bench.scenario.witness import Witness, names_in
+from hil_bench.scenario.witness import Witness
 from hil_bench.session.session import Session
 
 _BLOCK = 64  # ticks between two looks at whether a requirement has failed
@@ -52,15 +53,15 @@ class Stage:
         self.director.is_over = True
 
     def judge(self) -> tuple[Finding, ...]:
-        """Return the judgement on each requirement, by the ticks so far.
+        """Return the judgement on each requirement, by the ticks so far; the others are unknown.
 
         Raises:
             ConfigError: a step could not act.
         """
         if self.director.problem:
             raise ConfigError(self.director.problem)
-        columns, ticks = self.witness.columns(), self.witness.ticks
-        trace = Trace(columns, ticks, self._prepared.config.tick_ns)
+        witness, planned = self.witness, self._prepared.last_tick + 1
+        trace = Trace(witness.columns(), witness.ticks, self._prepared.config.tick_ns, planned)
         return tuple(judge_trace(each, trace) for each in self._prepared.requirements)
 
 

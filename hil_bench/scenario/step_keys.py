@@ -52,10 +52,13 @@ def values_by_name(value: object) -> Mapping[str, object]:
     return value
 
 
+DURATION_KEY: Final = Key(
+    "duration_s", number(SECOND, low=1e-3, high=LONGEST_RUN), None, SECOND, example="6.0"
+)
 HEAD_KEYS: Final = (
     Key("title", text, example='"Extends 100 mm"'),
     Key("bench", text),
-    Key("duration_s", number(SECOND, low=1e-3, high=LONGEST_RUN), None, SECOND, example="6.0"),
+    DURATION_KEY,
     Key("requirement_ids", texts, ()),
 )
 CONTROLLER_KEYS: Final = (Key("firmware", texts, ()), Key("example", text, ""))

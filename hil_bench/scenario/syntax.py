@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 LONGEST = 4000
 """Characters that an expectation may have."""
 
+DEEPEST = 60
+"""Levels that an expectation may have."""
+
 _MOST_EXPECTED = 4
 _SHOWN = {"NUMBER": "a number", "NAME": "a name", "TEXT": "a text in quotes", "UNIT": "a unit"}
 _START = Position(1, 1)

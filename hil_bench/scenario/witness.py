@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
 from functools import partial
 from types import MappingProxyType
 
@@ -17,9 +16,7 @@ from hil_bench.canopen_device.node import Node
 from hil_bench.canopen_device.object_dictionary import Variable
 from hil_bench.config.objects import name_object
 from hil_bench.devices.valve_state_machine import ValveState
-from hil_bench.scenario import nodes
 from hil_bench.scenario.ecu_readings import ecu_names, ecu_reader
-from hil_bench.scenario.nodes import Condition
 from hil_bench.scenario.registers import RegisterTarget, name_registers, name_shared
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.targets import is_number
@@ -64,21 +61,6 @@ def bench_vocabulary(
         shared,
         tuple(session.ecus),
     )
-
-
-def names_in(conditions: Iterable[Condition]) -> set[str]:
-    """Return the names of all signals, states and events in some conditions."""
-    found: set[str] = set()
-    waiting: list[object] = list(conditions)
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, nodes.Reading | nodes.StateIs | nodes.Event):
-            found.add(node.name)
-        elif isinstance(node, nodes.Node):
-            waiting += (getattr(node, each.name) for each in fields(node))
-        elif isinstance(node, tuple):
-            waiting += node
-    return found
 
 
 class Witness:

@@ -104,11 +104,8 @@ export class RecordView {
   }
 
   lines({ verdict, result, path, remarks }) {
-    const findings = result.findings.map(({ id, that, judgement }) => {
-      const margin = judgement.margin === null ? "" : `, margin ${judgement.margin.toPrecision(3)} of the tolerance`;
-      const first = judgement.first === null ? "" : `, first violated at ${judgement.first} s`;
-      return el("p", {}, `${id} ${judgement.outcome}: ${that}${first}${margin}`);
-    });
+    const findings = result.findings.map(({ id, that, judgement, text }) =>
+      el("p", {}, `${id} ${judgement.outcome}: ${that}; ${text}`));
     const rest = [result.problem, result.ending, ...remarks].filter(Boolean).map((line) => el("p", { class: "problem" }, line));
     return [el("p", { class: `verdict ${verdict}` }, verdict), ...findings, ...rest, el("p", { class: "quiet" }, `written to ${path}; again: hil-bench test ${path}`)];
   }

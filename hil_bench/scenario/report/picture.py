@@ -16,9 +16,9 @@ from hil_bench.scenario import nodes
 from hil_bench.scenario.build import Span, StreamBuilder
 from hil_bench.scenario.evidence import Evidence
 from hil_bench.scenario.nodes import Atom, Comparison, Condition
+from hil_bench.scenario.reach import names_in
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block, build_values
-from hil_bench.scenario.witness import names_in
 from hil_bench.scenario.wording import show_atom, show_value, unit_of
 from hil_bench.units import ONE
 

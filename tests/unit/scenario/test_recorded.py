@@ -57,8 +57,8 @@ def test_the_verb_says_what_decides(tmp_path, capsys):
     assert judge(tmp_path, PASSES, [1e5, 245e5]) == ExitCode.DONE
     line = capsys.readouterr().out.splitlines()[1]
     assert line == (
-        "  R1  passed         axis1.P_A < 250 bar at 0.001 s is 245 bar, "
-        "margin 5 bar (+0.02 of the tolerance)"
+        "  R1  passed         closest at 0.001 s: axis1.P_A was 245 bar, 5 bar below 250 bar "
+        "(+0.02 of the tolerance); seen 0.001 of 0.001 s, to the last row"
     )
 
 
@@ -109,4 +109,4 @@ def test_only_missing_values_of_its_own_are_told():
     (requirement,) = compile_texts([Expectation("R", "always axis1.P_A < 250 bar")], known)
     trace = Trace({name: np.array([1.0, np.nan]) for name in names}, 2, 1_000_000)
     reason = judge_trace(requirement, trace).judgement.reason
-    assert reason == "values are missing of axis1.P_A, or the run is too short"
+    assert reason == "axis1.P_A not seen after 0 s"

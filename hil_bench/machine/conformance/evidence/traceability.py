@@ -131,7 +131,7 @@ def _run_rows(name: str, run: dict[str, Any], file: ResultsFile) -> Iterator[Row
             str(finding["that"]),
             name,
             _known(str(judgement["outcome"])),
-            _reason(judgement),
+            str(finding.get("text", "")),
             str(file.path),
         )
     for requirement in declared:
@@ -141,16 +141,6 @@ def _run_rows(name: str, run: dict[str, Any], file: ResultsFile) -> Iterator[Row
             yield Row(str(requirement), "", name, outcome, why, str(file.path))
     if problem and not declared:
         yield Row("", "", name, "failed", problem, str(file.path))
-
-
-def _reason(judgement: dict[str, Any]) -> str:
-    """Return what decides, in a line."""
-    deciding = judgement["deciding"]
-    parts = [str(judgement["reason"] or "")]
-    if isinstance(deciding, dict):
-        reading = f" is {deciding['reading']}" if deciding["reading"] else ""
-        parts.append(f"{deciding['condition']} at {deciding['time']} s{reading}")
-    return "; ".join(filter(None, parts))
 
 
 def _known(outcome: str) -> str:

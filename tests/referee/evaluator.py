@@ -64,7 +64,7 @@ class Ruling:
         outcome: passed, failed, inconclusive or not exercised.
         margin: its bounds at the first tick.
         first: the first tick that violates an ``always``; None for other requirements.
-        violated: how many ticks do.
+        violated: how many ticks do; 0 where they do not add up to a time.
         triggered: how often the triggers became true; None where there is no implication.
         asked: the first and the last tick for which it asks.
         unseen: how many ticks from the first to the last are unknown.
@@ -123,12 +123,13 @@ class Run:
         elif truth.is_true:
             outcome = PASSED if all(triggers) else NOT_EXERCISED
         violations = self._violations(requirement) if truth.is_false else []
+        counted = len(violations) if has_duration(requirement) else 0
         leaves = list(self._leaves(requirement, 0, 0))
         asked = (min(first for _, first, _ in leaves), max(last for _, _, last in leaves))
         unseen = sum(self._is_unseen(leaves, tick) for tick in range(asked[0], asked[1] + 1))
         times = sum(triggers) if triggers else None
         return Ruling(
-            outcome, truth, min(violations, default=None), len(violations), times, asked, unseen
+            outcome, truth, min(violations, default=None), counted, times, asked, unseen
         )
 
     def truth(self, tree, tick: int) -> Truth:
@@ -354,6 +355,33 @@ def as_window(tree):
         inside = Comparison((Function("abs", tree.of), tree.tolerance), ("<=",), tree.kind)
         return Window("always" if tree.span.end is None else "for", tree.span, inside)
     return tree
+
+
+def has_duration(requirement) -> bool:
+    """Return whether what an ``always`` holds is decided by values of its own tick or before."""
+    tree = as_window(requirement)
+    return isinstance(tree, Window) and not any(map(looks_ahead, conditions_in(tree.of)))
+
+
+def looks_ahead(tree) -> bool:
+    """Return whether a condition is an edge or a window ahead."""
+    match tree:
+        case Window() | Until():
+            return tree.name not in BACK and tree.name != "since"
+        case Logic():
+            return tree.name in {"rises", "falls", "changes"}
+    return isinstance(tree, ValueEdge)
+
+
+def conditions_in(tree) -> Iterator:
+    """Yield a condition and those of which it is made."""
+    tree = as_window(tree)
+    yield tree
+    if isinstance(tree, Pair | Until):
+        yield from conditions_in(tree.left)
+        yield from conditions_in(tree.right)
+    elif isinstance(tree, Logic | Window):
+        yield from conditions_in(tree.of)
 
 
 def names_in(tree) -> set[str]:

@@ -154,7 +154,18 @@ class Explainer:
                 cause = (node.goal, at) if goal[at] <= lowest else (node.operand, lowest_at)
             if held[at] < lowest:
                 lowest, lowest_at = held[at], at
+        if self._may_come_later(node, tick) and lowest > best:
+            cause = (node.operand, lowest_at)
         return self.find(*cause)
+
+    def _may_come_later(self, node: nodes.Until | nodes.Since, tick: int) -> bool:
+        """Return whether the goal has a window that reaches behind the run, where it may be true.
+
+        Then it is not the goal that fails, but what has to hold until it comes.
+        """
+        end = node.window.end
+        is_open = isinstance(node, nodes.Until) and self._is_failed and end is not None
+        return is_open and tick + (end or 0) // self._tick_ns >= self._ticks
 
     def _reach(self, node: Condition, window: Window, tick: int, sign: int) -> tuple[int, int]:
         start, end = window_ticks(node, window, self._tick_ns)

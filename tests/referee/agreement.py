@@ -1,17 +1,23 @@
 """The product's verdict on a case, beside the referee's."""
 
+import json
 import math
 import random
 from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
-from referee.cases import Case, bits
-from referee.evaluator import FAILED, INCONCLUSIVE, Ruling, Run
+from referee.cases import Case, bits, written
+from referee.evaluator import FAILED, INCONCLUSIVE, Ruling, Run, laid_on_ticks, refusals
 
+from hil_bench.errors import ConfigError
+from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.judgement import Judgement, judge
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.parse import parse_expectation
+from hil_bench.scenario.recorded import judge_with_trace
+from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 
 SI = {
@@ -27,22 +33,27 @@ SI = {
 """The symbol of the SI unit of each kind."""
 
 
-def ruling_of(case: Case) -> Ruling:
-    """Return what the referee says."""
-    return Run(case.values(), case.ticks, case.tick).rule(case.tree)
+NO_GRID = ["not evenly spaced", "times do not go on"]
 
 
-def disagreements(case: Case) -> Iterator[str]:
-    """Yield each point in which the product and the referee differ on a case."""
-    ruling = ruling_of(case)
-    parameters = {name: float(number.size) for name, number in case.parameters.items()}
-    vocabulary = Vocabulary({n: SI[k] for n, k in case.kinds.items()}, parameters=parameters)
-    requirement = parse_expectation(case.text, vocabulary)
+def differences_in_memory(case: Case) -> Iterator[str]:
+    """Yield what the referee contradicts of `judge` and of a monitor that is given blocks."""
     columns = {name: np.array([bits(x) for x in c]) for name, c in case.values().items()}
     tick_ns = int(case.tick * 10**9)
-    judgement = judge(requirement, columns, ticks=case.ticks, tick_ns=tick_ns)
-    yield from differences(ruling, judgement, case.tick)
-    monitor = Monitor(requirement, tick_ns)
+    expected = refusals(case.tree, case.tick, None)
+    try:
+        requirement = parse_expectation(case.text, vocabulary_of(case))
+        judgement = judge(requirement, columns, ticks=case.ticks, tick_ns=tick_ns)
+    except ExpectationError as error:
+        if not any(reason in str(error) for reason in expected):
+            yield f"refused, the referee does not: {error}"
+        return
+    if expected:
+        yield f"not refused, the referee says: {expected}"
+        return
+    run = Run(case.values(), case.ticks, case.tick)
+    yield from differences(run, case.tree, judgement, case.tick)
+    ruling, monitor = run.rule(case.tree), Monitor(requirement, tick_ns)
     start, chance = 0, random.Random(case.number)  # noqa: S311 - a sample, no secret
     while start < case.ticks:
         end = min(start + chance.randrange(1, 10), case.ticks)
@@ -57,8 +68,63 @@ def disagreements(case: Case) -> Iterator[str]:
             yield f"monitor: {name} {ours}, the referee says {theirs}"
 
 
-def differences(ruling: Ruling, judgement: Judgement, tick: Fraction) -> Iterator[str]:
+def vocabulary_of(case: Case) -> Vocabulary:
+    """Return the names that a case knows."""
+    parameters = {name: float(number.size) for name, number in case.parameters.items()}
+    return Vocabulary({n: SI[kind] for n, kind in case.kinds.items()}, parameters=parameters)
+
+
+def differences_of_file(case: Case, folder: Path) -> Iterator[str]:
+    """Yield what the referee contradicts of a file's requirement, held against another file."""
+    requirement, recording = write_case(case, folder)
+    laid = laid_on_ticks([time for time, _ in case.rows], case.duration)
+    expected = NO_GRID if laid is None else refusals(case.tree, laid[2], case.duration)
+    try:
+        found = judge_with_trace(requirement, read_recording(recording), "run.csv").findings[0]
+    except (ConfigError, ExpectationError) as error:
+        if not any(reason in str(error) for reason in expected):
+            yield f"refused, the referee does not: {error}"
+        return
+    if expected:
+        yield f"not refused, the referee says: {expected}"
+        return
+    run, tick = run_of_file(case, laid)
+    yield from differences(run, case.tree, found.judgement, tick, is_planned=bool(case.duration))
+
+
+def run_of_file(case: Case, laid: tuple) -> tuple[Run, Fraction]:
+    """Return the run that a file shows, and its tick; what lacks a row is unknown there."""
+    places, ticks, tick = laid
+    rows = dict(zip(places, (row for _, row in case.rows), strict=True))
+    values = {
+        name: [column[rows[n]] if n in rows else None for n in range(ticks)]
+        for name, column in case.values().items()
+    }
+    return Run(values, ticks, tick), tick
+
+
+def write_case(case: Case, folder: Path) -> tuple[Path, Path]:
+    """Write a case as a file of requirements and a recording in CSV, and return both."""
+    lines = [] if case.duration is None else [f"duration_s = {written(case.duration)}"]
+    lines += ["[parameters]", *(f"{name} = {each.text}" for name, each in case.parameters.items())]
+    lines += ["[[expect]]", 'id = "R-1"', f"that = {json.dumps(case.text, ensure_ascii=False)}"]
+    requirement = folder / "requirement.toml"
+    requirement.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rows = [["time", *case.columns], ["s", *(case.units[n] or "-" for n in case.columns)]]
+    for time, row in case.rows:
+        values = (bits(column[row]) for column in case.columns.values())
+        rows.append([written(time), *map(repr, values)])
+    recording = folder / "run.csv"
+    recording.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
+    return requirement, recording
+
+
+def differences(
+    run: Run, tree, judgement: Judgement, tick: Fraction, *, is_planned: bool = False
+) -> Iterator[str]:
     """Yield each point in which a judgement and the referee's ruling differ."""
+    ruling = run.rule(tree)
+    yield from differences_of_coverage(ruling, judgement.coverage, tick, is_planned)
     if judgement.outcome != ruling.outcome:
         yield f"{judgement.outcome}, the referee says {ruling.outcome}"
         return
@@ -72,10 +138,30 @@ def differences(ruling: Ruling, judgement: Judgement, tick: Fraction) -> Iterato
     size = math.inf if judgement.margin is None else judgement.margin
     if not is_margin(math.copysign(size, bound[1]), bound):
         yield f"margin {size}, the referee says {bound}"
+    if judgement.margin is not None:
+        at = round(judgement.deciding.time / tick)
+        if not any(is_close(abs(judgement.margin), each) for each in run.sizes(tree, at)):
+            yield f"at {judgement.deciding.time} s no comparison has the margin {judgement.margin}"
     if ruling.first is not None and not is_close(judgement.first, ruling.first * tick):
         yield f"first violated at {judgement.first} s, the referee says {ruling.first} ticks"
     if ruling.first is not None and not is_close(judgement.duration, ruling.violated * tick):
         yield f"violated for {judgement.duration} s, the referee says {ruling.violated} ticks"
+
+
+def differences_of_coverage(ruling: Ruling, coverage, tick: Fraction, is_planned) -> Iterator[str]:
+    """Yield what the referee contradicts of how much of its time was seen."""
+    first, last = ruling.asked
+    times = {
+        "start": first * tick,
+        "end": last * tick,
+        "seen": max(last - first - ruling.unseen, 0) * tick,
+        "unknown": ruling.unseen * tick,
+    }
+    for name, time in times.items():
+        if not is_close(getattr(coverage, name), time):
+            yield f"coverage: {name} {getattr(coverage, name)}, the referee says {float(time)}"
+    if coverage.is_stated != (is_planned or ruling.is_stated):
+        yield f"coverage: is_stated is {coverage.is_stated}"
 
 
 def is_close(one: float | None, other: float | Fraction) -> bool:

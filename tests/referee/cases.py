@@ -63,6 +63,8 @@ class Case:
         tick: the time between two [s].
         parameters: by name the value as it is written, in the unit at its name's end.
         is_exact: whether doubles hold each value of the case, so that ties are ties.
+        rows: those of a file: the time of each on its clock [s], and its place in the columns.
+        duration: of the run [s], where the file of the requirement states one.
     """
 
     number: int
@@ -74,6 +76,8 @@ class Case:
     tick: Fraction
     is_exact: bool
     parameters: dict[str, Number] = field(default_factory=dict)
+    rows: list[tuple[Fraction, int]] = field(default_factory=list)
+    duration: Fraction | None = None
 
     @property
     def ticks(self) -> int:
@@ -124,7 +128,33 @@ class Draw:
             self._tick,
             self._is_exact,
             self._parameters,
+            self._rows(ticks),
+            self._duration(ticks),
         )
+
+    def _rows(self, ticks: int) -> list[tuple[Fraction, int]]:
+        """Return the rows of a file: some are missing, some are beside their tick."""
+        chance, tick = self._random, self._tick
+        start = chance.choice([0, 0, 0, 1, 3, -2, Fraction(1, 4), Fraction(11, 8), 70]) * tick
+        lost, moved = chance.choice([0, 0, 0.05, 0.2]), chance.choice([0, 0, 0, 0.05])
+        rows = []
+        for place in range(ticks):
+            if chance.random() < lost:
+                continue
+            aside = chance.choice([1, -1, 1, -1, 1, 3]) * tick / 8 if chance.random() < moved else 0
+            rows.append((start + place * tick + aside, place))
+            if chance.random() < moved / 20:
+                rows.append((rows[-1][0] + chance.choice([0, tick / 16]), place))
+        return rows
+
+    def _duration(self, ticks: int) -> Fraction | None:
+        """Return a duration shorter or longer than the recording, on a tick or between two."""
+        chance = self._random
+        if chance.random() < 0.5:
+            return None
+        part = chance.choice([0, 0, Fraction(1, 2), Fraction(1, 8)])
+        length = chance.choice([ticks, max(ticks - 1, 0), chance.randrange(90)]) + part
+        return max(length * self._tick, Fraction(1, 1000))
 
     # Numbers and columns
 
@@ -231,7 +261,10 @@ class Draw:
             + ["for the last", "within the last"]
         )
         if name in {"always", "eventually", "historically", "once"}:
-            return Window(name, self._span(chance.choice(["", "from", "after"])), self._condition(inside))
+            span, of = self._span(chance.choice(["", "from", "after"])), self._condition(inside)
+            if isinstance(of, Window) and of.name == "within":
+                name = {"eventually": "always", "once": "historically"}.get(name, name)
+            return Window(name, span, of)  # "eventually within" is refused
         return Window(name, self._span("bare"), self._condition(inside))
 
     def _span(self, form: str) -> Span:

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from itertools import pairwise
+from statistics import median
 from typing import NamedTuple
 
 from referee.language import (
@@ -68,6 +70,7 @@ class Ruling:
         triggered: how often the triggers became true; None where there is no implication.
         asked: the first and the last tick for which it asks.
         unseen: how many ticks from the first to the last are unknown.
+        is_stated: whether no window without an end reaches to the end of the run.
     """
 
     outcome: str
@@ -77,6 +80,7 @@ class Ruling:
     triggered: int | None
     asked: tuple[int, int]
     unseen: int
+    is_stated: bool
 
 
 def lowest(truths: Sequence[Truth]) -> Truth:
@@ -124,12 +128,17 @@ class Run:
             outcome = PASSED if all(triggers) else NOT_EXERCISED
         violations = self._violations(requirement) if truth.is_false else []
         counted = len(violations) if has_duration(requirement) else 0
-        leaves = list(self._leaves(requirement, 0, 0))
+        leaves = list(self._leaves(requirement))
         asked = (min(first for _, first, _ in leaves), max(last for _, _, last in leaves))
         unseen = sum(self._is_unseen(leaves, tick) for tick in range(asked[0], asked[1] + 1))
         times = sum(triggers) if triggers else None
+        is_stated = all(
+            last is not None
+            for leaf, _, last in asked_for(requirement, 0, 0, self._tick)
+            if isinstance(leaf, Comparison | ValueEdge)
+        )
         return Ruling(
-            outcome, truth, min(violations, default=None), counted, times, asked, unseen
+            outcome, truth, min(violations, default=None), counted, times, asked, unseen, is_stated
         )
 
     def truth(self, tree, tick: int) -> Truth:
@@ -177,8 +186,20 @@ class Run:
         return self._window(as_window(tree), tick)
 
     def _compared(self, tree: Comparison, tick: int) -> Truth:
+        return lowest(self._pairs(tree, tick))
+
+    def _pairs(self, tree: Comparison, tick: int) -> list[Truth]:
         pairs = zip(tree.sides, tree.relations, tree.sides[1:], strict=False)
-        return lowest([self._pair(*pair, tree.kind, tick) for pair in pairs])
+        return [self._pair(*pair, tree.kind, tick) for pair in pairs]
+
+    def sizes(self, requirement, tick: int) -> set:
+        """Return how large the margin of each comparison is at a tick."""
+        return {
+            abs(truth.low[0])
+            for tree in conditions_in(requirement)
+            if isinstance(tree, Comparison)
+            for truth in self._pairs(tree, tick)
+        }
 
     def _pair(self, left, relation: str, right, kind: str, tick: int) -> Truth:
         """Return the margin of one comparison: the difference of both sides by its scale."""
@@ -266,16 +287,20 @@ class Run:
             sum(
                 self.truth(tree.left, t).is_true
                 and (t == first or not self.truth(tree.left, t - 1).is_true)
-                for t in range(first, min(last, self._ticks - 1) + 1)
+                for t in range(first, min(self._until_end(first, last), self._ticks - 1) + 1)
             )
-            for tree, first, last in self._asked(requirement, 0, 0)
+            for tree, first, last in asked_for(requirement, 0, 0, self._tick)
             if isinstance(tree, Pair) and tree.name == "implies"
         ]
 
-    def _leaves(self, requirement, first: int, last: int) -> Iterator[tuple]:
-        for tree, begin, end in self._asked(requirement, first, last):
+    def _leaves(self, requirement) -> Iterator[tuple]:
+        """Yield each comparison and edge of a value, with the ticks at which it is asked for."""
+        for tree, first, last in asked_for(requirement, 0, 0, self._tick):
             if isinstance(tree, Comparison | ValueEdge):
-                yield tree, begin, end
+                yield tree, first, self._until_end(first, last)
+
+    def _until_end(self, first: int, last: int | None) -> int:
+        return max(first, self._ticks - 1) if last is None else last
 
     def _is_unseen(self, leaves: list[tuple], tick: int) -> bool:
         """Return whether a comparison or an edge names something that is unknown at a tick."""
@@ -285,46 +310,87 @@ class Run:
             for leaf, first, last in leaves
         )
 
-    def _asked(self, tree, first: int, last: int) -> Iterator[tuple]:
-        """Yield each condition inside with the first and the last tick at which it is asked for."""
-        end = self._ticks - 1
-        first, last = max(first, 0), max(last, 0)
-        if isinstance(tree, Window | Settled | Whenever):
-            tree = as_window(tree)
-        yield tree, first, last
-        match tree:
-            case Logic():
-                back = tree.name in {"previous", "rises", "falls", "changes"}
-                yield from self._asked(
-                    tree.of, first - back, last - (tree.name == "previous" and last != end)
-                )
-            case Pair():
-                yield from self._asked(tree.left, first, last)
-                yield from self._asked(tree.right, first, last)
-            case Window():
-                yield from self._asked(tree.of, *self._inside(tree, first, last))
-            case Until():
-                yield from self._asked_until(tree, first, last)
 
-    def _inside(self, tree, first: int, last: int) -> tuple[int, int]:
-        """Return the ticks at which a window asks for what it holds."""
-        begin, stop = ticks_of(tree.span, self._tick)
-        end = self._ticks - 1
-        if tree.name in BACK or tree.name == "since":
-            first = 0 if stop is None else first - stop
-            return first, last if last == end else last - begin
-        first += begin
-        if stop is None or last == end:
-            return first, max(first, end)
-        return first, last + stop
+def asked_for(tree, first: int, last: int | None, tick: Fraction) -> Iterator[tuple]:
+    """Yield each condition inside with the first and the last tick at which it is asked for.
 
-    def _asked_until(self, tree: Until, first: int, last: int) -> Iterator[tuple]:
-        begin, end = self._inside(tree, first, last)
-        if tree.name == "since":
-            yield from self._asked(tree.left, begin, last)
-        else:
-            yield from self._asked(tree.left, first, end)
-        yield from self._asked(tree.right, begin, end)
+    The last one is None where it is that of the run.
+    """
+    first, last = max(first, 0), last if last is None else max(last, 0)
+    tree = as_window(tree)
+    yield tree, first, last
+    match tree:
+        case Logic(name="previous"):
+            yield from asked_for(tree.of, first - 1, less(last, 1), tick)
+        case Logic():
+            yield from asked_for(tree.of, first - (tree.name != "not"), last, tick)
+        case Pair():
+            yield from asked_for(tree.left, first, last, tick)
+            yield from asked_for(tree.right, first, last, tick)
+        case Window():
+            yield from asked_for(tree.of, *asked_inside(tree, first, last, tick), tick)
+        case Until():
+            begin, end = asked_inside(tree, first, last, tick)
+            is_back = tree.name == "since"
+            left = (begin, last) if is_back else (first, end)
+            yield from asked_for(tree.left, *left, tick)
+            yield from asked_for(tree.right, begin, end, tick)
+
+
+def asked_inside(tree, first: int, last: int | None, tick: Fraction) -> tuple[int, int | None]:
+    """Return the ticks at which a window asks for what it holds."""
+    begin, end = ticks_of(tree.span, tick)
+    if tree.name in BACK or tree.name == "since":
+        return 0 if end is None else first - end, less(last, begin)
+    return first + begin, None if end is None or last is None else last + end
+
+
+def less(last: int | None, ticks: int) -> int | None:
+    """Return an earlier last tick; that of the run stays."""
+    return None if last is None else last - ticks
+
+
+def refusals(requirement, tick: Fraction, duration: Fraction | None) -> list[str]:
+    """Return why a requirement cannot be judged, in words of the product's message."""
+    found = []
+    spans = [tree.span for tree in conditions_in(requirement) if isinstance(tree, Window | Until)]
+    for begin, end in (ticks_of(span, tick) for span in spans):
+        if end is not None and end < begin:
+            found.append("holds no tick")
+    if duration is not None and reach(requirement) > duration:
+        found.append("to be decided")
+    return found
+
+
+def reach(tree) -> Fraction:
+    """Return how far the windows ahead reach together [s]."""
+    tree = as_window(tree)
+    parts = [getattr(tree, name) for name in ("of", "left", "right") if hasattr(tree, name)]
+    inside = [reach(part) for part in parts] if not isinstance(tree, ValueEdge) else []
+    own = Fraction(0)
+    if isinstance(tree, Window | Until) and tree.name not in BACK and tree.name != "since":
+        own = tree.span.begin if tree.span.end is None else tree.span.end
+    return own + max(inside, default=Fraction(0))
+
+
+def laid_on_ticks(times: Sequence[Fraction], duration: Fraction | None):
+    """Return the tick of each row of a recording, how many ticks the run has, and the tick [s].
+
+    None where its rows lie on no grid. Rows outside of the run have ticks outside of it.
+    """
+    distances = [after - before for before, after in pairwise(times)]
+    if not distances or min(distances) <= 0:
+        return None
+    tick = Fraction(round(median(distances) * 10**9), 10**9)
+    places = [(time - times[0]) / tick for time in times]
+    rows = [round(place) for place in places]
+    is_off = any(abs(row - place) > Fraction(1, 4) for row, place in zip(rows, places, strict=True))
+    if is_off or len(set(rows)) < len(rows):
+        return None
+    if duration is None:
+        return rows, rows[-1] + 1, tick
+    first = round(times[0] / tick)
+    return [row + first for row in rows], math.floor(duration / tick) + 1, tick
 
 
 BACK = {"historically", "once", "for the last", "within the last"}

@@ -26,16 +26,6 @@ class Unit(NamedTuple):
         """Return `value`, given in this unit, in SI."""
         return value * self.factor
 
-    def nearest_si(self, value: float) -> float:
-        """Return `value`, given in this unit, in SI, rounded once.
-
-        So 21.875 mm is the number 0.021875, and meets a limit of 0.021875 m. By the factor 0.001,
-        itself a rounded number, it would be beside it.
-        """
-        parts = round(1.0 / self.factor)
-        is_part = parts > 1 and math.isclose(parts * self.factor, 1.0)
-        return value / parts if is_part else value * self.factor
-
     def from_si(self, value: float) -> float:
         """Return `value`, given in SI, in this unit."""
         return value / self.factor

@@ -140,7 +140,7 @@ class _Builder:
             nearest = find_nearest(units[0], UNITS)
             wrong = f"{quote(units[0])} is no unit of the language"
             raise ExpectationError(position, f"{wrong}; the nearest is {nearest}")
-        si = unit.unit.nearest_si(value)
+        si = unit.unit.to_si(value)
         return MeasuredValue(Number(si, position=position), unit.dimension, unit.unit.symbol)
 
     def _name(self, tree: "Tree[Token]", position: Position) -> Operand:

@@ -100,7 +100,7 @@ def read_requirements(document: Document, problems: LocatedProblems) -> Requirem
     settings = read_table("", give("", head, Origin.FILE, problems), keys, problems)
     problems.raise_any()
     duration = settings[DURATION_KEY.name].value if head else None
-    values = {name: each.unit.nearest_si(each.value) for name, each in parameters.items()}
+    values = {name: each.unit.to_si(each.value) for name, each in parameters.items()}
     return RequirementsFile(expectations, values, duration)
 
 

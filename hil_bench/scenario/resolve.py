@@ -118,7 +118,7 @@ def parameter_values(
             wrong = f"{quote(name)} is not in [parameters]; {near}add it there"
             raise ConfigError(f"{scenario.path}: {wrong}")
     own = {each.name: each.value for each in scenario.parameters} | dict(given or {})
-    return {each.name: each.unit.nearest_si(own[each.name]) for each in scenario.parameters}
+    return {each.name: each.unit.to_si(own[each.name]) for each in scenario.parameters}
 
 
 def resolve_steps(

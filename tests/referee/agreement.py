@@ -33,6 +33,8 @@ SI = {
 """The symbol of the SI unit of each kind."""
 
 
+ROUNDING = 1e-12
+ROUNDED = "by rounding: "
 NO_GRID = ["not evenly spaced", "times do not go on"]
 
 
@@ -52,8 +54,14 @@ def differences_in_memory(case: Case) -> Iterator[str]:
         yield f"not refused, the referee says: {expected}"
         return
     run = Run(case.values(), case.ticks, case.tick)
-    yield from differences(run, case.tree, judgement, case.tick)
-    ruling, monitor = run.rule(case.tree), Monitor(requirement, tick_ns)
+    found = [*differences(run, case.tree, judgement, case.tick)]
+    found += differences_of_monitor(run, case, Monitor(requirement, tick_ns), columns)
+    yield from marked(found, run, is_exact=case.is_exact)
+
+
+def differences_of_monitor(run: Run, case: Case, monitor: Monitor, columns) -> Iterator[str]:
+    """Yield what the referee contradicts of a monitor that is given blocks of some lengths."""
+    ruling = run.rule(case.tree)
     start, chance = 0, random.Random(case.number)  # noqa: S311 - a sample, no secret
     while start < case.ticks:
         end = min(start + chance.randrange(1, 10), case.ticks)
@@ -89,7 +97,15 @@ def differences_of_file(case: Case, folder: Path) -> Iterator[str]:
         yield f"not refused, the referee says: {expected}"
         return
     run, tick = run_of_file(case, laid)
-    yield from differences(run, case.tree, found.judgement, tick, is_planned=bool(case.duration))
+    judgement, is_planned = found.judgement, case.duration is not None
+    wrong = [*differences(run, case.tree, judgement, tick, is_planned=is_planned)]
+    yield from marked(wrong, run, is_exact=case.is_exact)
+
+
+def marked(found: list[str], run: Run, *, is_exact: bool) -> list[str]:
+    """Return differences, marked where two sides of a comparison differ by rounding only."""
+    is_rounded = found and not is_exact and run.closest < ROUNDING
+    return [f"{ROUNDED}{each}" for each in found] if is_rounded else found
 
 
 def run_of_file(case: Case, laid: tuple) -> tuple[Run, Fraction]:
@@ -110,9 +126,9 @@ def write_case(case: Case, folder: Path) -> tuple[Path, Path]:
     lines += ["[[expect]]", 'id = "R-1"', f"that = {json.dumps(case.text, ensure_ascii=False)}"]
     requirement = folder / "requirement.toml"
     requirement.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    rows = [["time", *case.columns], ["s", *(case.units[n] or "-" for n in case.columns)]]
+    rows = [["time", *case.columns], ["s", *(SI[kind] for kind in case.kinds.values())]]
     for time, row in case.rows:
-        values = (bits(column[row]) for column in case.columns.values())
+        values = (bits(column[row]) for column in case.values().values())
         rows.append([written(time), *map(repr, values)])
     recording = folder / "run.csv"
     recording.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")

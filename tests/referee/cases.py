@@ -98,7 +98,7 @@ class Case:
 class Draw:
     """Draws one case; the same seed and number draw the same."""
 
-    def __init__(self, seed: int, number: int) -> None:
+    def __init__(self, seed: int | str, number: int) -> None:
         self._random = random.Random(f"{seed} {number}")  # noqa: S311 - a sample, no secret
         self._number = number
         self._is_exact = self._random.random() < 0.7
@@ -111,9 +111,7 @@ class Draw:
     def case(self) -> Case:
         """Return the case."""
         chance = self._random
-        tree = self._condition(chance.choice([1, 2, 2, 3, 3, 4, 5]))
-        if chance.random() < 0.5:
-            tree = Window("always", Span(""), tree)
+        tree = self.tree()
         ticks = chance.choice([0, 1, 2, 3, chance.randrange(4, 12), chance.randrange(4, 61)])
         columns = {name: self._column(kind, self._units[name], ticks) for name, kind in self._kinds.items()}
         extra = chance.choice([0.0, 0.0, 0.1, 0.5])
@@ -131,6 +129,11 @@ class Draw:
             self._rows(ticks),
             self._duration(ticks),
         )
+
+    def tree(self):
+        """Return a requirement."""
+        tree = self._condition(self._random.choice([1, 2, 2, 3, 3, 4, 5]))
+        return Window("always", Span(""), tree) if self._random.random() < 0.5 else tree
 
     def _rows(self, ticks: int) -> list[tuple[Fraction, int]]:
         """Return the rows of a file: some are missing, some are beside their tick."""
@@ -315,6 +318,41 @@ class Draw:
         sides.append(self._constant(kind, self._size(kind)))
         relations = chance.choices(RELATIONS[:4], k=2)
         return Comparison(tuple(sides), tuple(relations), kind)
+
+
+class DrawOn(Draw):
+    """Draws requirements on signals that are there, with constants from among their values.
+
+    Args:
+        chance: the name of what is drawn.
+        kinds: the kind of each signal.
+        columns: the values of each signal, in SI.
+        tick: the time between two [s].
+    """
+
+    def __init__(
+        self,
+        chance: str,
+        kinds: dict[str, str],
+        columns: dict[str, list[Fraction]],
+        tick: Fraction,
+    ) -> None:
+        super().__init__(chance, 0)
+        self._is_exact, self._kinds, self._columns, self._tick = False, kinds, columns, tick
+
+    def requirement(self) -> tuple[object, str, dict[str, Number]]:
+        """Return a requirement, its text and its parameters."""
+        tree = self.tree()
+        text = Words().of(tree)
+        return tree, text, {name: each for name, each in self._parameters.items() if name in text}
+
+    def _size(self, kind: str) -> Fraction:
+        names = [name for name, other in self._kinds.items() if other == kind]
+        if not names:
+            return super()._size(kind)
+        values = [x for x in self._columns[self._random.choice(names)] if x is not None]
+        value = float(self._random.choice(values))
+        return Fraction(f"{float(f'{value:.3g}'):.9f}")
 
 
 def is_short(size: Fraction) -> bool:

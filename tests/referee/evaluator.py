@@ -106,6 +106,10 @@ class Run:
         values: of each signal, one a tick; None where it is unknown.
         ticks: how many the run has.
         tick: the time between two [s].
+
+    Attributes:
+        closest: how near two sides of a comparison came, as a share of the larger; what is nearer
+            than the rounding of doubles, they may decide otherwise.
     """
 
     def __init__(
@@ -114,6 +118,7 @@ class Run:
         self._values = values
         self._ticks = ticks
         self._tick = tick
+        self.closest = math.inf
         self.value = cache(self._value_at)
         self._truth = cache(self._truth_at)
 
@@ -212,6 +217,8 @@ class Run:
             size = a - b
         else:
             size = -abs(a - b) if relation == "==" else abs(a - b)
+        larger = max(abs(a), abs(b))
+        self.closest = min(self.closest, float(abs(a - b) / larger) if larger else 0.0)
         sign = 1 if relation in {"<=", ">=", "=="} else -1
         margin = (size / scale_of(left, right, kind), sign if size == 0 else (size > 0) * 2 - 1)
         return Truth(margin, margin)

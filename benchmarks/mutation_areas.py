@@ -31,6 +31,10 @@ AREAS: Final = {
         *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
+    "verdict": _files(
+        "hil_bench/scenario",
+        "coverage judgement examination explain monitor recorded reach wording",
+    ),
     "modbus": [
         *_files(
             "hil_bench/outside/modbus", "data_types exchange mailbox register_map rivals unit_image"
@@ -59,6 +63,7 @@ TESTS: Final = {
         *_tests("canopen_device", "pdo_ends shared_rounds node"),
     ],
     "valve": _tests("devices", f"{_VALVE} valve_deviation valve_supervision ramp compensation"),
+    "verdict": _tests("scenario", "coverage language recorded evaluation"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),

@@ -137,12 +137,14 @@ class Verdict(NamedTuple):
         outcome: as `RequirementOutcome` has it.
         margin: as a share of the tolerance; None where it is unknown or has no size.
         reason: why, in a line.
+        seen: how much of its time the run showed, 0 to 1; None in results of versions before.
     """
 
     id: str
     outcome: str
     margin: float | None
     reason: str
+    seen: float | None = None
 
     @property
     def is_failed(self) -> bool:

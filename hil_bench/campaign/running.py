@@ -80,5 +80,5 @@ def _check_case(case: Case) -> None:
 def _verdict(finding: Finding) -> Verdict:
     judgement = finding.judgement
     margin = judgement.margin
-    reason = reason_of(judgement)
-    return Verdict(finding.requirement.id, judgement.outcome.value, margin, reason)
+    reason, seen = reason_of(judgement), judgement.coverage.share
+    return Verdict(finding.requirement.id, judgement.outcome.value, margin, reason, seen)

@@ -148,6 +148,7 @@ def _to_table(results: Sequence[RunResult]) -> "pa.Table":
             ("outcome", pa.string()),
             ("margin", pa.float64()),
             ("reason", pa.string()),
+            ("seen", pa.float64()),
         ]
     )
     schema = pa.schema(

@@ -27,6 +27,7 @@ class RequirementSummary(NamedTuple):
         outcomes: how many runs had each.
         margins: of the runs that have one.
         worst: the run with the smallest; None where none has one.
+        seen: the smallest share of its time that a run showed, 0 to 1; None where none says it.
     """
 
     scenario: str
@@ -34,6 +35,7 @@ class RequirementSummary(NamedTuple):
     outcomes: Mapping[str, int]
     margins: tuple[float, ...]
     worst: RunResult | None
+    seen: float | None
 
     @property
     def failures(self) -> int:
@@ -54,6 +56,8 @@ class RequirementSummary(NamedTuple):
             line += show_point(self.worst.values)
         elif not self.is_exercised:
             line += "; no run came to its trigger, so nothing is known of it"
+        if self.seen is not None and self.seen < 1.0:
+            line += f"; seen at least {100.0 * self.seen:.3g} % of its time"
         return line
 
 
@@ -168,7 +172,8 @@ def _summary(
     sized = [(verdict.margin, result) for result, verdict in found if verdict.margin is not None]
     worst = min(sized, key=lambda each: each[0])[1] if sized else None
     margins = tuple(margin for margin, _ in sized)
-    return RequirementSummary(scenario, requirement, outcomes, margins, worst)
+    seen = min((each.seen for _, each in found if each.seen is not None), default=None)
+    return RequirementSummary(scenario, requirement, outcomes, margins, worst, seen)
 
 
 def _pairs(results: Sequence[RunResult], requirement: str, name: str) -> list[tuple[float, float]]:

@@ -33,7 +33,8 @@ def run_campaign(
 
     The index is the run's key. Columns are scenario, bench, firmware, seed, a column a parameter in
     its own unit, outcome and problem; and of each requirement its outcome in a column of its id,
-    and its margin in ``ID margin``. A `ConfigError` says what is wrong with the files.
+    its margin in ``ID margin``, and how much of its time was seen, 0 to 1, in ``ID seen``. A
+    `ConfigError` says what is wrong with the files.
 
     Args:
         path: `campaign.toml`, or a scenario whose ranges are the space.
@@ -73,5 +74,6 @@ def to_table(results: Sequence[RunResult]) -> "pd.DataFrame":
         for verdict in each.verdicts:
             row[verdict.id] = verdict.outcome
             row[f"{verdict.id} margin"] = verdict.margin
+            row[f"{verdict.id} seen"] = verdict.seen
         rows.append(row)
     return pd.DataFrame(rows).set_index("key")

@@ -236,6 +236,7 @@ def _content(
                 "outcomes": each.outcomes,
                 "smallest_margin": min(each.margins, default=None),
                 "at": each.worst.values if each.worst else None,
+                "least_seen": each.seen,
             }
             for each in summarise(outcome.results)
         ],

@@ -260,8 +260,7 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
         shown = shown_in(unit)
         yield f"value  {name:{width}}  {value_text(values.get(name), shown):>10} {shown.symbol}"
     if work := state.get("work"):
-        part = f"{work['done']} of {work['total']}  " if work["total"] else ""
-        yield printable(f"work   {part}{work['now'] or work['verdict']}".rstrip())
+        yield from map(printable, _work_lines(work))
     for fault in state["faults"]:
         yield f"fault  {fault['number']}  {fault_text(fault)}"
     if not state["faults"]:
@@ -269,6 +268,15 @@ def status_lines(hello: Mapping[str, Any], status: Mapping[str, Any]) -> Iterato
     if recording := state.get("recording"):
         yield printable(f"record {recording['path']} since {recording['begins']:.3f} s")
     yield f"loop   {health_text(status['health'])}"
+
+
+def _work_lines(work: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how work goes; when it is over, its findings with the reason of each."""
+    part = f"{work['done']} of {work['total']}  " if work["total"] else ""
+    yield f"work   {part}{work['now'] or work['verdict']}".rstrip()
+    for item in () if work["now"] else work["items"]:
+        if item["text"] and item["verdict"] not in {"", "done"}:
+            yield f"       {item['name']} {item['verdict']}: {item['text']}"
 
 
 def _add(

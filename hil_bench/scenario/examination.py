@@ -1,6 +1,7 @@
 """A requirement held against a whole run, with all that led to its margin."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,7 @@ class Examination:
         monitor: that has seen the whole run.
         view: how much of the requirement's time was seen.
         values: the values of each signal, up to where nothing changes any more.
+        violated: how many ticks that were seen violate it, where they add up to a time; else 0.
     """
 
     def __init__(
@@ -53,9 +55,13 @@ class Examination:
         self._requirement, self._ticks, self._tick_ns = requirement, ticks + unseen, tick_ns
         self._log = Log()
         self.monitor = Monitor(requirement, tick_ns, self._log.wrap)
-        for start, end in ((0, min(_HEAD, self._ticks)), (_HEAD, self._ticks)):
+        self._seen, self.violated = ticks, 0
+        for start, end in pairwise(sorted({0, min(_HEAD, ticks), ticks, self._ticks})):
             part = {name: column[start:end] for name, column in self.values.columns.items()}
-            self.monitor.push(part, max(0, end - start))
+            self.monitor.push(part, end - start)
+            found = self.monitor.violation
+            if found is not None and found.lasts and end <= ticks:
+                self.violated = found.ticks
         self.monitor.finish()
         self.view = View(self.monitor.asked, seen, ticks, tick_ns, planned)
 
@@ -68,9 +74,11 @@ class Examination:
     def violated_spans(self) -> list[tuple[int, int]]:
         """Return first and last tick of each time in which the requirement is violated.
 
-        Only a requirement that says of each tick that it must hold has such times.
+        Only a requirement that says of each tick that it must hold has such times; of the run, what
+        was seen.
         """
-        edges = np.diff(self._violated(self._requirement).astype(np.int8), prepend=0, append=0)
+        found = self._violated(self._requirement)[: self._seen]
+        edges = np.diff(found.astype(np.int8), prepend=0, append=0)
         starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
         return list(zip(starts.tolist(), ends.tolist(), strict=True))
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
@@ -10,6 +10,7 @@ from hil_bench.scenario.coverage import Coverage
 from hil_bench.scenario.examination import Examination
 from hil_bench.scenario.explain import Cause
 from hil_bench.scenario.nodes import Comparison, Condition
+from hil_bench.scenario.reach import Asks, asks_for
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import build_values
 from hil_bench.scenario.wording import (
@@ -39,6 +40,16 @@ WORST_FIRST: Final = (
 )
 
 
+_RANKS: Final = {
+    (True, Asks.ALL): "closest",
+    (False, Asks.ALL): "worst",
+    (True, Asks.ANY): "best",
+    (False, Asks.ANY): "closest",
+    (True, Asks.NEITHER): "",
+    (False, Asks.NEITHER): "",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Deciding:
     """The comparison that decides, at the tick where it is closest or worst.
@@ -49,6 +60,8 @@ class Deciding:
         reading: the value of its left side, with a unit; empty where it compares nothing.
         margin: in the same unit; empty where it has no size.
         fact: what was true then, in words.
+        rank: how it stands among all ticks: "closest" to the other outcome, "worst" of a
+            requirement that does not hold, "best" of one that asks for a single tick; else empty.
     """
 
     time: float
@@ -56,6 +69,7 @@ class Deciding:
     reading: str
     margin: str
     fact: str
+    rank: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +82,7 @@ class Judgement:
             the requirement holds; None where it is unknown or has no size.
         deciding: the comparison that decides; None for an inconclusive outcome.
         first: when it is violated first [s]; None where it is not.
-        duration: for how long it is violated in all [s]; 0 where its violations are instants.
+        duration: for how long it was seen violated in all [s]; 0 where its violations are instants.
         triggered: how often the triggers of its implications became true; None without any.
         reason: why it is not decided; empty where it is.
         coverage: how much of its time was seen.
@@ -116,14 +130,15 @@ def judge(
     cause = examination.find_cause()
     deciding = _describe(cause, margin, examination, tick_ns)
     size = margin if math.isfinite(margin) else None
+    if size is not None:
+        deciding = replace(deciding, rank=_RANKS[monitor.is_met, asks_for(requirement)])
     if monitor.is_met:
         outcome = RequirementOutcome.NOT_EXERCISED if 0 in times else RequirementOutcome.PASSED
         reason = "its trigger never became true" if 0 in times else ""
         return Judgement(outcome, size, coverage, deciding, triggered=triggered, reason=reason)
     found = monitor.violation
     first = found.first if found else cause.tick
-    count = found.ticks if found and found.lasts else 0
-    begin, duration = first * tick_ns / 1e9, count * tick_ns / 1e9
+    begin, duration = first * tick_ns / 1e9, examination.violated * tick_ns / 1e9
     outcome = RequirementOutcome.FAILED
     return Judgement(outcome, size, coverage, deciding, begin, duration, triggered)
 

@@ -130,7 +130,7 @@ def lay_samples(samples: Recording, channels: Mapping[str, str], ticks: int, tic
     for name, field in channels.items():
         columns[name] = np.full(ticks, math.nan)
         columns[name][places[is_inside]] = samples[field][is_inside]
-    return Trace(columns, ticks, round(tick * 1e9))
+    return Trace(columns, ticks, round(tick * 1e9), ticks)
 
 
 def _controller_problems(scenario: Scenario) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import fields
+from enum import Enum
 
 from hil_bench.scenario import nodes
 from hil_bench.scenario.nodes import Condition
@@ -34,6 +35,30 @@ def has_duration(node: Condition) -> bool:
     if isinstance(node, nodes.Edge | nodes.ConditionEdge | nodes.Event):
         return False
     return all(has_duration(part) for part in parts_of(node))
+
+
+class Asks(Enum):
+    """The ticks at which a requirement wants something: all, any one, or a fixed one."""
+
+    ALL = 1
+    ANY = -1
+    NEITHER = 0
+
+
+def asks_for(node: Condition) -> Asks:
+    """Return at which ticks of the run a requirement wants something."""
+    match node:
+        case nodes.Always():
+            return Asks.ALL
+        case nodes.Eventually():
+            return Asks.ANY
+        case nodes.Not():
+            return Asks(-asks_for(node.operand).value)
+        case nodes.All():
+            found = {asks_for(each) for each in node.operands}
+            return found.pop() if len(found) == 1 else Asks.NEITHER
+        case _:
+            return Asks.NEITHER
 
 
 def parts_of(node: Condition) -> tuple[Condition, ...]:

@@ -88,8 +88,7 @@ def reason_of(judgement: Judgement) -> str:
         parts.append(f"first violated at {judgement.first:.9g} s{lasting}")
     deciding = judgement.deciding
     if deciding is not None:
-        word = "worst " if judgement.outcome is RequirementOutcome.FAILED else "closest "
-        when = f"{word if deciding.margin else ''}at {deciding.time:.9g} s"
+        when = f"{deciding.rank} at {deciding.time:.9g} s".lstrip()
         parts.append(f"{when}: {deciding.fact}{_share(judgement.margin)}")
     return "; ".join([*parts, str(judgement.coverage)])
 

@@ -52,6 +52,7 @@ def write_campaign_report(
             "smallest": min(each.margins, default=None),
             "median": sorted(each.margins)[len(each.margins) // 2] if each.margins else None,
             "worst": show_point(each.worst.values) if each.worst else "",
+            "seen": each.seen,
             "figure": margin_figure(each.margins) if each.margins else "",
         }
         for each in summarise(results)

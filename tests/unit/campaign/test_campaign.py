@@ -18,6 +18,8 @@ from hil_bench.campaign.pool import Pool, perform_here
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.store import Store
+from hil_bench.campaign.summary import summarise
+from hil_bench.campaign.table import to_table
 from hil_bench.errors import ConfigError
 
 RUNS = 8
@@ -282,6 +284,23 @@ def test_a_comparison_counts_what_turned_and_not_what_stayed():
     assert [each.values["x"] for each in change.broken] == [1.0]
     assert [each.values["x"] for each in change.mended] == [2.0]
     assert change.margins == (0.0, 0.0)  # medians of -3, -1, 1, 5 and of -2, -2, 2, 4
+
+
+def test_a_summary_says_how_little_a_run_has_seen(tmp_path):
+    def result(seen):
+        verdict = Verdict("R-1", "inconclusive", None, "", seen)
+        outcome = RunOutcome.INCONCLUSIVE
+        return RunResult(f"{seen}", "s", "", "", None, {}, outcome, verdicts=(verdict,))
+
+    (found,) = summarise([result(1.0), result(None)])
+    assert (found.seen, "seen" in found.line()) == (1.0, False)
+    results = [result(1.0), result(0.25), result(0.5)]
+    (found,) = summarise(results)
+    assert found.line().endswith("; seen at least 25 % of its time")
+    assert to_table(results)["R-1 seen"].to_list() == [1.0, 0.25, 0.5]
+    store = Store(tmp_path / "results", {})
+    store.write(results)
+    assert sorted(store.results()) == sorted(results)
 
 
 @pytest.mark.long

@@ -64,6 +64,21 @@ def test_the_status_has_units_for_people_and_si_for_programs(ask, loop, capsys):
     assert any("freeze position since 0.001 s, until 1.001 s" in line for line in lines)
 
 
+def test_the_status_of_work_that_is_over_has_its_findings():
+    items = [
+        {"name": "R1", "verdict": "inconclusive", "text": "nothing seen after 1 s; seen 1 of 6 s"},
+        {"name": "0.5 s", "verdict": "done", "text": "set valve.spool_setpoint = 0.4"},
+        {"name": "R2", "verdict": "passed", "text": ""},
+        {"name": "2 s", "verdict": "", "text": "SYNC on"},
+    ]
+    work = {"done": 2, "total": 3, "now": "", "verdict": "inconclusive", "items": items}
+    assert list(ctl._work_lines(work)) == [
+        "work   2 of 3  inconclusive",
+        "       R1 inconclusive: nothing seen after 1 s; seen 1 of 6 s",
+    ]
+    assert list(ctl._work_lines({**work, "now": "T", "total": 0})) == ["work   T"]
+
+
 def test_a_fault_has_the_keys_of_the_configuration(ask, loop):
     number = ask("fault", "offset", "pressure_a", "offset_bar=20", "for_s=5")["number"]
     (fault,) = loop.session.bench.faults.active

@@ -234,6 +234,7 @@ def test_a_sample_that_was_left_out_is_unknown():
     samples = np.array([(0.0001, 1.0), (0.0024, 2.0), (0.0081, 5.0), (0.0121, 7.0)], dtype=dtype)
     trace = lay_samples(samples, {"axis1.speed": "speed"}, 6, 0.002)
     np.testing.assert_equal(trace.columns["axis1.speed"], [1, 2, np.nan, np.nan, 5, np.nan])
+    assert trace.planned == 6
 
 
 def test_what_the_drivers_tell_is_recorded_with_the_set_points(machine, tmp_path):

@@ -77,6 +77,7 @@ def test_the_junit_file_has_requirements_and_margins(tmp_path):
     found = {each.get("name"): each.get("value") for each in case.iter("property")}
     assert found["requirement_id"] == "R1"
     assert 0.6 < float(found["margin"]) < 1.0
+    assert found["seen"] == "1"
     assert case.find("failure") is None
 
 
@@ -86,6 +87,23 @@ def test_a_failure_stands_in_the_junit_file(tmp_path):
     (suite,) = ET.parse(tmp_path / "j.xml").getroot()  # noqa: S314 - our own
     assert (suite.get("tests"), suite.get("failures")) == ("1", "1")
     assert suite.find("testcase/failure").get("message").startswith("failed: first violated at 0 s")
+
+
+def test_a_run_that_ends_at_a_failure_says_what_it_has_seen(tmp_path, capsys):
+    """The run is looked at each 64 ticks, so that it ends early in 2 s."""
+    path = tmp_path / "a.scenario.toml"
+    texts = ("always axis1.P_A < 1 bar", "always axis1.P_B < 250 bar")
+    tables = (f"[[expect]]\nid = 'R{n}'\nthat = '{text}'\n" for n, text in enumerate(texts))
+    path.write_text('title = "T"\nduration_s = 2.0\n' + "".join(tables))
+    junit = ["--junit", str(tmp_path / "j.xml")]
+    assert main(["test", str(path), "--stop-at-failure", *junit]) == ExitCode.CHECK_FAILED
+    failed, undecided = capsys.readouterr().out.splitlines()[1:]
+    assert failed.endswith(" of 2 s")
+    assert "inconclusive   nothing seen after 0.0" in undecided
+    (_, case) = ET.parse(tmp_path / "j.xml").iter("testcase")  # noqa: S314 - our own
+    assert case.find("failure").get("type") == "inconclusive"
+    (seen,) = (p.get("value") for p in case.iter("property") if p.get("name") == "seen")
+    assert 0.0 < float(seen) < 0.1
 
 
 def test_verdicts_are_printed_though_a_file_of_them_cannot_be_written(tmp_path, capsys):

@@ -26,7 +26,8 @@ JUNIT = """<?xml version="1.0"?>
 
 def judged(requirement, outcome):
     judgement = {"outcome": outcome, "deciding": None, "reason": "why"}
-    return {"id": requirement, "that": "always x > 0", "judgement": judgement}
+    text = "nothing seen after 1 s"
+    return {"id": requirement, "that": "always x > 0", "judgement": judgement, "text": text}
 
 
 def scenario(*findings, problem="", declared=()):
@@ -57,7 +58,9 @@ def test_the_worst_result_of_a_requirement_counts(traced):
         second={"b": scenario(judged("R-1", "failed"), judged("R-2", "passed"))},
     )
     assert outcomes(found) == {"R-1": "failed", "R-2": "inconclusive"}
-    assert [test["test"] for test in found["requirements"][0]["tests"]] == ["a", "b"]
+    tests = found["requirements"][0]["tests"]
+    assert [test["test"] for test in tests] == ["a", "b"]
+    assert {test["reason"] for test in tests} == {"nothing seen after 1 s"}
     assert found["verdict"] == "failed"
 
 

@@ -26,13 +26,18 @@ def test_each_requirement_is_a_test(pytester):
     result = pytester.runpytest_inprocess("--junitxml=junit.xml")
     result.assert_outcomes(passed=1, failed=2)
     result.stdout.fnmatch_lines(
-        ["R1: always axis1.P_A < 1 bar", "failed: first violated at 0 s*", f"{ASLEEP_OUTCOME}: *"]
+        [
+            "R1: always axis1.P_A < 1 bar",
+            "failed: first violated at 0 s*; seen * of * s",
+            f"{ASLEEP_OUTCOME}: *",
+        ]
     )
     cases = list(ET.parse(pytester.path / "junit.xml").iter("testcase"))  # noqa: S314 - our own
     assert [case.get("name") for case in cases] == ["R0", "R1", "R2"]
     properties = {each.get("name"): each.get("value") for each in cases[0].iter("property")}
     assert properties["requirement_id"] == "R0"
     assert float(properties["margin"]) > 0.0
+    assert properties["seen"] == "1"
 
 
 def test_k_chooses_a_requirement(pytester):

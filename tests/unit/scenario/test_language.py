@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+from hil_bench.scenario.dimensions import find_unit
 from hil_bench.scenario.judgement import RequirementOutcome, judge
 from hil_bench.scenario.nodes import All, Always, Comparison, Eventually, Implies, Not, Window
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.reach import reach
+from hil_bench.scenario.results import reason_of
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
+from hil_bench.scenario.wording import show_reading
+from hil_bench.units import ONE
 
 TICK = 1_000_000
 KNOWN = Vocabulary(
@@ -39,6 +43,33 @@ def test_units_become_si():
     assert parse("axis1.P_A < 25 MPa").right.value == 25e6
     assert parse("axis1.position < target_mm").right.value == 0.1
     assert parse("rate(axis1.position) < 20 mm/s").right.value == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize(
+    ("text", "scale"),
+    [
+        ("axis1.position < target_mm + 0.3 mm", 0.3e-3),
+        ("axis1.position > 0.3 mm + target_mm - 2 mm", 0.3e-3),
+        ("axis1.position < target_mm", 0.1),
+        ("axis1.position < -(target_mm + 0.3 mm)", 0.3e-3),
+        ("axis1.position < target_mm + 0 mm", 0.1),
+        ("axis1.position < 1.05 * target_mm", 0.105),
+        ("axis1.position < abs(target_mm + 0.3 mm)", 0.1003),
+        ("axis1.position - 5 mm < target_mm", 0.1),
+        ("axis1.position < target + 0.3 mm", 0.3e-3),
+        ("axis1.position - 0.1 mm < target + 0.3 mm", 0.1e-3),
+        ("axis1.position < -(target + 0.3 mm)", 0.3e-3),
+        ("abs(axis1.position - 5 mm) < target", 0.01),
+        ("previous(axis1.position - 5 mm) < target", 0.01),
+        ("2 * (axis1.position - 5 mm) < target", 0.01),
+        ("abs(axis1.position - target) < 0.5 mm", 0.5e-3),
+        ("axis1.position < target", 0.01),
+        ("axis1.position < 0", 0.01),
+    ],
+)
+def test_the_scale_is_the_tolerance_that_the_author_wrote(text, scale):
+    """The table in docs/expectations.md; target_mm is 100 mm, and 10 mm stands for nothing."""
+    assert parse(text).scale == pytest.approx(scale, rel=1e-12)
 
 
 def test_arithmetic_keeps_the_units():
@@ -246,6 +277,128 @@ def test_settled_is_for_the_rest_of_the_run_or_a_time():
 def test_the_comparison_that_decides_is_named(text, node_at):
     found = run(text, flag=[1, 5, 2, 1], target=[0, 0, 1e-3, 0])
     assert (found.deciding.condition, found.deciding.time) == node_at
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "words"),
+    [
+        (
+            "always not axis1.P_A > 250 bar",
+            {"P_A": [1e5, 245e5, 2e5]},
+            "closest at 0.001 s: axis1.P_A was 245 bar, 5 bar below 250 bar (+0.02 of the",
+        ),
+        (
+            "always not axis1.P_A > 250 bar",
+            {"P_A": [1e5, 255e5, 2e5]},
+            ("first violated at 0.001 s, for 0.001 s in all; worst at 0.001 s: axis1.P_A was "
+            "255 bar, 5 bar above 250 bar (-0.02 of the tolerance)"),
+        ),
+        (
+            "always 0.3 mm > axis1.position - target",
+            {"position": [0.08, 0.0801], "target": [0.08, 0.08]},
+            "closest at 0.001 s: axis1.position - target was 0.1 mm, 0.2 mm below 0.3 mm (+0.67",
+        ),
+        (
+            "always axis1.position < target + 0.3 mm",
+            {"position": [0.08, 0.0801], "target": [0.08, 0.08]},
+            ("closest at 0.001 s: axis1.position was 80.1 mm, 0.2 mm below target + 0.3 mm "
+            "(80.3 mm) (+0.67 of the tolerance)"),
+        ),
+        ("always axis1.P_A <= 250 bar", {"P_A": [250e5]}, "axis1.P_A was exactly 250 bar; seen"),
+        ("always axis1.P_A < 9 bar", {"P_A": [np.inf]}, "; at 0 s: axis1.P_A was inf bar; seen"),
+        (
+            "always axis1.P_A < 250 bar",
+            {"P_A": [249.9999e5]},
+            "axis1.P_A was 249.9999 bar, 0.0001 bar below 250 bar",
+        ),
+        ('always state == "HOLD"', {"state": [2]}, ("first violated at 0 s, for 0.001 s in all; "
+         "at 0 s: valve.state was not HOLD; seen")),
+        ('always not state == "HOLD"', {"state": [1]}, "at 0 s: valve.state was HOLD; seen"),
+        ("eventually rises(flag)", {"flag": [1, 1]}, "at 0 s: flag did not rise; seen"),
+        ("eventually rises(flag)", {"flag": [1, 2]}, "at 0.001 s: flag rose; seen"),
+        ("eventually falls(flag)", {"flag": [1, 1]}, "at 0 s: flag did not fall; seen"),
+        ("eventually falls(flag)", {"flag": [2, 1]}, "at 0.001 s: flag fell; seen"),
+        ("eventually changes(flag)", {"flag": [1, 1]}, "at 0 s: flag did not change; seen"),
+        ("eventually changes(flag)", {"flag": [2, 1]}, "at 0.001 s: flag changed; seen"),
+        ("always not frame(0x181)", {"frame(0x181)": [0, 1]}, "0.001 s: frame(0x181) was seen;"),
+        ("always not frame(0x181)", {"frame(0x181)": [0, 0]}, "frame(0x181) was not seen;"),
+        ("eventually rises(flag > 1)", {"flag": [2, 2]}, "at 0 s: rises(...) was not seen;"),
+    ],
+)  # fmt: skip
+def test_a_verdict_is_worded_as_a_fact(text, columns, words):
+    found = reason_of(run(text.replace("state ==", "valve.state =="), **columns))
+    assert words in found
+
+
+@pytest.mark.parametrize(
+    ("text", "rank"),
+    [
+        ("always flag < 9", "closest"),
+        ("always flag < 2", "worst"),
+        ("eventually flag > 2", "best"),
+        ("eventually flag > 9", "closest"),
+        ("not eventually flag > 9", "closest"),
+        ("not always flag > 9", "best"),
+        ("(always flag < 9) and always after 1 ms flag < 8", "closest"),
+        ("(always flag < 9) and eventually flag > 2", ""),
+        ("flag < 9", ""),
+        ("flag > 9", ""),
+        ("always frame(0x181)", ""),
+    ],
+)
+def test_the_deciding_tick_is_ranked(text, rank):
+    found = run(text, **{"flag": [1, 3], "frame(0x181)": [1, 1]})
+    assert found.deciding.rank == rank
+    assert f"{rank} at 0".lstrip() in reason_of(found)
+
+
+def test_the_condition_is_what_had_to_be_true():
+    (held, broken) = (run("always not flag > 2", flag=[1, flag]) for flag in (1, 3))
+    assert held.deciding.condition == broken.deciding.condition == "not flag > 2"
+    (held, broken) = (run("always flag < 2", flag=[1, flag]) for flag in (1, 3))
+    assert held.deciding.condition == broken.deciding.condition == "flag < 2"
+
+
+@pytest.mark.parametrize(
+    ("text", "duration"),
+    [
+        ("always flag < 2", 0.003),
+        ("always (flag < 2 for the last 1 ms)", 0.004),
+        ("always (flag > 2 implies flag > 9)", 0.003),
+        ("(always flag < 2) and always flag < 9", 0.003),
+        ("whenever rises(flag) then flag > 9", 0.0),
+        ("always not rises(flag > 2)", 0.0),
+        ("always (flag > 2 implies (flag > 9 within the last 1 ms and flag < 9))", 0.003),
+        ("whenever flag > 2 then within 1 ms flag < 0", 0.0),
+        ("always (flag < 2 for 1 ms)", 0.0),
+        ("always (flag < 2 until flag > 9)", 0.0),
+        ("always not frame(0x181)", 0.0),
+        ("eventually flag > 9", 0.0),
+    ],
+)
+def test_instants_do_not_add_up_to_a_time(text, duration):
+    """The flag is above 2 for three ticks of 1 ms; an edge, an event or a trigger has no length."""
+    columns = {"flag": [1, 3, 3, 3, 1, 1], "frame(0x181)": [0, 1, 1, 0, 0, 0]}
+    found = run(text, **columns)
+    assert (found.outcome, found.duration) == ("failed", duration)
+    assert (" in all" in reason_of(found)) == (duration > 0.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "apart", "unit", "text"),
+    [
+        (48.4536e5, 200e5, "bar", "48.45 bar"),
+        (12345.678, 1.0, "N", "12345.678 N"),
+        (12345.678, 5e4, "N", "12346 N"),
+        (1.234567e-12, 1.0, "m", "1.235e-12 m"),
+        (0.0, 1.0, "m", "0 m"),
+        (-2.5e-3, 1.0, "mm", "-2.5 mm"),
+        (2e9, 0.0, "", "2e+09"),
+        (100.0, 1.0, "N", "100 N"),
+    ],
+)
+def test_numbers_have_the_digits_that_matter(value, apart, unit, text):
+    assert show_reading(value, apart, find_unit(unit).unit if unit else ONE) == text
 
 
 def test_nothing_to_judge_is_inconclusive():

@@ -274,3 +274,18 @@ def test_a_report_that_cannot_be_written_is_a_line(tmp_path, capsys):
     path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"))
     assert main(["test", str(path), "--report", str(tmp_path / "r.html")]) == ExitCode.USAGE
     assert "r.html: cannot be written: Is a directory" in capsys.readouterr().err
+
+
+def test_a_report_says_how_much_was_seen(tmp_path):
+    """The recording has rows from 0 to 0.015 s of 0.03 s."""
+    rows = "".join(f"{k / 1000},{2e7}\n" for k in range(16))
+    (tmp_path / "run.csv").write_text("time,axis1.P_A\ns,Pa\n" + rows)
+    path = scenario(tmp_path, ("R1", "always axis1.P_A < 250 bar"))
+    code, page, content = report(tmp_path, "judge", path, tmp_path / "run.csv")
+    assert code == ExitCode.INCONCLUSIVE
+    assert "Seen Why R1 inconclusive 50 % nothing seen after 0.015 s; seen 0.015 of" in page.text
+    (proof,) = content["chapters"][0]["proofs"]
+    assert proof["judgement"]["coverage"]["seen"] == 0.015
+    late = ["judge", path, tmp_path / "run.csv", "--start", "-0.02"]
+    _, page, _ = report(tmp_path, *late)
+    assert "Judged its rows are from 0 to 0.015 s; judged are -0.02 to 0.01 s" in page.text

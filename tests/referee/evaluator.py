@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from statistics import median
 from typing import NamedTuple
@@ -420,6 +420,7 @@ def joined(name: str, left: Truth, right: Truth) -> Truth:
     return highest([left if name == "or" else opposite(left), right])
 
 
+@lru_cache(1000)  # so that one tree stays one, whose truth is kept
 def as_window(tree):
     """Return ``whenever`` and ``settled`` as the ``always`` or ``for`` that they stand for."""
     if isinstance(tree, Whenever):

@@ -49,14 +49,14 @@ DEFAULT_SCALES = {
 """The scale of a margin without a constant; 1 for other kinds."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Signal:
     """The value of a signal."""
 
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Number:
     """A constant: its text, and its value in SI. A parameter's text is its name."""
 
@@ -64,7 +64,7 @@ class Number:
     size: Fraction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arithmetic:
     """``left SIGN right``."""
 
@@ -73,7 +73,7 @@ class Arithmetic:
     right: "Value"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Function:
     """``-x``, ``abs(x)``, ``previous(x)`` or ``rate(x)`` of a value."""
 
@@ -84,7 +84,7 @@ class Function:
 Value = Signal | Number | Arithmetic | Function
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """``x < y``, or a chain such as ``-5 < x < 5``; of values of one kind."""
 
@@ -93,7 +93,7 @@ class Comparison:
     kind: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ValueEdge:
     """``rises(x)``, ``falls(x)`` or ``changes(x)`` of a value."""
 
@@ -101,7 +101,7 @@ class ValueEdge:
     of: Value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Logic:
     """``rises(A)``, ``falls(A)``, ``changes(A)``, ``previous(A)`` or ``not A``."""
 
@@ -109,7 +109,7 @@ class Logic:
     of: "Condition"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pair:
     """``A and B``, ``A or B`` or ``A implies B``."""
 
@@ -118,7 +118,7 @@ class Pair:
     right: "Condition"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Span:
     """A window: its texts, and its bounds [s]; ``end`` is None where it has none."""
 
@@ -127,7 +127,7 @@ class Span:
     end: Fraction | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Window:
     """A condition at each tick, or at some tick, of a window ahead or back.
 
@@ -140,7 +140,7 @@ class Window:
     of: "Condition"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Until:
     """``A until B`` or ``A since B``, with B in a window."""
 
@@ -150,7 +150,7 @@ class Until:
     right: "Condition"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Whenever:
     """``whenever A then B``."""
 
@@ -158,7 +158,7 @@ class Whenever:
     right: "Condition"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Settled:
     """``settled(x, tolerance)``, or for a time where the span has an end."""
 

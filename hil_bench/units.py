@@ -110,13 +110,136 @@ DISPLAY_UNITS: Mapping[str, Unit] = {
 """In which unit people are shown a quantity, by its SI unit."""
 
 
+_MINUTE, _HOUR = 60.0, 3600.0
+_INCH, _FOOT, _POUND_FORCE, _US_GALLON = 0.0254, 0.3048, 4.4482216152605, 3.785411784e-3
+_PSI = _POUND_FORCE / _INCH**2
+
+_SPELLED: Mapping[str, Mapping[str, float]] = {
+    "-": {"-": 1.0, "1": 1.0, "%": 1e-2},
+    "s": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": _MINUTE, "h": _HOUR},
+    "m": {
+        "m": 1.0,
+        "dm": 1e-1,
+        "cm": 1e-2,
+        "mm": 1e-3,
+        "um": 1e-6,
+        "km": 1e3,
+        "in": _INCH,
+        "inch": _INCH,
+        "ft": _FOOT,
+    },
+    "m/s": {
+        "m/s": 1.0,
+        "cm/s": 1e-2,
+        "mm/s": 1e-3,
+        "um/s": 1e-6,
+        "in/s": _INCH,
+        "ft/s": _FOOT,
+        "m/min": 1.0 / _MINUTE,
+        "mm/min": 1e-3 / _MINUTE,
+        "km/h": 1e3 / _HOUR,
+    },
+    "m/s²": {"m/s2": 1.0, "mm/s2": 1e-3},
+    "m²": {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6},
+    "m³": {"m3": 1.0, "l": 1e-3, "L": 1e-3, "ml": 1e-6, "mL": 1e-6, "cm3": 1e-6},
+    "m³/s": {
+        "m3/s": 1.0,
+        "m3/min": 1.0 / _MINUTE,
+        "m3/h": 1.0 / _HOUR,
+        "cm3/s": 1e-6,
+        **dict.fromkeys(("l/s", "L/s"), 1e-3),
+        **dict.fromkeys(("l/min", "L/min", "lpm", "LPM"), 1e-3 / _MINUTE),
+        **dict.fromkeys(("l/h", "L/h"), 1e-3 / _HOUR),
+        **dict.fromkeys(("ml/min", "mL/min", "cm3/min"), 1e-6 / _MINUTE),
+        **dict.fromkeys(("gpm", "gal/min"), _US_GALLON / _MINUTE),
+    },
+    "Pa": {
+        "Pa": 1.0,
+        "hPa": 1e2,
+        "kPa": 1e3,
+        "MPa": 1e6,
+        "N/m2": 1.0,
+        "N/mm2": 1e6,
+        "mbar": 1e2,
+        **dict.fromkeys(("bar", "Bar", "BAR"), 1e5),
+        **dict.fromkeys(("psi", "Psi", "PSI"), _PSI),
+    },
+    "Pa/s": {"Pa/s": 1.0, "kPa/s": 1e3, "MPa/s": 1e6, "bar/s": 1e5, "psi/s": _PSI},
+    "N": {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "lbf": _POUND_FORCE},
+    "N/m": {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3, "kN/mm": 1e6},
+    "N m": {
+        **dict.fromkeys(("N m", "Nm", "N.m"), 1.0),
+        **dict.fromkeys(("kN m", "kNm", "kN.m"), 1e3),
+    },
+    "kg": {"kg": 1.0, "t": 1e3},
+    "rad": {
+        "rad": 1.0,
+        "mrad": 1e-3,
+        **dict.fromkeys(("deg", "°"), DEGREE.factor),
+        "rev": math.tau,
+    },
+    "rad/s": {
+        "rad/s": 1.0,
+        "rev/s": math.tau,
+        **dict.fromkeys(("deg/s", "°/s"), DEGREE.factor),
+        **dict.fromkeys(
+            ("rpm", "RPM", "r/min", "rev/min", "1/min", "min-1", "U/min"),
+            REVOLUTION_PER_MINUTE.factor,
+        ),
+    },
+    "Hz": {"Hz": 1.0, "kHz": 1e3},
+    "°C": dict.fromkeys(("°C", "degC", "deg C"), 1.0),
+}
+_KELVIN, _FAHRENHEIT = 273.15, 5.0 / 9.0
+_SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": ".", "^": "", "º": "°"})
+
+
+class SiUnit(NamedTuple):
+    """The way from a unit to the unit that the bench has of the same quantity.
+
+    Attributes:
+        symbol: of the bench's unit: SI, but °C for temperatures.
+        factor: the value of one of it.
+        offset: the value of zero of it.
+    """
+
+    symbol: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+_CONVERSIONS: Mapping[str, SiUnit] = {
+    **{each: SiUnit(si, factor) for si, all_ in _SPELLED.items() for each, factor in all_.items()},
+    "K": SiUnit("°C", 1.0, -_KELVIN),
+    **dict.fromkeys(("°F", "degF", "deg F"), SiUnit("°C", _FAHRENHEIT, -32.0 * _FAHRENHEIT)),
+}
+
+
+def read_unit(text: str) -> SiUnit | None:
+    """Return how a unit becomes the bench's own, as loggers spell it: ``[m^3/s]``, ``L/min``.
+
+    The gallon is that of the US. A pressure relative to something (``barg``, ``psia``) is not
+    known, for the bench cannot see to what its own is relative.
+
+    Args:
+        text: the unit, with or without brackets.
+
+    Returns:
+        The unit; None where it is not known.
+    """
+    symbol = text.strip()
+    if symbol[:1] + symbol[-1:] in {"[]", "()"}:
+        symbol = symbol[1:-1].strip()
+    return _CONVERSIONS.get(symbol.translate(_SPELLING))
+
+
 def si_unit(symbol: str) -> tuple[str, float]:
-    """Return the SI unit of a unit, and its factor; of an unknown one itself, and 1."""
-    for si, units in UNITS_OF.items():
-        for unit in units:
-            if unit.symbol == symbol:
-                return si, unit.factor
-    return symbol, 1.0
+    """Return the SI unit of a unit, and its factor; of an unknown one itself, and 1.
+
+    K and °F, which no factor alone converts, count as unknown.
+    """
+    found = read_unit(symbol)
+    return (symbol, 1.0) if found is None or found.offset else (found.symbol, found.factor)
 
 
 def display_unit(symbol: str) -> Unit:

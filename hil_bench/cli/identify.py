@@ -11,6 +11,7 @@ from hil_bench.analysis.errors import require_extra
 from hil_bench.analysis.study import write_figure
 from hil_bench.bench.configuration import BenchConfig, load_config
 from hil_bench.cli.arguments import add_output_argument, find_cylinder, output_directory
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.identify_design import (
     Question,
@@ -33,7 +34,12 @@ from hil_bench.machine.identification.choice import (
     with_filters,
     with_hysteresis,
 )
-from hil_bench.machine.identification.columns import ColumnMap, map_columns, read_column_map
+from hil_bench.machine.identification.columns import (
+    ColumnMap,
+    map_columns,
+    read_column_map,
+    take_sensors,
+)
 from hil_bench.machine.identification.identify import (
     Identification,
     check_options,
@@ -46,6 +52,8 @@ from hil_bench.machine.identification.report import is_explained, summarise, to_
 from hil_bench.machine.identification.signs import settle_signs
 from hil_bench.machine.identification.stops import find_stops
 from hil_bench.machine.identification.unknowns import Sensors
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.foreign_table import read_columns
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
@@ -94,6 +102,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=[],
         metavar="COLUMN=QUANTITY:UNIT",
         help="the same for one column; -QUANTITY changes the sign; repeat it for more",
+    )
+    parser.add_argument(
+        "--truth",
+        action="store_true",
+        help="take the plant's own values, which no machine shows, where a bench's recording has "
+        "those of its sensors, too",
     )
     parser.add_argument("--axis", metavar="NAME", help="axis to identify (default: the first)")
     for option, help_text in (
@@ -184,7 +198,7 @@ def _fit(
     Raises:
         ConfigError: they cannot serve, or tell nothing.
     """
-    record = _read_records(args, recordings, asked.axis, asked.config.full_scale(asked.axis))
+    record = _read_records(args, recordings, asked)
     sensors = with_filters(asked.sensors, record.filters, args.fix)
     choice = _choose(args, asked.config, asked.axis, sensors)
     names = choice.names
@@ -250,9 +264,7 @@ def _sort_files(files: Sequence[Path], *, is_design: bool) -> Files:
     return Files(recordings, benches[0] if benches else None, results[0] if results else None)
 
 
-def _read_records(
-    args: argparse.Namespace, paths: Sequence[Path], axis: CylinderConfig, full_opening: float
-) -> AxisRecord:
+def _read_records(args: argparse.Namespace, paths: Sequence[Path], asked: Question) -> AxisRecord:
     """Return all recordings of an axis as one record.
 
     Raises:
@@ -262,29 +274,54 @@ def _read_records(
     records = []
     for path in paths:
         try:
-            records.append(_read_record(path, columns, axis, full_opening))
+            if columns is None:
+                records.append(_read_record(path, asked, is_truth=args.truth))
+            else:
+                records.append(_read_foreign(path, columns, asked))
         except ConfigError as error:
             raise ConfigError(_about(path, error)) from None
     return join_records(records)
 
 
-def _read_record(
-    path: Path, columns: ColumnMap | None, axis: CylinderConfig, full_opening: float
-) -> AxisRecord:
-    """Return one recording of an axis, its columns by a map where there is one.
+def _read_record(path: Path, asked: Question, *, is_truth: bool) -> AxisRecord:
+    """Return one recording of an axis that has our columns: those of its sensors, or the plant's.
 
     Raises:
         ConfigError: a MAT file has no map.
     """
-    if columns is None:
-        if path.suffix.lower() == ".mat":
-            raise ConfigError("name its columns in --columns or with --map")
-        recording = read_recording(path)
-        return look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
+    if path.suffix.lower() == ".mat":
+        raise ConfigError("name its columns in --columns or with --map")
+    axis, recording = asked.axis, read_recording(path)
+    sensors = {} if is_truth else _name_sensors(asked.config, axis)
+    recording, note = take_sensors(recording, axis.name, sensors)
+    record = _record_of(recording, path, asked)
+    return replace(record, notes=(*record.notes, note)) if note else record
+
+
+def _read_foreign(path: Path, columns: ColumnMap, asked: Question) -> AxisRecord:
+    """Return one recording of an axis, its columns by a map."""
     mapped = columns.of(path.name)
-    recording = map_columns(read_columns(path), mapped, axis.name)
-    record = look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
+    recording = map_columns(read_columns(path), mapped, asked.axis.name)
+    record = _record_of(recording, path, asked)
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
+
+
+def _record_of(recording: Recording, path: Path, asked: Question) -> AxisRecord:
+    """Return the record of an axis, after its units and what its logger did are looked through."""
+    axis = asked.axis
+    names = recording.dtype.names or ()
+    check_quantities(recording, names)
+    doubts = find_doubts(recording, names, {f"{axis.name}.position": 2.0 * axis.parameters.h})
+    warn_of([f"{path}: {doubt}" for doubt in doubts])
+    full_opening = asked.config.full_scale(axis)
+    return look_through(AxisRecord.of(recording, axis.name, full_opening, path.name))
+
+
+def _name_sensors(config: BenchConfig, axis: CylinderConfig) -> dict[str, str]:
+    """Return the name of the first sensor of each quantity of an axis."""
+    mine = [node for node in config.nodes if node.axis == axis.name]
+    pairs = ((node.kind.measured(node), node.name) for node in reversed(mine))
+    return {quantity: name for quantity, name in pairs if quantity is not None}
 
 
 def _find_chains(

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.results import add_json_argument, print_results
 from hil_bench.cli.scenario_report import (
     add_report_argument,
@@ -13,7 +14,9 @@ from hil_bench.cli.scenario_report import (
     write_report,
 )
 from hil_bench.cli.verdicts import exit_code_for, finding_content, finding_lines
+from hil_bench.outside.recording.column_units import find_doubts
 from hil_bench.outside.recording.files import read_recording
+from hil_bench.scenario.reach import names_in
 from hil_bench.scenario.recorded import Judged, judge_with_trace
 
 _EXAMPLES = """\
@@ -64,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
     for path in args.recordings:
         signals = read_recording(path)
         judged[path] = judge_with_trace(args.requirements, signals, str(path), args.start)
+        names = names_in(each.requirement.condition for each in judged[path].findings)
+        warn_of([f"{path}: {doubt}" for doubt in find_doubts(signals, names)])
         if args.report:
             chapters.append(recording_chapter(args.requirements, path, signals, judged[path]))
     content = {str(path): finding_content(each.findings) for path, each in judged.items()}

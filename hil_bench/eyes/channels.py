@@ -2,8 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+from collections.abc import Iterable
 from typing import Final
 
 from hil_bench.eyes.known_ecu import KnownEcu, KnownValue
@@ -12,10 +11,8 @@ from hil_bench.eyes.pdos import PdoField
 from hil_bench.eyes.sight import J1939Message, Sight
 from hil_bench.eyes.values import Reading
 from hil_bench.outside.recording.channels import Channel
-from hil_bench.units import ONE
+from hil_bench.units import ONE, read_unit
 
-_SI: Final[Mapping[str, str]] = MappingProxyType({"mm": "m", "mm/s": "m/s", "%": "-", "°C": "°C"})
-_PRESSURES: Final = frozenset({"bar", "mbar", "Pa", "hPa", "kPa", "MPa", "psi"})
 _NO_WORD: Final = re.compile(r"[^0-9A-Za-z]+")
 
 _Key = tuple[int, int, int, int]
@@ -68,8 +65,7 @@ class BusChannels:
         place = f"0x{reader.index:04X}_{reader.subindex:02X}"
         name = f"{symbol_of(node.name)}.{symbol_of(reader.name) or place}"
         unit = ONE if reader.scale is None else reader.scale.unit
-        symbol = "Pa" if unit.symbol in _PRESSURES else _SI.get(unit.symbol, unit.symbol)
-        self._places[key] = self._open(name, place, symbol), unit.factor
+        self._places[key] = self._open(name, place, _si_symbol(unit.symbol)), unit.factor
 
     def _open(self, name: str, place: str, unit: str) -> int:
         """Open a channel, and return its number; its place tells it from another of its name."""
@@ -113,6 +109,12 @@ class BusChannels:
 
 def _key(sight: Sight, reading: Reading) -> _Key:
     return sight.frame.bus, sight.node_id or 0, reading.object_index, reading.subindex
+
+
+def _si_symbol(symbol: str) -> str:
+    """Return the unit of a value times its unit's factor; CiA 303-2 has prefixes, as in hbar."""
+    found = read_unit(symbol) or read_unit(symbol[1:])
+    return symbol if found is None else found.symbol
 
 
 def _is_number(field: PdoField) -> bool:

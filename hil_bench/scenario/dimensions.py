@@ -71,7 +71,10 @@ _UNITS: Final = (
     MeasuredUnit(Unit("Pa/s", "_pa_s"), multiply(_PRESSURE, _RATE)),
     MeasuredUnit(units.BAR_PER_SECOND, multiply(_PRESSURE, _RATE)),
     *(MeasuredUnit(unit, _FORCE) for unit in (units.NEWTON, Unit("kN", "_kn", 1e3))),
-    MeasuredUnit(units.NEWTON_PER_MILLIMETRE, multiply(_FORCE, _LENGTH, -1)),
+    *(
+        MeasuredUnit(unit, multiply(_FORCE, _LENGTH, -1))
+        for unit in (Unit("N/m", "_n_per_m"), units.NEWTON_PER_MILLIMETRE)
+    ),
     MeasuredUnit(units.KILOGRAM, power(kg=1)),
     *(
         MeasuredUnit(unit, _RATE)
@@ -82,8 +85,12 @@ _UNITS: Final = (
         MeasuredUnit(unit, power(m=3, s=-1))
         for unit in (units.CUBIC_METRE_PER_SECOND, units.LITRE_PER_MINUTE)
     ),
-    *(MeasuredUnit(unit, power(m=3)) for unit in (units.LITRE, units.CUBIC_CENTIMETRE)),
-    MeasuredUnit(units.SQUARE_CENTIMETRE, power(m=2)),
+    *(
+        MeasuredUnit(unit, power(m=3))
+        for unit in (Unit("m³", "_m3"), units.LITRE, units.CUBIC_CENTIMETRE)
+    ),
+    *(MeasuredUnit(unit, power(m=2)) for unit in (Unit("m²", "_m2"), units.SQUARE_CENTIMETRE)),
+    MeasuredUnit(units.CELSIUS, ((units.CELSIUS.symbol, 1),)),
 )
 
 UNITS: Final[Mapping[str, MeasuredUnit]] = MappingProxyType(

@@ -32,7 +32,7 @@ from hil_bench.scenario.operands import (
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 
-_KNOWN_BASES = {"kg", "m", "s"}
+_KNOWN_BASES = {"kg", "m", "s", "°C"}
 
 
 def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValue:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
+from hil_bench.scenario.column_checks import check_columns
 from hil_bench.scenario.judgement import Judgement, judge
 from hil_bench.scenario.load import load_requirements
 from hil_bench.scenario.reach import names_in
@@ -67,16 +68,19 @@ def judge_with_trace(
 
     Args:
         requirements: a file with ``[[expect]]``: a scenario, or that alone.
-        signals: the recording.
+        signals: the recording, in the bench's units, as `read_recording` returns it.
         source: how messages name it.
         start: when the run begins on the recording's clock [s]; None for 0 where the file states a
             duration, else for the first row.
+
+    What cannot be judged, by its unit for one, raises a `ConfigError`.
     """
     expectations, parameters, duration = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
     trace = lay_on_ticks(signals, source, start, duration)
     longest = math.inf if duration is None else duration
     compiled = compile_texts(expectations, vocabulary, longest)
+    check_columns(compiled, signals, source)
     return Judged([judge_trace(each, trace) for each in compiled], trace)
 
 

@@ -13,9 +13,10 @@ from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.foreign_table import Columns
-from hil_bench.units import ONE, UNITS_OF, Unit
+from hil_bench.units import ONE, UNITS_OF, Unit, read_unit
 
 _FILES = "files"
+_MEASURED = ".measured"
 _FULL_SCALE = (Unit("V", "_v", 0.1), Unit("mA", "_ma", 0.05))
 """Units of a command: 10 V and 20 mA are the full opening, where nothing else is said."""
 
@@ -152,6 +153,36 @@ def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
     return recording
 
 
+def take_sensors(
+    recording: Recording, axis: str, sensors: Mapping[str, str]
+) -> tuple[Recording, str]:
+    """Return a bench's recording with what its sensors measured in place of the plant's own values.
+
+    Args:
+        recording: of the bench.
+        axis: its axis.
+        sensors: the name of the sensor of each quantity.
+
+    Returns:
+        The recording, and a note that says which columns are taken; without a note it has no column
+        of a sensor, as that of a machine.
+    """
+    names = recording.dtype.names or ()
+    ours = (TIME.name, f"{axis}.")
+    if not any(name.endswith(_MEASURED) for name in names if not name.startswith(ours)):
+        return recording, ""
+    found = recording.copy()
+    taken = {}
+    for quantity in (channel.name for channel in CHANNELS[1:]):
+        column = f"{sensors[quantity]}{_MEASURED}" if quantity in sensors else ""
+        if f"{axis}.{quantity}" in names:
+            is_there = column in names
+            taken[quantity] = column if is_there else f"{axis}.{quantity}, the plant's own"
+            if is_there:
+                found[f"{axis}.{quantity}"] = recording[column]
+    return found, "taken: " + "; ".join(f"{name} from {column}" for name, column in taken.items())
+
+
 def _read_tables(prefix: str, tables: object, problems: Problems) -> dict[str, Column | None]:
     if not isinstance(tables, dict):
         problems.add(problems.place(prefix), f"{describe(tables)} is not a table")
@@ -239,6 +270,9 @@ def _find_unit(quantity: str, symbol: str) -> Unit:
     for unit in units:
         if unit.symbol == symbol:
             return unit
+    spelled = read_unit(symbol)
+    if spelled is not None and spelled.symbol == _UNITS[quantity]:
+        return Unit(symbol, "", spelled.factor)
     known = ", ".join(unit.symbol for unit in units)
     wrong = f"unit {symbol} is unknown" if symbol else "the unit is missing"
     raise ConfigError(f"{wrong}; {quantity} has one of {known}")

@@ -21,6 +21,7 @@ from hil_bench.outside.recording.channels import (
     recording_channels,
     recording_dtype,
 )
+from hil_bench.outside.recording.column_units import in_own_units
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
 
@@ -70,19 +71,24 @@ class RecordingFile:
 
 
 def read_recording(path: Path) -> Recording:
-    """Return the signals of a recording, by its suffix CSV or MF4.
+    """Return the signals of a recording, by its suffix CSV or MF4, in the bench's own units.
 
-    A CSV file that ends in the middle of a row, because its writer was killed, loses that row.
+    A column in a unit that is not known stays as it is. A CSV file that ends in the middle of a
+    row, because its writer was killed, loses that row.
 
     Raises:
         ConfigError: the file cannot be read or holds something else.
     """
     if path.suffix.lower() == ".mf4":
-        return read_mdf(path).signals
+        signals = read_mdf(path).signals
+        try:
+            return in_own_units(signals)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error}") from None
     with about_file(path, what="cannot be read", right="give a recording"):
         try:
             with path.open(encoding="utf-8", newline="") as file:
-                return _parse(list(csv.reader(_complete_lines(file))))
+                return in_own_units(_parse(list(csv.reader(_complete_lines(file)))))
         except (ValueError, csv.Error) as error:
             raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
 

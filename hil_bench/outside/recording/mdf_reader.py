@@ -115,6 +115,8 @@ class _Reader:
             _, _, data_type, bit_offset, offset, bits, *_ = mdf.CN_DATA.unpack_from(cn.data)
             if (data_type, bit_offset, offset, bits) != (mdf.FLOAT, 0, 8 * number, 64):
                 raise ValueError("a signal is not float64")
+            if cn.links[4]:
+                raise ValueError("a signal has a conversion")
             unit = self._text(cn.links[6]) if cn.links[6] else "-"
             channels.append(Channel(self._text(cn.links[2]), unit))
         if size != 8 * len(channels) or not channels or channels[0].name != TIME.name:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.columns import map_columns, read_column_map
+from hil_bench.machine.identification.columns import map_columns, read_column_map, take_sensors
+from hil_bench.outside.recording.channels import Channel, recording_dtype
 
 RIG = """
 [time]
@@ -94,7 +95,11 @@ def test_a_full_scale_takes_the_place_of_the_usual_one(tmp_path: Path) -> None:
     [
         ('column = "s"', "", 'position: column is missing; give for example column = "s [mm]"'),
         ('unit = "mm"', "", "the unit is missing; position has one of m, mm, um"),
-        ('unit = "mm"', 'unit = "inch"', "unit inch is unknown; position has one of m, mm, um"),
+        (
+            'unit = "mm"',
+            'unit = "furlong"',
+            "unit furlong is unknown; position has one of m, mm, um",
+        ),
         ("polarity = -1", "polarity = 2", '2 is no polarity; give 1, -1 or "unknown"'),
         ("polarity = -1", "full_scale = 2", "full_scale is for spool_setpoint"),
         ("[P_A]", "[P_C]", "unknown quantity; the nearest known one is P_"),
@@ -131,3 +136,21 @@ def test_a_map_without_the_command_is_refused() -> None:
 
     with pytest.raises(ConfigError, match="no column is spool_setpoint"):
         map_columns(TABLE, columns.of("a.csv"), "lift")
+
+
+def test_what_sensors_measured_counts_before_what_only_the_plant_knows() -> None:
+    names = ("axis1.position", "axis1.P_A", "encoder.measured", "pressure.measured")
+    channels = [Channel("time", "s"), *(Channel(name, "m") for name in names)]
+    bench = np.array([(0.0, 1.0, 2.0, 1.5, 2.5)], dtype=recording_dtype(channels))
+
+    found, note = take_sensors(bench, "axis1", {"position": "encoder", "P_B": "other"})
+
+    assert found[["axis1.position", "axis1.P_A"]].tolist() == [(1.5, 2.0)]
+    assert bench["axis1.position"] == 1.0
+    assert note == ("taken: position from encoder.measured; P_A from axis1.P_A, the plant's own")
+
+
+def test_a_recording_of_a_machine_is_taken_as_it_is() -> None:
+    channels = [Channel("time", "s"), Channel("axis1.position", "m")]
+    machine = np.array([(0.0, 1.0)], dtype=recording_dtype(channels))
+    assert take_sensors(machine, "axis1", {"position": "encoder"}) == (machine, "")

@@ -98,10 +98,10 @@ class Examination:
 def _settling(requirement: Condition, tick_ns: int) -> int:
     """Return after how many ticks that are all unknown another one changes nothing.
 
-    By then each window lies in them as a whole; a level rounds both its bounds to ticks, or looks
-    at its neighbours.
+    By then each window lies in them as a whole. A level rounds it up by a tick, or looks a tick
+    back.
     """
-    return breadth(requirement) // tick_ns + 2 * DEEPEST
+    return breadth(requirement) // tick_ns + DEEPEST
 
 
 def _padded(column: Floats, count: int) -> Floats:

@@ -139,7 +139,7 @@ class Explainer:
         part = self._margins(node.operand)[first : last + 1]
         is_lowest = isinstance(node, nodes.Always | nodes.Historically)
         if not len(part):
-            return min(tick, self._ticks - 1)
+            return tick  # an empty past decides
         return first + int(np.argmin(part) if is_lowest else np.argmax(part))
 
     def _until(self, node: nodes.Until | nodes.Since, tick: int) -> Cause:

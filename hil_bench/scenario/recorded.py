@@ -20,6 +20,7 @@ from hil_bench.scenario.vocabulary import channel_vocabulary
 
 _JITTER = 0.25  # of a tick that a row may be off its grid
 _MOST_TICKS = 100_000_000
+_FAR = 2.0**53  # ticks: a start that is further off is as good as this
 
 
 class Trace(NamedTuple):
@@ -115,12 +116,14 @@ def lay_on_ticks(
     rows, tick_ns = _number_rows(times, source)
     if start is None:
         start = float(times[0]) if duration is None else 0.0
-    rows += round((float(times[0]) - start) * 1e9 / tick_ns)
+    before = (float(times[0]) - start) * 1e9 / tick_ns
+    rows += round(min(max(before, -_FAR), _FAR))
     planned = None if duration is None else ticks_of(duration, tick_ns)
     end = int(rows[-1]) + 1 if planned is None else planned
     is_inside = (rows >= 0) & (rows < end)
     places = rows[is_inside]
     ticks = int(places[-1]) + 1 if len(places) else 0
+    _check_span(ticks, source)
     columns = {}
     for name in signals.dtype.names or ():
         columns[name] = np.full(ticks, np.nan)
@@ -145,9 +148,13 @@ def _number_rows(times: Floats, source: str) -> tuple[npt.NDArray[np.int64], int
     rows = np.rint(places)
     if not tick_ns or np.abs(places - rows).max() > _JITTER or len(np.unique(rows)) < len(rows):
         raise ConfigError(f"{source}: its rows are not evenly spaced; give one with a row a tick")
-    if rows[-1] >= _MOST_TICKS:
-        raise ConfigError(f"{source}: spans {rows[-1] + 1:.0f} ticks; give at most {_MOST_TICKS}")
+    _check_span(rows[-1] + 1, source)
     return rows.astype(np.int64), tick_ns
+
+
+def _check_span(ticks: float, source: str) -> None:
+    if ticks > _MOST_TICKS:
+        raise ConfigError(f"{source}: spans {ticks:.0f} ticks; give at most {_MOST_TICKS}")
 
 
 def _outside(times: Floats, start: float, length: float | None) -> str:

@@ -109,6 +109,16 @@ def test_a_hole_is_unknown_where_it_is_asked_for(text, p, q, outcome, asked, rea
     assert (found.outcome, covered(found), found.reason) == (outcome, asked, reason)
 
 
+def test_beside_a_hole_what_is_known_decides():
+    """The trigger is true by 0.1 of 1 whatever q is; the response misses by 8.9 of 9."""
+    found = verdict("always ((p > 0 or q > 0) implies p > 9)", [0.1], [NAN])
+    assert (found.outcome, found.margin) == ("failed", pytest.approx(-0.1))
+    assert found.deciding.condition == "not p > 0"
+    found = verdict("always not ((p > 0 or q > 0) implies p > 9)", [0.1], [NAN])
+    assert (found.outcome, found.margin) == ("passed", pytest.approx(0.1))
+    assert found.deciding.condition == "p > 0"
+
+
 def test_a_hole_and_an_early_end_are_both_named():
     found = verdict("always (p < 9 and q < 9)", [1, 1, 1, NAN], [1] * 4, planned=10)
     assert found.reason == "p not seen after 0.002 s; nothing seen after 0.003 s"
@@ -217,6 +227,15 @@ def test_rows_lie_on_the_ticks_of_the_run(times, start, duration, column, planne
     np.testing.assert_array_equal(found.columns["p"], column)
     assert (found.ticks, found.tick_ns, found.planned) == (len(column), 100_000_000, planned)
     assert found.start == pytest.approx(begin)
+
+
+def test_a_start_that_is_far_off_has_nothing_or_too_much():
+    for start in (1e300, -1e300):
+        found = lay_on_ticks(recording([0.0, 0.1]), "r", start, 0.2)
+        assert (found.ticks, found.planned) == (0, 3)
+    assert lay_on_ticks(recording([0.0, 0.1]), "r", 1e300).ticks == 0
+    with pytest.raises(ConfigError, match="give at most 100000000"):
+        lay_on_ticks(recording([0.0, 0.1]), "r", -1e300)
 
 
 def test_two_rows_of_one_tick_are_refused():

@@ -1,5 +1,6 @@
 """Our evaluator against the definitions, against RTAMT, and against itself in blocks."""
 
+import math
 import re
 import sys
 
@@ -16,7 +17,9 @@ from support.expectations import (
     rtamt_margins,
 )
 
+from hil_bench.scenario import nodes
 from hil_bench.scenario.build import AT_START, StreamBuilder
+from hil_bench.scenario.examination import Examination
 from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.values import Block
@@ -110,3 +113,27 @@ def _blocks(rng, ticks):
     while sum(blocks) < ticks:
         blocks.append(min(int(rng.integers(1, 10)), ticks - sum(blocks)))
     return blocks
+
+
+@given(SEEDS)
+@settings(max_examples=300, deadline=None)
+def test_what_decides_has_the_margin_of_the_whole(seed):
+    """The named comparison, by the definitions, is as far from changing as the requirement is."""
+    rng = np.random.default_rng(seed)
+    case = random_case(rng, int(rng.integers(0, 5)))
+    ticks = int(rng.integers(1, 21))
+    columns = random_trace(rng, ticks, holes=rng.choice([0.0, 0.1]))
+    node = parse_expectation(case.ours, VOCABULARY)
+    found = Examination(node, columns, ticks, TICK)
+    low, high = found.monitor.margin
+    if low < 0.0 < high:
+        return
+    cause = found.find_cause()
+    assert 0 <= cause.tick < ticks
+    size = abs(high if high < 0.0 else low)
+    if not isinstance(cause.node, nodes.Comparison):
+        assert size == math.inf
+        return
+    low, high = margin(cause.node, cause.tick, columns, ticks, {})
+    if size < math.inf:  # else an empty window decides, and nothing is near
+        assert low == high == (size if cause.is_true else -size), case.ours

@@ -5,6 +5,7 @@ import pytest
 
 from hil_bench.scenario.dimensions import find_unit
 from hil_bench.scenario.judgement import RequirementOutcome, judge
+from hil_bench.scenario.monitor import Monitor
 from hil_bench.scenario.nodes import All, Always, Comparison, Eventually, Implies, Not, Window
 from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.reach import reach
@@ -404,3 +405,15 @@ def test_numbers_have_the_digits_that_matter(value, apart, unit, text):
 def test_nothing_to_judge_is_inconclusive():
     found = judge(parse("always flag > 0"), {"flag": np.empty(0)}, ticks=0, tick_ns=TICK)
     assert (found.outcome, found.reason) == ("inconclusive", "nothing seen")
+
+
+def test_a_window_is_met_with_its_last_tick_and_not_before():
+    monitor = Monitor(parse("always from 0 ms to 3 ms flag < 9"), TICK)
+    for tick, flag in enumerate((1.0, 1.0, 1.0, 1.0)):
+        assert not monitor.is_met, tick
+        monitor.push({"flag": np.array([flag])}, 1)
+    assert monitor.is_met
+    monitor = Monitor(parse("always from 0 ms to 3 ms flag < 9"), TICK)
+    monitor.push({"flag": np.ones(3)}, 3)
+    monitor.finish()
+    assert not monitor.is_met

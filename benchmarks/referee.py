@@ -51,7 +51,9 @@ class Count:
 
     def print(self) -> None:
         """Print the table."""
-        print("| path | cases | decided by rounding | disagreements |", "|---|---|---|---|", sep="\n")
+        print(
+            "| path | cases | decided by rounding | disagreements |", "|---|---|---|---|", sep="\n"
+        )
         for path, cases in self.cases.items():
             print(f"| {path} | {cases} | {self.rounded[path]} | {self.wrong[path]} |")
 

@@ -44,6 +44,21 @@ GRID = {
 }
 """Steps of values whose sums and small products are exact in doubles, in SI."""
 
+LOGGED = {
+    PRESSURE: {"psi": Fraction("4.4482216152605") / Fraction("0.0254") ** 2, "hPa": Fraction(100)},
+    LENGTH: {"cm": Fraction(1, 100), "[in]": Fraction("0.0254")},
+    SPEED: {"m/min": Fraction(1, 60), "km/h": Fraction(10, 36)},
+    FORCE: {"daN": Fraction(10), "lbf": Fraction("4.4482216152605")},
+    FLOW: {"L/min": Fraction(1, 60_000), "m^3/h": Fraction(1, 3600)},
+    TIME: {"min": Fraction(60)},
+    RATE: {"kPa/s": Fraction(1000)},
+    PLAIN: {"1": Fraction(1)},
+}
+"""The size in SI of units that other loggers write, and the language of requirements has not."""
+
+ODD = ["furlong", "barg", "kg", "°C"]
+"""Units that are not known, or of another kind than any column."""
+
 EXACT_TICKS = [Fraction(1, 512), Fraction(1, 64), Fraction(1, 8), Fraction(1, 2), Fraction(1)]
 OTHER_TICKS = [Fraction(n, 10_000) for n in (1, 10, 33, 100, 200, 1000, 3000)]
 RELATIONS = ["<", "<=", ">", ">=", "==", "!="]
@@ -63,6 +78,7 @@ class Case:
         tick: the time between two [s].
         parameters: by name the value as it is written, in the unit at its name's end.
         is_exact: whether doubles hold each value of the case, so that ties are ties.
+        logged: the unit of each column of a file, and its size in SI; None for an odd one.
         rows: those of a file: the time of each on its clock [s], and its place in the columns.
         duration: of the run [s], where the file of the requirement states one.
     """
@@ -76,6 +92,7 @@ class Case:
     tick: Fraction
     is_exact: bool
     parameters: dict[str, Number] = field(default_factory=dict)
+    logged: dict[str, tuple[str, Fraction | None]] = field(default_factory=dict)
     rows: list[tuple[Fraction, int]] = field(default_factory=list)
     duration: Fraction | None = None
 
@@ -88,8 +105,7 @@ class Case:
         """Return the recorded values in SI."""
         return {
             name: [
-                None if x is None else x * UNITS[self.kinds[name]][self.units[name]]
-                for x in column
+                None if x is None else x * UNITS[self.kinds[name]][self.units[name]] for x in column
             ]
             for name, column in self.columns.items()
         }
@@ -113,7 +129,9 @@ class Draw:
         chance = self._random
         tree = self.tree()
         ticks = chance.choice([0, 1, 2, 3, chance.randrange(4, 12), chance.randrange(4, 61)])
-        columns = {name: self._column(kind, self._units[name], ticks) for name, kind in self._kinds.items()}
+        columns = {
+            name: self._column(kind, self._units[name], ticks) for name, kind in self._kinds.items()
+        }
         extra = chance.choice([0.0, 0.0, 0.1, 0.5])
         words = Words(lambda: chance.random() < extra)
         return Case(
@@ -126,6 +144,7 @@ class Draw:
             self._tick,
             self._is_exact,
             self._parameters,
+            {name: self._logged(name, kind) for name, kind in self._kinds.items()},
             self._rows(ticks),
             self._duration(ticks),
         )
@@ -134,6 +153,16 @@ class Draw:
         """Return a requirement."""
         tree = self._condition(self._random.choice([1, 2, 2, 3, 3, 4, 5]))
         return Window("always", Span(""), tree) if self._random.random() < 0.5 else tree
+
+    def _logged(self, name: str, kind: str) -> tuple[str, Fraction | None]:
+        """Return the unit in which a file has a column, and its size."""
+        kinds = self._random.random()
+        if kinds < 0.03 and kind != PLAIN:
+            return self._random.choice(ODD), None
+        unit = self._units[name]
+        if kinds < 0.2:
+            return self._random.choice(list(LOGGED[kind].items()))
+        return unit or "-", UNITS[kind][unit]
 
     def _rows(self, ticks: int) -> list[tuple[Fraction, int]]:
         """Return the rows of a file: some are missing, some are beside their tick."""

@@ -66,7 +66,7 @@ class Ruling:
         outcome: passed, failed, inconclusive or not exercised.
         margin: its bounds at the first tick.
         first: the first tick that violates an ``always``; None for other requirements.
-        violated: how many ticks do; 0 where they do not add up to a time.
+        violated: how many that were seen do; 0 where they do not add up to a time.
         triggered: how often the triggers became true; None where there is no implication.
         asked: the first and the last tick for which it asks.
         unseen: how many ticks from the first to the last are unknown.
@@ -106,6 +106,7 @@ class Run:
         values: of each signal, one a tick; None where it is unknown.
         ticks: how many the run has.
         tick: the time between two [s].
+        seen: how many of them there are up to the last that was recorded; all without it.
 
     Attributes:
         closest: how near two sides of a comparison came, as a share of the larger; what is nearer
@@ -113,8 +114,13 @@ class Run:
     """
 
     def __init__(
-        self, values: Mapping[str, Sequence[Fraction | None]], ticks: int, tick: Fraction
+        self,
+        values: Mapping[str, Sequence[Fraction | None]],
+        ticks: int,
+        tick: Fraction,
+        seen: int | None = None,
     ) -> None:
+        self._seen = ticks if seen is None else seen
         self._values = values
         self._ticks = ticks
         self._tick = tick
@@ -132,7 +138,8 @@ class Run:
         elif truth.is_true:
             outcome = PASSED if all(triggers) else NOT_EXERCISED
         violations = self._violations(requirement) if truth.is_false else []
-        counted = len(violations) if has_duration(requirement) else 0
+        seen = [t for t in violations if t < self._seen]
+        counted = len(seen) if has_duration(requirement) else 0
         leaves = list(self._leaves(requirement))
         asked = (min(first for _, first, _ in leaves), max(last for _, _, last in leaves))
         unseen = sum(self._is_unseen(leaves, tick) for tick in range(asked[0], asked[1] + 1))
@@ -183,9 +190,7 @@ class Run:
             case Logic():
                 return self._logic(tree, tick)
             case Pair():
-                return joined(
-                    tree.name, self.truth(tree.left, tick), self.truth(tree.right, tick)
-                )
+                return joined(tree.name, self.truth(tree.left, tick), self.truth(tree.right, tick))
             case Until():
                 return self._until(tree, tick)
         return self._window(as_window(tree), tick)

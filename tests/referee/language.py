@@ -260,7 +260,11 @@ class Words:
 
     def _settled(self, tree: Settled):
         text = f"settled({self.of(tree.of)}, {tree.tolerance.text}"
-        return f"{text}, {tree.span.text})" if tree.span.end is not None else f"{text})", ATOM, False
+        return (
+            f"{text}, {tree.span.text})" if tree.span.end is not None else f"{text})",
+            ATOM,
+            False,
+        )
 
 
 def ticks_of(span: Span, tick: Fraction) -> tuple[int, int | None]:

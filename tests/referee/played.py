@@ -107,7 +107,7 @@ class Played:
     def differences_in_test(self) -> Iterator[str]:
         """Yield what the referee contradicts of what `test` finds."""
         run = self._play({}, stops=self.stops)
-        referee = Run(self._values(run), self.ticks, TICK)
+        referee = Run(self._values(run), self.ticks, TICK, len(run.evidence.signals))
         for tree, (requirement, judgement) in zip(self.trees, run.findings, strict=True):
             found = [*differences(referee, tree, judgement, TICK, is_planned=True)]
             for each in marked(found, referee, is_exact=False):

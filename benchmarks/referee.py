@@ -22,8 +22,9 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from referee.agreement import ROUNDED, differences_in_memory, differences_of_file
+from referee.asking import conditions_in, refusals
 from referee.cases import Case, draw
-from referee.evaluator import Run, conditions_in, refusals
+from referee.evaluator import Run
 from referee.played import Played
 
 EACH = 5

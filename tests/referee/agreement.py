@@ -8,18 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from referee.cases import Case, bits, written
-from referee.evaluator import (
-    FAILED,
-    INCONCLUSIVE,
-    Ruling,
-    Run,
-    conditions_in,
-    laid_on_ticks,
-    names_in,
-    refusals,
-)
-from referee.language import PLAIN, UNITS, Comparison, Number
 
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.files import read_recording
@@ -29,6 +17,10 @@ from hil_bench.scenario.parse import parse_expectation
 from hil_bench.scenario.recorded import judge_with_trace
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
+from referee.asking import conditions_in, laid_on_ticks, names_in, refusals
+from referee.cases import Case, bits, written
+from referee.evaluator import FAILED, INCONCLUSIVE, Ruling, Run
+from referee.language import PLAIN, UNITS, Comparison, Number
 
 SI = {
     "pressure": "Pa",

@@ -5,7 +5,7 @@ import random
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from referee.evaluator import names_in
+from referee.asking import names_in
 from referee.language import (
     FLOW,
     FORCE,
@@ -61,6 +61,7 @@ ODD = ["furlong", "barg", "kg", "°C"]
 
 EXACT_TICKS = [Fraction(1, 512), Fraction(1, 64), Fraction(1, 8), Fraction(1, 2), Fraction(1)]
 OTHER_TICKS = [Fraction(n, 10_000) for n in (1, 10, 33, 100, 200, 1000, 3000)]
+BACK_WORDS = ["for the last", "within the last"]
 RELATIONS = ["<", "<=", ">", ">=", "==", "!="]
 PLAIN_LETTERS = str.maketrans("²³µ", "23u")
 RATE_OF = {SPEED: LENGTH, RATE: PRESSURE}
@@ -228,24 +229,28 @@ class Draw:
 
     def _value(self, kind: str, depth: int):
         chance = self._random
-        names = [name for name, other in self._kinds.items() if other == kind]
         if depth <= 0 or chance.random() < 0.4:
+            names = [name for name, other in self._kinds.items() if other == kind]
             if names and chance.random() < 0.8:
                 return Signal(chance.choice(names))
             return self._constant(kind, self._size(kind))
         form = chance.choice(["+", "-", "*", "/", "-x", "abs", "previous", "rate"])
         if form in {"previous", "rate"}:
             return self._of_two_ticks(form, kind, depth)
-        if form in {"+", "-"}:
-            return Arithmetic(form, self._value(kind, depth - 1), self._value(kind, depth - 1))
-        if form == "*":
-            sides = [self._value(kind, depth - 1), self._value(PLAIN, depth - 2)]
+        if form in {"+", "-", "*", "/"}:
+            return self._arithmetic(form, kind, depth - 1)
+        return Function(form.removesuffix("x"), self._value(kind, depth - 1))
+
+    def _arithmetic(self, sign: str, kind: str, inside: int) -> Arithmetic:
+        chance = self._random
+        if sign in {"+", "-"}:
+            return Arithmetic(sign, self._value(kind, inside), self._value(kind, inside))
+        if sign == "*":
+            sides = [self._value(kind, inside), self._value(PLAIN, inside - 1)]
             chance.shuffle(sides)
             return Arithmetic("*", *sides)
-        if form == "/":
-            divisor = self._constant(PLAIN, Fraction(chance.choice([-4, -1, 1, 2, 8]), 4))
-            return Arithmetic("/", self._value(kind, depth - 1), divisor)
-        return Function(form.removesuffix("x"), self._value(kind, depth - 1))
+        divisor = self._constant(PLAIN, Fraction(chance.choice([-4, -1, 1, 2, 8]), 4))
+        return Arithmetic("/", self._value(kind, inside), divisor)
 
     def _of_two_ticks(self, form: str, kind: str, depth: int):
         """Return ``previous(x)`` or ``rate(x)``, where there is a signal for it."""
@@ -267,30 +272,32 @@ class Draw:
         chance = self._random
         if depth <= 0 or chance.random() < 0.1:
             return self._leaf()
-        form = chance.choice(
-            ["logic", "pair", "pair", "window", "window", "window", "until", "whenever", "edge"]
-        )
-        inside = depth - 1
-        if form == "logic":
-            return Logic(chance.choice(["not", "previous"]), self._condition(inside))
-        if form == "edge":
-            return Logic(chance.choice(["rises", "falls", "changes"]), self._condition(inside))
-        if form == "pair":
-            name = chance.choice(["and", "or", "implies"])
-            return Pair(name, self._condition(inside), self._condition(inside))
-        if form == "whenever":
-            return Whenever(self._condition(inside), self._condition(inside))
-        if form == "until":
-            name = chance.choice(["until", "since"])
-            span = self._span(chance.choice(["", "from", "within"]))
-            return Until(name, span, self._condition(inside), self._condition(inside))
-        return self._window(inside)
+        forms = [self._logic, self._pair, self._pair, self._window, self._window, self._window]
+        return chance.choice([*forms, self._until, self._whenever, self._edge])(depth - 1)
+
+    def _logic(self, inside: int) -> Logic:
+        return Logic(self._random.choice(["not", "previous"]), self._condition(inside))
+
+    def _edge(self, inside: int) -> Logic:
+        name = self._random.choice(["rises", "falls", "changes"])
+        return Logic(name, self._condition(inside))
+
+    def _pair(self, inside: int) -> Pair:
+        name = self._random.choice(["and", "or", "implies"])
+        return Pair(name, self._condition(inside), self._condition(inside))
+
+    def _whenever(self, inside: int) -> Whenever:
+        return Whenever(self._condition(inside), self._condition(inside))
+
+    def _until(self, inside: int) -> Until:
+        name = self._random.choice(["until", "since"])
+        span = self._span(self._random.choice(["", "from", "within"]))
+        return Until(name, span, self._condition(inside), self._condition(inside))
 
     def _window(self, inside: int):
         chance = self._random
         name = chance.choice(
-            ["always", "eventually", "within", "for", "historically", "once"]
-            + ["for the last", "within the last"]
+            ["always", "eventually", "within", "for", "historically", "once", *BACK_WORDS]
         )
         if name in {"always", "eventually", "historically", "once"}:
             span, of = self._span(chance.choice(["", "from", "after"])), self._condition(inside)

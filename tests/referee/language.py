@@ -131,8 +131,8 @@ class Span:
 class Window:
     """A condition at each tick, or at some tick, of a window ahead or back.
 
-    ``name`` is ``always``, ``eventually``, ``within``, ``for``, ``historically``, ``once``, ``for the
-    last`` or ``within the last``.
+    ``name`` is ``always``, ``eventually``, ``within``, ``for``, ``historically``, ``once``,
+    ``for the last`` or ``within the last``.
     """
 
     name: str

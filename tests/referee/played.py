@@ -13,11 +13,6 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from referee.agreement import differences, is_margin, marked
-from referee.cases import DrawOn
-from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Run, refusals
-from referee.language import LENGTH, PLAIN, PRESSURE, SPEED
-
 from hil_bench import cli
 from hil_bench.campaign.executing import collect, execute
 from hil_bench.campaign.plan import Plan
@@ -26,6 +21,11 @@ from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.store import Store
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import PlayOptions, play, prepare
+from referee.agreement import differences, is_margin, marked
+from referee.asking import refusals
+from referee.cases import DrawOn
+from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Run
+from referee.language import LENGTH, PLAIN, PRESSURE, SPEED
 
 TICK = Fraction(1, 1000)
 KINDS = {
@@ -114,7 +114,7 @@ class Played:
                 yield f"{each}: {requirement.that}"
 
     def differences_in_verb(self) -> Iterator[str]:
-        """Yield what the referee contradicts of what the verb `test` prints, and of its exit code."""
+        """Yield what the referee contradicts of what the verb prints, and of its exit code."""
         run = self._play({}, stops=self.stops)
         referee = Run(self._values(run), self.ticks, TICK)
         outcomes = [referee.rule(tree).outcome for tree in self.trees]

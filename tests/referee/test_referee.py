@@ -1,21 +1,29 @@
-"""`judge` and the online monitor against the referee, on cases drawn from a seed."""
+"""`judge`, the monitor, `test` and campaigns against the referee, on cases drawn from a seed."""
 
 import pytest
-from referee.agreement import differences_in_memory, differences_of_file
+
+from referee.agreement import ROUNDED, differences_in_memory, differences_of_file
 from referee.cases import draw
+from referee.played import Played
 
 SEED = 27
 
 
-@pytest.mark.parametrize("first", range(0, 150, 50))
+def disagreements(found):
+    """Return what is more than the rounding of doubles."""
+    return [each for each in found if not each.startswith(ROUNDED)]
+
+
+@pytest.mark.parametrize("first", range(0, 120, 20))
 def test_judge_and_the_monitor_agree_with_the_referee(first):
-    found = {n: list(differences_in_memory(draw(SEED, n))) for n in range(first, first + 50)}
-    assert not {n: each for n, each in found.items() if each}
+    for number in range(first, first + 20):
+        assert not disagreements(differences_in_memory(draw(SEED, number))), number
 
 
-def test_judged_files_agree_with_the_referee(tmp_path):
-    found = {n: list(differences_of_file(draw(SEED, n), tmp_path)) for n in range(200, 250)}
-    assert not {n: each for n, each in found.items() if each}
+@pytest.mark.parametrize("first", range(200, 240, 20))
+def test_judged_files_agree_with_the_referee(first, tmp_path):
+    for number in range(first, first + 20):
+        assert not disagreements(differences_of_file(draw(SEED, number), tmp_path)), number
 
 
 @pytest.mark.long
@@ -23,4 +31,13 @@ def test_judged_files_agree_with_the_referee(tmp_path):
 def test_thousands_of_cases_agree_with_the_referee(first, tmp_path):
     for number in range(first, first + 500):
         case = draw(SEED, number)
-        assert not [*differences_in_memory(case), *differences_of_file(case, tmp_path)], number
+        found = [*differences_in_memory(case), *differences_of_file(case, tmp_path)]
+        assert not disagreements(found), number
+
+
+@pytest.mark.long
+def test_what_is_played_agrees_with_the_referee(tmp_path):
+    played = Played(f"{SEED}", tmp_path, 25)
+    assert not disagreements(played.differences_in_test())
+    assert not disagreements(played.differences_in_verb())
+    assert not disagreements(played.differences_in_campaign(tmp_path / "results", 4))

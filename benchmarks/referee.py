@@ -8,7 +8,7 @@
 3. Each play: 25 requirements on a run of the bench, as `test` judges it; each fifth by the verb
    itself, with its exit code, and as a campaign of 8 runs.
 
-It prints the cases by outcome and by what they hold, and each disagreement. "By rounding" are those
+Ctrl-C ends it early. It prints the cases by outcome and by what they hold, and each disagreement. "By rounding" are those
 in which two sides of a comparison are the same number in decimals and not in doubles. Exit code 1:
 the referee disagrees with something else.
 """
@@ -17,6 +17,7 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -39,6 +40,8 @@ class Count:
         self.cases: Counter[str] = Counter()
         self.rounded: Counter[str] = Counter()
         self.wrong: Counter[str] = Counter()
+        self.outcomes: Counter[str] = Counter()
+        self.forms: Counter[str] = Counter()
 
     def take(self, path: str, name: str, found: Iterable[str], cases: int = 1) -> None:
         """Take what the referee says of some cases, and print what it contradicts."""
@@ -51,7 +54,11 @@ class Count:
             print(f"{path} {name}: {each}")
 
     def print(self) -> None:
-        """Print the table."""
+        """Print the tables."""
+        for title, found in (("outcome", self.outcomes), ("form", self.forms)):
+            print(f"| {title} | cases |", "|---|---|", sep="\n")
+            for name, times in found.most_common():
+                print(f"| {name} | {times} |")
         print(
             "| path | cases | decided by rounding | disagreements |", "|---|---|---|---|", sep="\n"
         )
@@ -65,23 +72,18 @@ def words_of(case: Case) -> set[str]:
 
 
 def judge_cases(count: Count, cases: int, seed: int, folder: Path) -> None:
-    """Judge cases in memory, and some in files; print what they hold."""
-    outcomes: Counter[str] = Counter()
-    forms: Counter[str] = Counter()
+    """Judge cases in memory, and some in files."""
     for number in range(cases):
         case = draw(seed, number)
         count.take("judge, monitor", f"{number}", differences_in_memory(case))
         if number % EACH == 0:
             count.take("judge of files", f"{number}", differences_of_file(case, folder))
-        forms.update(words_of(case))
+        count.forms.update(words_of(case))
         if refusals(case.tree, case.tick, None):
-            outcomes["refused"] += 1
+            count.outcomes["refused"] += 1
         else:
-            outcomes[Run(case.values(), case.ticks, case.tick).rule(case.tree).outcome] += 1
-    for title, found in (("outcome", outcomes), ("form", forms)):
-        print(f"| {title} | cases |", "|---|---|", sep="\n")
-        for name, times in found.most_common():
-            print(f"| {name} | {times} |")
+            run = Run(case.values(), case.ticks, case.tick)
+            count.outcomes[run.rule(case.tree).outcome] += 1
 
 
 def judge_plays(count: Count, plays: int, seed: int, folder: Path) -> None:
@@ -109,9 +111,9 @@ def main() -> int:
     cases, plays = (200, 1) if options.brief else (options.cases, options.plays)
     count = Count()
     print(f"seed {options.seed}")
-    with TemporaryDirectory() as folder:
-        judge_cases(count, cases, options.seed, Path(folder))
+    with TemporaryDirectory() as folder, suppress(KeyboardInterrupt):
         judge_plays(count, plays, options.seed, Path(folder))
+        judge_cases(count, cases, options.seed, Path(folder))
     count.print()
     return 1 if count.wrong.total() else 0
 

@@ -103,8 +103,8 @@ class View:
             yield f"{self._what(self._first, first)} before {self._time(first)}"
         if between:
             yield f"{self._what(first, last)} for {self._time(between)}"
-        if self._unknown[last + 1 :].any():
-            yield f"{self._what(last + 1, self._ticks)} after {self._time(last)}"
+        if self._unknown[last:].any():
+            yield f"{self._what(last, self._ticks)} after {self._time(last)}"
         if self._behind:
             yield f"nothing seen after {self._time(self._ticks - 1)}"
 

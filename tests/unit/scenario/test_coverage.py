@@ -74,6 +74,10 @@ def covered(found):
         ("always from 3 ms to 3 ms (p < 9 since within 2 ms p > 4)", "passed", [1, 3, 2, 0]),
         ("(always from 1 ms to 2 ms p < 9) and always from 7 ms to 8 ms p < 9", "inconclusive",
          [1, 8, 5, 2]),
+        ("(always from 5 ms to 6 ms p < 9) and always from 7 ms to 8 ms p < 9", "inconclusive",
+         [5, 8, 0, 4]),
+        ("(always from 5 ms to 7 ms p < 9) and always from 6 ms to 8 ms p < 9", "inconclusive",
+         [5, 8, 0, 4]),
         ("whenever p > 4 then within 1 ms p < 2", "inconclusive", [0, 9, 3, 6]),
         ("always from 0 ms to 2 ms (p > 9 implies p < 2)", "not exercised", [0, 2, 2, 0]),
         ("settled(p, 1)", "failed", [0, 9, 3, 6]),
@@ -95,6 +99,8 @@ def test_what_was_not_seen_is_unknown(text, outcome, asked):
         ("always (p < 9 or q < 9)", [1, NAN, 1], [1, 1, 1], "passed", [0, 2, 1, 1], ""),
         ("always (p < 9 and q < 9)", [1, NAN, 1], [NAN, 1, 1], "inconclusive", [0, 2, 0, 2],
          "p, q not seen before 0.002 s"),
+        ("always from 0 ms to 1 ms p < 9", [1, NAN, 1], None, "inconclusive", [0, 1, 0, 1],
+         "p not seen after 0 s"),
         # What is missing where nobody asks for it counts for nothing.
         ("always from 1 ms to 2 ms p < 9", [NAN, 1, 1, NAN], None, "passed", [1, 2, 1, 0], ""),
         ("(always from 0 ms to 1 ms p < 9) and always from 3 ms to 4 ms q < 9",
@@ -144,6 +150,8 @@ def test_without_a_plan_the_end_is_that_of_the_rows(text, is_stated, words):
 
 def test_the_share_that_was_seen():
     assert verdict("always p < 9", [1, 1, 1], planned=9).coverage.share == 0.25  # 2 of 8 ms
+    found = verdict("always from 1 ms to 5 ms p < 9", [1, 1, 5, 1])
+    assert found.coverage.share == 0.5  # 2 of 4 ms
     assert verdict("p < 9", [1], planned=9).coverage.share == 1.0
     assert verdict("p < 9", [NAN], planned=9).coverage.share == 0.0
 

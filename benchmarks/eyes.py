@@ -4,7 +4,7 @@
 
 The frames are a run of the built-in bench: TPDOs every 10 ms, set-points, heartbeats, the set-up by
 SDO. Processor time, the fastest round. The peer in the same run is `cantools`, which decodes the
-PDOs among them by the DBC file that `decode --dbc` writes; it gives values, and no text.
+PDOs among them by the DBC file that `decode --write-dbc` writes; it gives values, and no text.
 """
 
 import argparse

@@ -8,9 +8,9 @@
 3. Each play: 25 requirements on a run of the bench, as `test` judges it; each fifth by the verb
    itself, with its exit code, and as a campaign of 8 runs.
 
-Ctrl-C ends it early. It prints the cases by outcome and by what they hold, and each disagreement. "By rounding" are those
-in which two sides of a comparison are the same number in decimals and not in doubles. Exit code 1:
-the referee disagrees with something else.
+It prints the cases by outcome and by what they hold, and each disagreement. "Decided by rounding"
+are those in which two sides of a comparison are the same number in decimals and not in doubles.
+Exit code 1: the referee disagrees with something else. Ctrl-C ends it early.
 """
 
 import argparse

@@ -21,6 +21,7 @@ raise, and their base, which is this tree's. The controller side has a tree of i
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -106,9 +107,45 @@ def about_file(path: object, *, what: str = "cannot be written", right: str = ""
         raise ConfigError("; ".join(filter(None, (f"{path}: {what}: {reason}", right)))) from None
 
 
+_LONGEST_HEAD = 1 << 20
+_MDF_BY_US = rb"(?s)(MDF     |UnFinMF ).{8}hilbench"
+_OURS = {
+    ".asc": rb"date ",
+    ".blf": rb"LOGG",
+    ".csv": rb"time\b",
+    ".dbc": rb'VERSION "hil-bench"',
+    ".html": rb"(?si)<!doctype html>.*hil-bench",
+    ".json": rb"\s*[\[{]",
+    ".log": rb"\(",
+    ".mf4": _MDF_BY_US,
+    ".pdf": rb"%PDF",
+    ".png": rb"\x89PNG",
+    ".svg": rb"<\?xml|<svg",
+    ".xml": rb"<\?xml|<testsuite",
+}
+"""How files begin that the bench replaces, by suffix: those that it writes itself. Pictures, bus
+logs, tables of signals, JSON and JUnit files are known by their kind alone."""
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse to replace a file that the bench has not written.
+
+    Raises:
+        ConfigError: there is one of another content.
+    """
+    form = _OURS.get(path.suffix.lower())
+    if form is None or not path.is_file():
+        return
+    with about_file(path, what="cannot be replaced"), path.open("rb") as file:
+        head = file.read(_LONGEST_HEAD)
+    if head and not re.match(form, head):
+        right = "give another name, or delete it first"
+        raise ConfigError(f"{path}: is there already, and not written by hil-bench; {right}")
+
+
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Have a file written whole, or left as it was.
+    """Have a file written whole, or left as it was; see `check_replaceable`.
 
     Args:
         path: the file; a device, a pipe or a link is written where it is.
@@ -116,6 +153,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     Yields:
         The file to write, which takes its place at the end of the block.
     """
+    check_replaceable(path)
     if path.is_symlink() or (path.exists() and not path.is_file()):
         yield path
         return

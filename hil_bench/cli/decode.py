@@ -19,6 +19,7 @@ from hil_bench.cli.results import add_json_argument
 from hil_bench.cli.sight_lines import SightLines
 from hil_bench.errors import ConfigError
 from hil_bench.eyes.channels import BusChannels
+from hil_bench.eyes.dbc_words import DbcWords
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frames import LeftOut, read_frames
@@ -35,7 +36,8 @@ examples:
   hil-bench decode trace.asc --eds 5=vendor.eds --node 5 --changes
   hil-bench decode trace.blf bench.toml --problems
   hil-bench decode trace.log bench.toml -o decoded.mf4     values as channels, in SI
-  hil-bench decode trace.log bench.toml --dbc bus.dbc      for SavvyCAN, PlotJuggler, asammdf
+  hil-bench decode trace.log bench.toml --write-dbc bus.dbc     for SavvyCAN, asammdf
+  hil-bench decode trace.trc --dbc vendor.dbc      messages that no node explains
 """
 
 
@@ -60,6 +62,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--dbc",
         type=Path,
         metavar="FILE.dbc",
+        help="read a DBC file: frames of no known node are shown by its messages and signals "
+        "(pip install 'hil-bench[dbc]')",
+    )
+    parser.add_argument(
+        "--write-dbc",
+        type=Path,
+        metavar="FILE.dbc",
         help="print nothing: write a DBC file of the PDOs as they are mapped at the log's end, and "
         "of the J1939 messages of known devices (pip install 'hil-bench[dbc]')",
     )
@@ -79,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     decoder = _decoder(args)
     check_nodes(args.node, decoder)
     frames = from_first(read_frames(args.log, left_out, errors=True))
-    if args.output is None and args.dbc is None:
+    if args.output is None and args.write_dbc is None:
         count = _print(args, decoder, frames)
     else:
         count = _write(args, decoder, list(frames))
@@ -97,16 +106,20 @@ def _check_outputs(args: argparse.Namespace) -> None:
     """
     if args.output is not None and args.output.suffix.lower() not in SIGNAL_SUFFIXES:
         raise ConfigError(f"-o {args.output}: give a file name that ends in .mf4 or .csv")
-    if args.dbc is not None and args.dbc.suffix.lower() != ".dbc":
-        raise ConfigError(f"--dbc {args.dbc}: give a file name that ends in .dbc")
+    if args.write_dbc is not None and args.write_dbc.suffix.lower() != ".dbc":
+        raise ConfigError(f"--write-dbc {args.write_dbc}: give a file name that ends in .dbc")
+    if args.dbc is not None and not (args.output is None and args.write_dbc is None):
+        raise ConfigError("--dbc is for lines; leave -o and --write-dbc out")
 
 
 def _print(args: argparse.Namespace, decoder: Decoder, frames: Iterator[LoggedFrame]) -> int:
     """Print all lines, and return how many frames there were."""
     lines, count = SightLines(args, 1 + max((bus for bus, _ in decoder.nodes), default=0)), 0
+    named = None if args.dbc is None else DbcWords(args.dbc)
     for logged in frames:
         count += 1
-        lines.show(decoder.take(logged))
+        sights = decoder.take(logged)
+        lines.show(sights if named is None else map(named.explain, sights))
     lines.show(decoder.finish())
     return count
 
@@ -127,10 +140,10 @@ def _write(args: argparse.Namespace, decoder: Decoder, frames: list[LoggedFrame]
             owners.setdefault(id(owner.pdo), owner)
     ecus = known_ecus(args, load_bench_config(args))
     written = []
-    if args.dbc is not None:
+    if args.write_dbc is not None:
         from hil_bench.eyes.dbc import write_dbc  # noqa: PLC0415 - an extra
 
-        written.append(f"{write_dbc(args.dbc, decoder, ecus)} messages: {args.dbc}")
+        written.append(f"{write_dbc(args.write_dbc, decoder, ecus)} messages: {args.write_dbc}")
     if args.output is not None:
         channels = BusChannels(owners.values(), (each.narrowed(groups) for each in ecus))
         if not channels.channels:

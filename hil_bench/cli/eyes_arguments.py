@@ -32,7 +32,10 @@ def add_listening_arguments(parser: argparse.ArgumentParser) -> None:
 def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the log of frames that is read, and which nodes are in it."""
     parser.add_argument(
-        "log", type=Path, metavar="FILE", help="log of frames: .log (candump), .asc, .blf or .mf4"
+        "log",
+        type=Path,
+        metavar="FILE",
+        help="log of frames: .log (candump), .asc, .blf, .trc or .mf4",
     )
     add_bench_arguments(parser)
     add_eds_argument(parser)

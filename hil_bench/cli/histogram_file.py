@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, Self
 
-from hil_bench.errors import about_file
+from hil_bench.errors import about_file, check_replaceable
 from hil_bench.outside.realtime.statistics import DurationHistogram, TickSummary
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.transports.bus_load import load_of
@@ -26,6 +26,7 @@ class HistogramFile:
         self._file: IO[str] | None = None
         if path is None:
             return
+        check_replaceable(path)
         with about_file(f"--histograms {path}", right="give a file in a directory of yours"):
             self._file = path.open("w", encoding="ascii")
 

@@ -309,7 +309,7 @@ def _read_foreign(path: Path, columns: ColumnMap, asked: Question) -> AxisRecord
 def _record_of(recording: Recording, path: Path, asked: Question) -> AxisRecord:
     """Return the record of an axis, after its units and what its logger did are looked through."""
     axis = asked.axis
-    names = recording.dtype.names or ()
+    names = [name for name in recording.dtype.names or () if name.startswith(f"{axis.name}.")]
     check_quantities(recording, names)
     doubts = find_doubts(recording, names, {f"{axis.name}.position": 2.0 * axis.parameters.h})
     warn_of([f"{path}: {doubt}" for doubt in doubts])

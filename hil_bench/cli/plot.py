@@ -11,7 +11,7 @@ from hil_bench.errors import ConfigError
 from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording, recording_channels
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.formats import SIGNAL_SUFFIXES
+from hil_bench.outside.recording.formats import FRAME_SUFFIXES, SIGNAL_SUFFIXES
 from hil_bench.outside.recording.frame_plot import plot_frames
 from hil_bench.outside.recording.frames import read_frames
 from hil_bench.outside.recording.plot import has_axis, plot_result
@@ -67,8 +67,12 @@ def run(args: argparse.Namespace) -> int:
     if args.frames or args.recording.suffix.lower() not in SIGNAL_SUFFIXES:
         _plot_frames(args, path, title)
     else:
-        recording = _cut(read_recording(args.recording), args)
-        if has_axis(recording) and not args.signals:
+        recording = read_recording(args.recording)
+        is_traffic = not len(recording) and _has_frames(args)
+        recording = recording if is_traffic else _cut(recording, args)
+        if is_traffic:
+            _plot_frames(args, path, title)
+        elif has_axis(recording) and not args.signals:
             plot_result(recording, path, title=title)
         elif len(recording_channels(recording)) > 1 or args.signals:
             plot_signals(recording, path, patterns=args.signals, title=title)
@@ -76,6 +80,24 @@ def run(args: argparse.Namespace) -> int:
             _plot_frames(args, path, title)
     print_results(args, [str(path)], {"picture": path})
     return ExitCode.DONE
+
+
+def _has_frames(args: argparse.Namespace) -> bool:
+    """Return whether a recording without signals has frames.
+
+    Raises:
+        ConfigError: it has, and signals are asked for.
+    """
+    if args.recording.suffix.lower() not in FRAME_SUFFIXES:
+        return False
+    if next(read_frames(args.recording, errors=True), None) is None:
+        return False
+    if args.signals:
+        right = (
+            f"'hil-bench decode {args.recording} bench.toml -o decoded.mf4' makes signals of them"
+        )
+        raise ConfigError(f"{args.recording}: holds frames and no signals; {right}")
+    return True
 
 
 def _beside(recording: Path) -> Path:

@@ -13,6 +13,7 @@ import can
 
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.arguments import add_bench_arguments, load_bench_config, read_speed
+from hil_bench.cli.doubts import warn_of
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.interruption import interruption
 from hil_bench.errors import BusError, ConfigError
@@ -25,10 +26,13 @@ from hil_bench.machine.replay import (
     play_frames,
 )
 from hil_bench.outside.realtime.clock import MonotonicClock
+from hil_bench.outside.recording.channels import Recording
+from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.outside.recording.frames import message_of, read_frames
 from hil_bench.outside.recording.trigger import quantity
 from hil_bench.outside.transports.opening import open_can_bus
+from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.units import display_unit
 
 _EXAMPLES = """\
@@ -147,6 +151,7 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         ConfigError: the recording lacks what is needed.
     """
     recorded = read_recording(args.recording)
+    _check_units(args, config, recorded)
     units = {each.name: each.unit for axis in config.axes for each in compared(axis)}
     tolerances = dict(_tolerance(text, units) for text in args.tolerance)
     try:
@@ -160,6 +165,23 @@ def drive(args: argparse.Namespace, config: BenchConfig) -> int:
         print("\n".join((_HEAD, *map(_line, deviations))))
     is_right = all(deviation.is_within for deviation in deviations)
     return ExitCode.DONE if is_right else ExitCode.CHECK_FAILED
+
+
+def _check_units(args: argparse.Namespace, config: BenchConfig, recorded: Recording) -> None:
+    """Refuse columns of cylinders in a unit of something else, and doubt those of a wrong size.
+
+    Raises:
+        ConfigError: there is such a unit.
+    """
+    cylinders = [axis for axis in config.axes if isinstance(axis, CylinderConfig)]
+    own = tuple(f"{axis.name}." for axis in cylinders)
+    names = [name for name in recorded.dtype.names or () if name.startswith(own)]
+    strokes = {f"{axis.name}.position": 2.0 * axis.parameters.h for axis in cylinders}
+    try:
+        check_quantities(recorded, names)
+    except ConfigError as error:
+        raise ConfigError(f"{args.recording}: {error}") from None
+    warn_of([f"{args.recording}: {doubt}" for doubt in find_doubts(recorded, names, strokes)])
 
 
 _HEAD = f"{'signal':24} {'rms':>12} {'worst':>12} {'at':>10}   tolerance"

@@ -16,7 +16,7 @@ from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
-from hil_bench.errors import ConfigError, about_file, whole_file
+from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
 from hil_bench.eyes.frame_words import meaning_of
 from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording
@@ -82,6 +82,8 @@ def check_report_argument(args: argparse.Namespace) -> None:
         raise ConfigError(
             f"--report {args.report}: there is no folder {args.report.parent}; make it first"
         )
+    for path in (args.report, args.report.with_suffix(".json")):
+        check_replaceable(path)
     if find_spec("jinja2") is None:
         raise ConfigError("--report needs Jinja2: pip install 'hil-bench[report]'")
 

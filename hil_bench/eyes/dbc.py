@@ -7,7 +7,7 @@ from hil_bench.canopen_device.datatypes import IntegerType, RealType
 from hil_bench.canopen_device.pdo_mapping import Direction
 from hil_bench.devices.j1939.ecu import USUAL_PRIORITY
 from hil_bench.devices.j1939.identifier import join
-from hil_bench.errors import ConfigError, about_file
+from hil_bench.errors import ConfigError, about_file, whole_file
 from hil_bench.eyes.channels import symbol_of, word_of
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.known_ecu import KnownEcu, KnownSignal
@@ -18,7 +18,7 @@ try:
     from cantools.database.can import Database, Message, Node, Signal
     from cantools.database.conversion import BaseConversion
 except ImportError:
-    raise ConfigError("--dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
+    raise ConfigError("--write-dbc needs the extra dbc: pip install 'hil-bench[dbc]'") from None
 
 _LONGEST = 8
 
@@ -46,13 +46,14 @@ def write_dbc(path: Path, decoder: Decoder, ecus: Iterable[KnownEcu] = ()) -> in
     messages += [message for ecu in ecus for message in _ecu_messages(ecu)]
     if not messages:
         right = "give bench.toml or --eds N=FILE"
-        raise ConfigError(f"--dbc {path}: no PDO and no J1939 signal is known; {right}")
+        raise ConfigError(f"--write-dbc {path}: no PDO and no J1939 signal is known; {right}")
     names = [symbol_of(node.name) for node in decoder.nodes.values()]
     names += [word_of(ecu.name) for ecu in ecus]
-    database = Database(messages, nodes=[Node(name, None) for name in names])
+    database = Database(messages, nodes=[Node(name, None) for name in names], version="hil-bench")
     content = database.as_dbc_string().encode("cp1252", errors="replace")
-    with about_file(f"--dbc {path}", right="give a file in a directory of yours"):
-        path.write_bytes(content)
+    right = "give a file in a directory of yours"
+    with about_file(f"--write-dbc {path}", right=right), whole_file(path) as file:
+        file.write_bytes(content)
     return len(messages)
 
 

@@ -40,10 +40,10 @@ def test_an_interruption_leaves_nothing_behind(tmp_path):
 
 
 def test_a_whole_file_takes_the_place_of_the_old_one(tmp_path):
-    path = tmp_path / "report.html"
+    path = tmp_path / "report.txt"
     path.write_text("before")
     with whole_file(path) as file:
-        assert file.suffix == ".html"  # which says the format of a picture
+        assert file.suffix == ".txt"  # which says the format of a picture
         file.write_text("after")
         assert path.read_text() == "before"
     assert [each.read_text() for each in tmp_path.iterdir()] == ["after"]
@@ -56,3 +56,42 @@ def test_a_link_stays_a_link(tmp_path):
         file.write_text("x")
     assert link.is_symlink()
     assert target.read_text() == "x"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.csv", b"name,phone\n"),
+        ("a.mf4", b"MDF     4.10    amd.mdf \0"),
+        ("a.png", b"no picture"),
+        ("a.html", b"<!doctype html><title>Of a user</title>"),
+        ("a.dbc", b'VERSION ""\n'),
+        ("a.json", b"words"),
+    ],
+)
+def test_a_file_of_somebody_else_is_not_replaced(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    wrong = "is there already, and not written by hil-bench"
+    with pytest.raises(ConfigError, match=wrong), whole_file(path) as file:
+        file.write_bytes(b"new")
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.csv", b"time,axis1.position\n"),
+        ("a.mf4", b"MDF     4.10    hilbench"),
+        ("a.png", b"\x89PNG"),
+        ("a.html", b"<!doctype html><title>hil-bench</title>"),
+        ("a.json", b""),
+        ("a.txt", b"words"),
+    ],
+)
+def test_what_the_bench_wrote_is_replaced(tmp_path, name, content):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with whole_file(path) as file:
+        file.write_bytes(b"new")
+    assert path.read_bytes() == b"new"

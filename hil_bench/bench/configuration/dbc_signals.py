@@ -47,7 +47,7 @@ def look_up(path: Path | None, name: str, signals: Mapping[str, Any]) -> dict[st
     for key in _PLACE:
         if key in given:
             raise ConfigError(f"{key} comes from the DBC by {MESSAGE}; give one of the two")
-    message = _find_message(_load(path, path.stat().st_mtime_ns if path.exists() else 0), given)
+    message = _find_message(load_dbc(path), given)
     signal = _find_signal(message, name, given)
     own = {key: value for key, value in given.items() if key not in {MESSAGE, SIGNAL}}
     found = {**dict(_place(message, signal)), **dict(_timing(message, signal, own))}
@@ -58,8 +58,16 @@ def look_up(path: Path | None, name: str, signals: Mapping[str, Any]) -> dict[st
     return {**found, **own}
 
 
+def load_dbc(path: Path) -> "Database":
+    """Return the content of a DBC file, read once for each of its versions.
+
+    A file that cannot be read, and a missing extra, raise a `ConfigError`.
+    """
+    return _load_version(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
 @lru_cache(maxsize=4)
-def _load(path: Path, _changed: int) -> "Database":
+def _load_version(path: Path, _changed: int) -> "Database":
     try:
         from cantools.database import load_string  # noqa: PLC0415 - an extra
         from cantools.errors import Error  # noqa: PLC0415

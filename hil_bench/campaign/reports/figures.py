@@ -36,9 +36,18 @@ def margin_figure(margins: Sequence[float]) -> str:
         if len(failed):
             axes.hist(failed, edges, color=RED, label=f"fails ({len(failed)})")
         axes.axvline(0.0, color="#222222", linewidth=1.0)
-        axes.set(xlabel="margin, as a share of the tolerance", ylabel="runs")
+        label = "margin, as a share of the tolerance" + beyond(margins)
+        axes.set(xlabel=label, ylabel="runs")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return svg_of(figure)
+
+
+def beyond(margins: Sequence[float]) -> str:
+    """Return how many margins lie outside the figure, where they are in its first or last bin."""
+    counts = (sum(m < -_LARGEST for m in margins), sum(m > _LARGEST for m in margins))
+    pairs = zip(counts, (f"below {-_LARGEST:g}", f"above {_LARGEST:g}"), strict=True)
+    outside = [f"{count} {where}" for count, where in pairs if count]
+    return f" ({' and '.join(outside)}: shown at the end)" if outside else ""
 
 
 def search_figure(found: SearchResult, requirement: str) -> str:
@@ -52,7 +61,8 @@ def search_figure(found: SearchResult, requirement: str) -> str:
         for method, colour in _COLOURS.items():
             _draw_method(axes, found, requirement, method, colour)
         axes.axhline(0.0, color="#222222", linewidth=1.0)
-        axes.set(xlabel="run", ylabel="smallest margin so far")
+        margins = [m for each in found.trials if (m := each.margin(requirement)) is not None]
+        axes.set(xlabel="run" + beyond(margins), ylabel="smallest margin so far")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return svg_of(figure)
 

@@ -6,12 +6,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Self
 
-from hil_bench.errors import ConfigError, RecordingError
+from hil_bench.errors import ConfigError, RecordingError, check_replaceable
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 
 BUS_LOGS = (".asc", ".blf", ".log")
-"""Suffixes of what has frames alone: Vector's ASC and BLF, candump's log."""
+"""Suffixes of what has frames alone and is written: Vector's ASC and BLF, candump's log."""
+
+READ_LOGS = (*BUS_LOGS, ".trc")
+"""Suffixes of what has frames alone and is read: PEAK's TRC, too."""
 
 
 class BlockFile:
@@ -84,6 +87,7 @@ class OutputFile:
     def __init__(self, path: Path, head: bytes = b"") -> None:
         self.path = path
         self.size = 0
+        check_replaceable(path)
         try:
             self._file = path.open("wb", buffering=0)
             self._begin(head)

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from hil_bench.errors import ConfigError, about_file, printable
+from hil_bench.errors import ConfigError, about_file, check_replaceable, printable
 from hil_bench.outside.recording.block_file import naming
 from hil_bench.outside.recording.channels import (
     TIME,
@@ -43,6 +43,7 @@ class RecordingFile:
         self._part = path.with_name(path.name + ".part")
         if path.is_dir():
             raise ConfigError(f"{path}: is a directory; give the name of a file to write")
+        check_replaceable(path)
         with about_file(path, right="give a file in a directory of yours"):
             self._file = self._part.open("w", encoding="utf-8", newline="")
 

@@ -7,17 +7,18 @@ from dataclasses import dataclass
 from datetime import datetime
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TextIO
 
 import can
 from can.io.asc import ASCReader, ASCWriter
 from can.io.blf import BLFParseError, BLFReader, BLFWriter
 from can.io.canutils import CanutilsLogReader
+from can.io.trc import TRCReader
 
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.frame import ERROR_FLAG, is_error_frame
-from hil_bench.outside.recording.block_file import BUS_LOGS, BlockFile
+from hil_bench.outside.recording.block_file import BUS_LOGS, READ_LOGS, BlockFile
 from hil_bench.outside.recording.candump_lines import CompleteLines
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.outside.recording.mdf_blocks import IDENTIFICATION_SIZE
@@ -25,9 +26,23 @@ from hil_bench.outside.recording.mdf_reader import ForeignMdfError, read_mdf
 
 _Reader = Callable[[Any], Iterable[can.Message]]
 
+
+def _read_trc(lines: TextIO) -> Iterator[can.Message]:
+    """Read PEAK's TRC, its times from its first entry on: those of python-can have the date.
+
+    Yields:
+        The messages.
+    """
+    reader = TRCReader(lines)
+    for message in reader:
+        message.timestamp -= reader.start_time.timestamp() if reader.start_time else 0.0
+        yield message
+
+
 _TEXT_READERS: dict[str, _Reader] = {
     ".asc": ASCReader,
     ".log": CanutilsLogReader,
+    ".trc": _read_trc,
 }
 
 _ERROR_CLASSES = 0x1FFF_FFFF
@@ -205,8 +220,8 @@ def read_frames(
     if suffix == ".mf4":
         yield from _read_mf4(path, left_out, errors=errors)
         return
-    if suffix not in BUS_LOGS:
-        right = f"give a file that ends in one of {' '.join(BUS_LOGS)} .mf4"
+    if suffix not in READ_LOGS:
+        right = f"give a file that ends in one of {' '.join(READ_LOGS)} .mf4"
         raise ConfigError(f'{path}: no log of frames has the suffix "{path.suffix}"; {right}')
     with about_file(path, what="cannot be read", right="give a log of frames"):
         file = path.open("rb")

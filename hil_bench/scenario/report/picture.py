@@ -15,7 +15,7 @@ from hil_bench.outside.recording.plot import MotionPanel, motion_panels, styled
 from hil_bench.scenario import nodes
 from hil_bench.scenario.build import Span, StreamBuilder
 from hil_bench.scenario.evidence import Evidence
-from hil_bench.scenario.nodes import Atom, Comparison, Condition
+from hil_bench.scenario.nodes import Atom, Comparison, Condition, Relation
 from hil_bench.scenario.reach import names_in
 from hil_bench.scenario.sliding import Floats
 from hil_bench.scenario.values import Block, build_values
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_SIGNS = {
+    Relation.LESS: -1.0,
+    Relation.LESS_EQUAL: -1.0,
+    Relation.GREATER: 1.0,
+    Relation.GREATER_EQUAL: 1.0,
+}
 _MOST_PANELS = 4  # of comparisons; the one that decides is always there
 _LONGEST = 70  # characters of a legend
 _MERGED = 1 / 2000  # of the run: times of violation that are closer are one patch
@@ -111,6 +117,8 @@ def _panels(scene: Scene) -> Iterator[MotionPanel]:
     others = [atom for atom in atoms if not isinstance(atom, Comparison)]
     for comparison in comparisons:
         yield MotionPanel(1.3, partial(_draw_comparison, scene=scene, node=comparison))
+        if comparison == scene.decider and comparison.relation in _SIGNS:
+            yield MotionPanel(0.8, partial(_draw_margin, scene=scene, node=comparison))
     if others:
         yield MotionPanel(0.3 + 0.3 * len(others), partial(_draw_truths, scene=scene, atoms=others))
     signals = scene.evidence.signals
@@ -134,6 +142,23 @@ def _draw_comparison(place: "Axes", scene: Scene, node: Comparison) -> None:
     if node == scene.decider and scene.instant is not None:
         tick = min(round(scene.instant * 1e9 / evidence.tick_ns), evidence.ticks - 1)
         place.plot([scene.instant], [left[tick]], "o", color=RED, markersize=6, zorder=4)
+
+
+def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
+    """Draw how far a comparison is from its limit, cut where it is far from a violation."""
+    evidence = scene.evidence
+    unit = unit_of(node.dimension, node.symbol)
+    times = np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
+    left, right = (_values(side, evidence) for side in (node.left, node.right))
+    margin = _SIGNS[node.relation] * (left - right) / unit.factor
+    place.plot(times, margin, color=BLUE, linewidth=1.3)
+    place.fill_between(times, margin, 0.0, where=margin < 0.0, color=RED, alpha=0.6)
+    place.axhline(0.0, color=GREY, linestyle="--", linewidth=1.2)
+    worst = float(np.nanmin(margin, initial=0.0, where=np.isfinite(margin)))
+    if worst < 0.0:  # a violation is seen however far the signal is from its limit elsewhere
+        place.set_ylim(1.3 * worst, -3.0 * worst)
+    place.set_ylabel("Margin" if unit is ONE else f"Margin [{unit.symbol}]")
+    place.margins(x=0.0)
 
 
 def _values(side: nodes.Value, evidence: Evidence) -> Floats:

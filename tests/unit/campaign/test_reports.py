@@ -13,6 +13,7 @@ from hil_bench.campaign.plan import Plan
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome
 from hil_bench.campaign.replay import replay
+from hil_bench.campaign.reports.figures import beyond
 from hil_bench.campaign.running import perform
 
 HOSTILE = "<script>alert(1)</script> & more"
@@ -123,3 +124,9 @@ def test_the_sobol_indices_are_in_report_and_json(tmp_path, capsys):
     of_load = next(each for each in found if each["parameter"] == "load_n")
     assert max(of_load["total"].values()) < 1e-9
     assert "How much of a margin comes from which parameter" in Page(report.read_text()).words
+
+
+def test_margins_outside_a_figure_are_counted():
+    assert beyond([-3.0, 0.0, 3.0]) == ""
+    assert beyond([-4.0, -5.0, 0.0]) == " (2 below -3: shown at the end)"
+    assert beyond([-4.0, 9.0]) == " (1 below -3 and 1 above 3: shown at the end)"

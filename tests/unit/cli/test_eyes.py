@@ -124,7 +124,7 @@ def test_values_become_channels_in_si(folder, capsys):
 
 
 def test_a_dbc_reads_the_frames_as_we_do(folder):
-    assert main(["decode", "t.log", "bench.toml", "--dbc", "bus.dbc"]) == 0
+    assert main(["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]) == 0
     database = cantools.database.load_file(folder / "bus.dbc")
     said = database.decode_message(0x182, FRAMES[2].frame.data)
     assert said["ai_input_process_value_1"] == 50.0
@@ -162,8 +162,14 @@ def test_error_frames_are_shown_and_what_is_left_out_of_a_log_is_counted(folder,
         (["bench.toml"], 'bench.toml: no log of frames has the suffix ".toml"'),
         (["t.log", "-o", "d.log"], "-o d.log: give a file name that ends in .mf4 or .csv"),
         (["t.log", "-o", "d.csv"], "t.log: no PDO of a known node and no J1939 signal"),
-        (["t.log", "--dbc", "d.txt"], "--dbc d.txt: give a file name that ends in .dbc"),
-        (["t.log", "--dbc", "d.dbc"], "--dbc d.dbc: no PDO and no J1939 signal is known"),
+        (
+            ["t.log", "--write-dbc", "d.txt"],
+            "--write-dbc d.txt: give a file name that ends in .dbc",
+        ),
+        (
+            ["t.log", "--write-dbc", "d.dbc"],
+            "--write-dbc d.dbc: no PDO and no J1939 signal is known",
+        ),
         (["empty.log"], "empty.log: has no frames to decode"),
         (["foreign.mf4"], "to read the frames of other MF4, pip install asammdf"),
     ],
@@ -287,3 +293,33 @@ def test_quiet_says_nothing_but_errors(folder, capsys, words):
     path.write_bytes(path.read_bytes()[:-5])
     assert main([*words, "-q"]) in {0, 1}
     assert capsys.readouterr() == ("", "")
+
+
+VENDOR_DBC = """\
+VERSION ""
+BU_: drive
+BO_ 801 Motor: 3 drive
+ SG_ speed : 0|8@1+ (0.5,-1) [0|0] "rpm" drive
+"""
+
+
+def test_a_dbc_of_a_user_is_read_and_never_written(folder, capsys):
+    vendor = folder / "vendor.dbc"
+    vendor.write_text(VENDOR_DBC)
+    with can.TRCWriter("t.trc") as log:
+        data = [7, 0, 0]  # 7 · 0.5 - 1 = 2.5 rpm
+        log(can.Message(timestamp=1.7e9, arbitration_id=801, data=data, is_extended_id=False))
+
+    assert main(["decode", "t.trc", "--dbc", "vendor.dbc"]) == 0
+    (line,) = lines(capsys)
+    assert line.split()[:3] == ["0.000000", "321", "drive"]
+    assert line.endswith("speed 2.5 rpm")
+    assert main(["decode", "t.log", "bench.toml", "--write-dbc", "vendor.dbc"]) == 2
+    assert "vendor.dbc: is there already, and not written by hil-bench" in capsys.readouterr().err
+    assert vendor.read_text() == VENDOR_DBC
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_dbc_of_ours_is_written_again():
+    arguments = ["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]
+    assert [main(arguments), main(arguments)] == [0, 0]

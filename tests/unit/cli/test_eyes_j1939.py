@@ -133,7 +133,7 @@ def test_a_log_without_their_messages_has_no_channels(capsys):
 
 def test_a_dbc_reads_the_frames_as_we_do(capsys):
     write_log()
-    assert main(["decode", "t.log", "bench.toml", "--dbc", "bus.dbc"]) == 0
+    assert main(["decode", "t.log", "bench.toml", "--write-dbc", "bus.dbc"]) == 0
     assert capsys.readouterr().out == "2 messages: bus.dbc\n"  # of p, the message is too long
     database = cantools.database.load_file("bus.dbc")
     message = database.get_message_by_name("stick_PGN_64982")

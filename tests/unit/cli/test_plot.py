@@ -4,7 +4,10 @@ import os
 
 import pytest
 
+from hil_bench.canopen_device.frame import Frame
 from hil_bench.cli import main
+from hil_bench.outside.recording.inline_recorder import InlineRecorder
+from hil_bench.outside.recording.recorder import RecordingPlan
 from hil_bench.session.virtual_bench import RecordingWish, VirtualBench
 
 
@@ -75,3 +78,17 @@ def test_what_cannot_be_drawn(folder, arguments, message, capsys, monkeypatch):
     assert error.startswith("hil-bench: error: ")
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_a_recording_of_frames_alone_is_drawn_as_traffic(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    recorder = InlineRecorder(RecordingPlan((tmp_path / "bus.mf4",), ()))
+    recorder.start()
+    recorder.append_frames([Frame(0x701, b"\5")], 0, is_received=True)
+    recorder.stop()
+
+    assert main(["plot", "bus.mf4", "-o", "bus.svg"]) == 0
+    assert "0x701" in (tmp_path / "bus.svg").read_text()
+    capsys.readouterr()
+    assert main(["plot", "bus.mf4", "--signals", "axis1.*"]) == 2
+    assert "bus.mf4: holds frames and no signals; 'hil-bench decode" in capsys.readouterr().err

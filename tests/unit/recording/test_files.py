@@ -72,9 +72,9 @@ def test_names_with_separators_and_quotes_read_back(tmp_path: Path) -> None:
 
 def test_the_file_is_not_there_before_it_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    path.write_text("the last good run")
+    path.write_text("time of the last good run")
     with RecordingFile(path) as file:
-        assert path.read_text() == "the last good run"
+        assert path.read_text() == "time of the last good run"
         file.write(recording((0.0, 1.0, 2.0)))
 
     assert read_recording(path).tolist() == [(0.0, 1.0, 2.0)]
@@ -83,11 +83,11 @@ def test_the_file_is_not_there_before_it_is_whole(tmp_path: Path) -> None:
 
 def test_a_run_that_fails_leaves_the_last_file_alone(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    path.write_text("the last good run")
+    path.write_text("time of the last good run")
     with pytest.raises(RuntimeError), RecordingFile(path):
         raise RuntimeError
 
-    assert path.read_text() == "the last good run"
+    assert path.read_text() == "time of the last good run"
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
 
 

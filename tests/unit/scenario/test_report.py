@@ -289,3 +289,27 @@ def test_a_report_says_how_much_was_seen(tmp_path):
     late = ["judge", path, tmp_path / "run.csv", "--start", "-0.02"]
     _, page, _ = report(tmp_path, *late)
     assert "Judged its rows are from 0 to 0.015 s; judged are -0.02 to 0.01 s" in page.text
+
+
+@pytest.mark.usefixtures("draws")
+def test_a_small_violation_of_a_long_motion_is_seen(tmp_path, monkeypatch):
+    """0.1 mm beyond a limit, of 70 mm: the margin's panel ends near the violation."""
+    figures = []
+    draw = picture._figure
+    monkeypatch.setattr(
+        picture, "_figure", lambda scene: figures.append(draw(scene)) or figures[-1]
+    )
+    rows = "".join(f"{row / 100},{height}\n" for row, height in enumerate([0, 35, 70, 35, 0]))
+    (tmp_path / "run.csv").write_text(f"time,lift.height\ns,mm\n{rows}")
+    (tmp_path / "r.toml").write_text(
+        '[[expect]]\nid = "R"\nthat = "always lift.height < 69.9 mm"\n'
+    )
+    report = ["--report", str(tmp_path / "r.html")]
+
+    assert main(["judge", str(tmp_path / "r.toml"), str(tmp_path / "run.csv"), *report]) == 1
+    (figure,) = figures
+    (place,) = [each for each in figure.axes if each.get_ylabel() == "Margin [mm]"]
+    low, high = place.get_ylim()
+    assert place.lines[0].get_ydata().min() == pytest.approx(-0.1)
+    assert low < -0.1
+    assert 0.1 / (high - low) > 0.1  # a tenth of the panel's height at least

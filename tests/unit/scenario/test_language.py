@@ -268,6 +268,7 @@ def test_settled_is_for_the_rest_of_the_run_or_a_time():
     ("text", "node_at"),
     [
         ("flag > 0 until within 3 ms target > 0", ("target > 0 mm", 0.002)),
+        ("flag > 4 until from 5 ms to 8 ms target > 0", ("flag > 4", 0.0)),  # behind the run
         ("eventually flag > 9", ("flag > 9", 0.001)),
         ("not eventually (flag > 4 and target > -1 mm)", ("not flag > 4", 0.001)),
         ("always (flag < 9 for the last 1 ms)", ("flag < 9", 0.001)),

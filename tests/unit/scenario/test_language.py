@@ -227,6 +227,13 @@ def test_a_missing_value_is_never_true():
     assert missing.outcome is RequirementOutcome.PASSED
 
 
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_a_quotient_by_0_is_unknown(zero):
+    for relation in ("<", ">"):
+        text = f"always axis1.position / target {relation} 5"
+        assert run(text, position=[1], target=[zero]).outcome == "inconclusive"
+
+
 def test_a_margin_of_nothing_is_decided_by_the_relation():
     assert run("always flag <= 1", flag=[1]).outcome is RequirementOutcome.PASSED
     assert run("always flag < 1", flag=[1]).outcome is RequirementOutcome.FAILED

@@ -4,7 +4,7 @@
 
 1. Each case, a requirement with a run in memory: `judge`, and a monitor that takes it in blocks.
 2. Each fifth case: the same as a file of requirements and a recording with gaps, late starts and
-   rows beside their ticks, shorter or longer than planned.
+   rows beside their ticks, shorter or longer than planned; each fiftieth by the verb `judge`.
 3. Each play: 25 requirements on a run of the bench, as `test` judges it; each fifth by the verb
    itself, with its exit code, and as a campaign of 8 runs.
 
@@ -22,7 +22,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from referee.agreement import ROUNDED, differences_in_memory, differences_of_file
+from referee.agreement import (
+    ROUNDED,
+    differences_in_memory,
+    differences_of_file,
+    differences_of_verb,
+)
 from referee.asking import conditions_in, refusals
 from referee.cases import Case, draw
 from referee.evaluator import Run
@@ -78,6 +83,8 @@ def judge_cases(count: Count, cases: int, seed: int, folder: Path) -> None:
         count.take("judge, monitor", f"{number}", differences_in_memory(case))
         if number % EACH == 0:
             count.take("judge of files", f"{number}", differences_of_file(case, folder))
+        if number % (10 * EACH) == 0:
+            count.take("verb judge", f"{number}", differences_of_verb(case, folder))
         count.forms.update(words_of(case))
         if refusals(case.tree, case.tick, None):
             count.outcomes["refused"] += 1

@@ -1,5 +1,7 @@
 """The product's verdict on a case, beside the referee's."""
 
+import contextlib
+import io
 import json
 import math
 import random
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hil_bench import cli
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.scenario.judgement import Judgement, judge
@@ -19,7 +22,7 @@ from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 from referee.asking import conditions_in, laid_on_ticks, names_in, refusals
 from referee.cases import Case, bits, written
-from referee.evaluator import FAILED, INCONCLUSIVE, Ruling, Run
+from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Ruling, Run
 from referee.language import PLAIN, UNITS, Comparison, Number
 
 SI = {
@@ -35,6 +38,7 @@ SI = {
 """The symbol of the SI unit of each kind."""
 
 
+EXIT_CODES = {PASSED: 0, FAILED: 1, INCONCLUSIVE: 6, NOT_EXERCISED: 6}
 ROUNDING = 1e-12
 ROUNDED = "by rounding: "
 SAME_UNITS = {"-", *(unit for units in UNITS.values() for unit in units)}
@@ -111,6 +115,24 @@ def differences_of_file(case: Case, folder: Path) -> Iterator[str]:
     wrong = [*differences(run, case.tree, judgement, tick, is_planned=is_planned)]
     is_exact = case.is_exact and all(unit in SAME_UNITS for unit, _ in case.logged.values())
     yield from marked(wrong, run, is_exact=is_exact)
+
+
+def differences_of_verb(case: Case, folder: Path) -> Iterator[str]:
+    """Yield what the referee contradicts of what the verb `judge` prints, and of its exit code."""
+    laid = laid_on_ticks([time for time, _ in case.rows], case.duration)
+    is_odd = any(size is None or unit == "%" for unit, size in case.logged.values())
+    if is_odd or laid is None or refusals(case.tree, laid[2], case.duration):
+        return
+    files = [str(path) for path in write_case(case, folder)]
+    with contextlib.redirect_stdout(io.StringIO()) as written_out:
+        code = cli.main(["judge", *files, "--json"])
+    ((found,),) = json.loads(written_out.getvalue()).values()
+    run, _ = run_of_file(case, laid)
+    outcome, given = run.rule(case.tree).outcome, found["judgement"]["outcome"]
+    wrong = [f"{given}, the referee says {outcome}"] if given != outcome else []
+    if code != EXIT_CODES[outcome]:
+        wrong.append(f"exit code {code} of {outcome}")
+    yield from marked(wrong, run, is_exact=False)
 
 
 def is_compared(tree, names: set[str]) -> bool:

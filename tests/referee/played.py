@@ -21,7 +21,7 @@ from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.store import Store
 from hil_bench.scenario.load import load_scenario
 from hil_bench.scenario.run import PlayOptions, play, prepare
-from referee.agreement import differences, is_margin, marked
+from referee.agreement import EXIT_CODES, differences, is_margin, marked
 from referee.asking import refusals
 from referee.cases import DrawOn
 from referee.evaluator import FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED, Run
@@ -50,7 +50,6 @@ at_s = 0.03
 set = {{ "axis1.load" = "-3 kN" }}
 """
 ANY = '[[expect]]\nid = "R-0"\nthat = "always axis1.P_A < 1 bar"\n'
-EXIT_CODES = {PASSED: 0, FAILED: 1, INCONCLUSIVE: 6, NOT_EXERCISED: 6}
 WORST_FIRST = [FAILED, INCONCLUSIVE, NOT_EXERCISED, PASSED]
 
 

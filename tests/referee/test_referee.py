@@ -2,7 +2,12 @@
 
 import pytest
 
-from referee.agreement import ROUNDED, differences_in_memory, differences_of_file
+from referee.agreement import (
+    ROUNDED,
+    differences_in_memory,
+    differences_of_file,
+    differences_of_verb,
+)
 from referee.cases import draw
 from referee.played import Played
 
@@ -24,6 +29,11 @@ def test_judge_and_the_monitor_agree_with_the_referee(first):
 def test_judged_files_agree_with_the_referee(first, tmp_path):
     for number in range(first, first + 20):
         assert not disagreements(differences_of_file(draw(SEED, number), tmp_path)), number
+
+
+def test_the_verb_judge_agrees_with_the_referee(tmp_path):
+    for number in range(300, 310):
+        assert not disagreements(differences_of_verb(draw(SEED, number), tmp_path)), number
 
 
 @pytest.mark.long

@@ -174,7 +174,9 @@ class Draw:
         for place in range(ticks):
             if chance.random() < lost:
                 continue
-            aside = chance.choice([1, -1, 1, -1, 1, 3]) * tick / 8 if chance.random() < moved else 0
+            aside = (
+                chance.choice([1, -1, 1, -1, 1, 3]) * tick / 10 if chance.random() < moved else 0
+            )
             rows.append((start + place * tick + aside, place))
             if chance.random() < moved / 20:
                 rows.append((rows[-1][0] + chance.choice([0, tick / 16]), place))

@@ -78,6 +78,32 @@ def test_arithmetic_keeps_the_units():
     assert parse("rate(axis1.P_A) < 3 bar / 100 ms").right.value == pytest.approx(30e5)
 
 
+@pytest.mark.parametrize(
+    ("limit", "size"), [("3 bar - 1 bar", 2e5), ("1 bar * 3", 3e5), ("3 bar / 2", 1.5e5)]
+)
+def test_constants_are_calculated(limit, size):
+    assert parse(f"axis1.P_A < {limit}").right.value == pytest.approx(size)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rate(rate(axis1.position)) > 1 m/s² + 1 mm/s²",
+        "rate(axis1.position) > 1 m/s² * 1 s",
+        "rate(axis1.P_A) > 1 bar/s + 1 Pa/s",
+        "axis1.P_A * 1 cm² > 1 kN",
+        "axis1.position * 1 N/mm > 1 N",
+        "axis1.position * 1 cm² > 1 l + 1 cm³",
+        "axis1.position * 1 cm² / 1 s > 1 l/min",
+        "axis1.position * 1 Hz > 1 m/s",
+        "axis1.P_A * 1 m²  > 1 kg * 1 m/s²",
+    ],
+)
+def test_units_of_physics_fit_together(text):
+    """F = p A, F = m a, W = F s, Q = V / t: what is the same kind of unit is compared."""
+    assert parse(text).relation == ">"
+
+
 def test_zero_needs_no_unit():
     assert parse("axis1.P_A > 0").right.value == 0.0
 
@@ -155,6 +181,13 @@ def test_reach_adds_up():
         ("whenever rises(target_mm) then flag > 0", 1, 10, "holds no signal"),
         ("flag / 0 > 1", 1, 8, "divides by 0"),
         ("(flag > 0", 1, 10, 'ends too early; ")" is right'),
+        ("always", 1, 7, "ends too early; a signal, a number or a condition is right"),
+        (
+            'valve.state == "HOLD" flag',
+            1,
+            23,
+            "an operator such as <, and, or, until is right, or the end",
+        ),
         ("flag > 0 ) 1", 1, 10, "does not fit here"),
         ("flag > 1e999", 1, 8, "too large"),
         ("", 1, 1, "is empty"),

@@ -75,9 +75,12 @@ TESTS: Final = {
     "hil_bench/scenario/column_checks.py": [*_REFEREE, *_tests("recording", "column_units")],
     "hil_bench/scenario/resolve.py": [*_REFEREE, *_tests("scenario", "files run recorded")],
     "hil_bench/scenario/results.py": _tests("cli", "test scenario_run"),
-    "hil_bench/scenario/witness.py": _tests("scenario", "run coverage"),
+    "hil_bench/scenario/witness.py": [
+        *_tests("scenario", "run coverage run_faults registers"),
+        *_tests("cli", "machine_test"),
+    ],
     "hil_bench/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
-    "hil_bench/cli/exit_codes.py": _tests("cli", "test scenario_run"),
+    "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
     "hil_bench/cli/verdicts.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [

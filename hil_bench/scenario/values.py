@@ -36,10 +36,10 @@ Values = Callable[[Block], Floats]
 
 def _divide(left: Floats, right: Floats) -> Floats:
     """Return quotients; one by 0 is unknown: the sign of an infinity would be that of the zero."""
-    return np.divide(left, np.where(right == 0.0, np.nan, right))
+    return np.asarray(np.divide(left, np.where(right == 0.0, np.nan, right)))
 
 
-_OPERATIONS = {
+_OPERATIONS: dict[Operation, Callable[[Floats, Floats], Floats]] = {
     Operation.ADD: np.add,
     Operation.SUBTRACT: np.subtract,
     Operation.MULTIPLY: np.multiply,
@@ -105,6 +105,6 @@ def _arithmetic(node: Arithmetic, tick_ns: int) -> Values:
     def arithmetic(block: Block) -> Floats:
         # An overflow gives infinity or NaN, which is right: large, or unknown.
         with np.errstate(all="ignore"):
-            return np.asarray(operation(left(block), right(block)))
+            return operation(left(block), right(block))
 
     return arithmetic

@@ -175,7 +175,9 @@ class Draw:
             if chance.random() < lost:
                 continue
             aside = (
-                chance.choice([1, -1, 1, -1, 1, 3]) * tick / 10 if chance.random() < moved else 0
+                chance.choice([1, -1, 1, -1, 1, 3]) * tick * 2 / 25
+                if chance.random() < moved
+                else 0
             )
             rows.append((start + place * tick + aside, place))
             if chance.random() < moved / 20:

@@ -12,8 +12,8 @@ from hil_bench.scenario.reach import reach
 from hil_bench.scenario.results import reason_of
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.scenario.wording import show_reading
-from hil_bench.units import ONE
+from hil_bench.scenario.wording import show_gap, show_reading
+from hil_bench.units import BAR, ONE
 
 TICK = 1_000_000
 KNOWN = Vocabulary(
@@ -176,6 +176,8 @@ def test_reach_adds_up():
         ("emcy(valv)", 1, 6, '"valv" is no node; the nearest is valve'),
         ("frame(1.5)", 1, 7, "is no number from 0 to"),
         ("settled(flag)", 1, 1, "settled(deviation, band"),
+        ("settled(flag, 1, 5 bar)", 1, 18, "is no time"),
+        ("settled(flag, 1, axis1.P_A)", 1, 18, "is no time"),
         ("settle(flag, 1)", 1, 1, "the nearest is settled"),
         ("target_mm < 3 mm", 1, 1, "compares no signal"),
         ("whenever rises(target_mm) then flag > 0", 1, 10, "holds no signal"),
@@ -441,6 +443,10 @@ def test_instants_do_not_add_up_to_a_time(text, duration):
 )
 def test_numbers_have_the_digits_that_matter(value, apart, unit, text):
     assert show_reading(value, apart, find_unit(unit).unit if unit else ONE) == text
+
+
+def test_a_gap_has_four_digits():
+    assert show_gap(123_456.0, BAR) == "1.235 bar"
 
 
 def test_nothing_to_judge_is_inconclusive():

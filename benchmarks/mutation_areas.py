@@ -14,6 +14,7 @@ def _tests(folder: str, names: str) -> list[str]:
 
 
 _DIALOGUES: Final = ["tests/transcripts/test_transcripts.py"]
+_REFEREE: Final = ["tests/referee/test_referee.py"]
 _VALVE: Final = "valve_limits valve_state_machine valve_408 valve_demand valve_ramp"
 
 AREAS: Final = {
@@ -31,10 +32,14 @@ AREAS: Final = {
         *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
-    "verdict": _files(
-        "hil_bench/scenario",
-        "coverage judgement examination explain monitor recorded reach wording",
-    ),
+    "verdict": [
+        *_files("hil_bench/scenario", "coverage judgement examination explain monitor recorded"),
+        *_files("hil_bench/scenario", "atoms bounds build calls column_checks dimensions nodes"),
+        *_files("hil_bench/scenario", "operands operators parse reach resolve results sliding"),
+        *_files("hil_bench/scenario", "streams syntax values vocabulary witness wording"),
+        *_files("hil_bench/campaign", "records"),
+        *_files("hil_bench/cli", "exit_codes verdicts"),
+    ],
     "modbus": [
         *_files(
             "hil_bench/outside/modbus", "data_types exchange mailbox register_map rivals unit_image"
@@ -63,7 +68,20 @@ TESTS: Final = {
         *_tests("canopen_device", "pdo_ends shared_rounds node"),
     ],
     "valve": _tests("devices", f"{_VALVE} valve_deviation valve_supervision ramp compensation"),
-    "verdict": _tests("scenario", "coverage language recorded evaluation"),
+    "verdict": [
+        *_REFEREE,
+        *_tests("scenario", "coverage language recorded evaluation"),
+    ],
+    "hil_bench/scenario/column_checks.py": [*_REFEREE, *_tests("recording", "column_units")],
+    "hil_bench/scenario/resolve.py": [*_REFEREE, *_tests("scenario", "files run recorded")],
+    "hil_bench/scenario/results.py": _tests("cli", "test scenario_run"),
+    "hil_bench/scenario/witness.py": [
+        *_tests("scenario", "run coverage run_faults registers"),
+        *_tests("cli", "machine_test"),
+    ],
+    "hil_bench/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
+    "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
+    "hil_bench/cli/verdicts.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),

@@ -10,6 +10,7 @@ from hil_bench.scenario.dimensions import NUMBER
 from hil_bench.scenario.nodes import Arithmetic, Comparison, Node, Number, Operation, Value
 from hil_bench.scenario.reach import names_in
 from hil_bench.scenario.resolve import Requirement
+from hil_bench.units import ONE, read_unit
 
 
 def check_columns(requirements: Iterable[Requirement], recording: Recording, source: str) -> None:
@@ -24,7 +25,7 @@ def check_columns(requirements: Iterable[Requirement], recording: Recording, sou
         ConfigError: a unit contradicts; or a number without a unit is compared with a column that
             the file has in %, deg or another unit, of which it might be meant to be.
     """
-    given = given_units(recording)
+    given = {name: unit for name, unit in given_units(recording).items() if not _is_one(unit)}
     for each in requirements:
         try:
             check_quantities(recording, names_in([each.condition]))
@@ -38,6 +39,12 @@ def check_columns(requirements: Iterable[Requirement], recording: Recording, sou
                     f'{source}: {each.id}: {name} is in "{given[name]}" there, and is compared '
                     "with a number without a unit; give the number its unit"
                 )
+
+
+def _is_one(symbol: str) -> bool:
+    """Return whether a unit is that of a plain number, as in ``1``."""
+    unit = read_unit(symbol)
+    return unit is not None and (unit.symbol, unit.factor) == (ONE.symbol, 1.0)
 
 
 def _comparisons(condition: Node) -> Iterator[Comparison]:

@@ -78,10 +78,10 @@ def judge_with_trace(
     """
     expectations, parameters, duration = load_requirements(requirements)
     vocabulary = channel_vocabulary(recording_channels(signals), parameters)
+    trace = lay_on_ticks(signals, source, start, duration)
     longest = math.inf if duration is None else duration
     compiled = compile_texts(expectations, vocabulary, longest)
     check_columns(compiled, signals, source)
-    trace = lay_on_ticks(signals, source, start, duration)
     return Judged([judge_trace(each, trace) for each in compiled], trace)
 
 

@@ -33,11 +33,17 @@ class Block(NamedTuple):
 Values = Callable[[Block], Floats]
 """Gives the values of the next ticks; it remembers what it needs of the ticks before."""
 
-_OPERATIONS = {
+
+def _divide(left: Floats, right: Floats) -> Floats:
+    """Return quotients; one by 0 is unknown: the sign of an infinity would be that of the zero."""
+    return np.asarray(np.divide(left, np.where(right == 0.0, np.nan, right)))
+
+
+_OPERATIONS: dict[Operation, Callable[[Floats, Floats], Floats]] = {
     Operation.ADD: np.add,
     Operation.SUBTRACT: np.subtract,
     Operation.MULTIPLY: np.multiply,
-    Operation.DIVIDE: np.divide,
+    Operation.DIVIDE: _divide,
 }
 
 
@@ -97,8 +103,8 @@ def _arithmetic(node: Arithmetic, tick_ns: int) -> Values:
     left, right = build_values(node.left, tick_ns), build_values(node.right, tick_ns)
 
     def arithmetic(block: Block) -> Floats:
-        # A division by 0 or an overflow gives infinity or NaN, which is right: large, or unknown.
+        # An overflow gives infinity or NaN, which is right: large, or unknown.
         with np.errstate(all="ignore"):
-            return np.asarray(operation(left(block), right(block)))
+            return operation(left(block), right(block))
 
     return arithmetic

@@ -60,6 +60,10 @@ def write(path: Path, unit: str, values: list[float], name: str = "x.y", time: s
     return path
 
 
+def test_a_column_in_1_is_a_plain_number(tmp_path: Path) -> None:
+    assert judged(tmp_path, "1", [0.5, 0.75], "always x.y < 0.8", "x.y") == 0
+
+
 @pytest.mark.parametrize(("unit", "own", "factor", "offset"), UNITS)
 def test_a_column_is_read_in_the_units_of_the_bench(
     tmp_path: Path, unit: str, own: str, factor: float, offset: float

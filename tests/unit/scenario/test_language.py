@@ -12,8 +12,8 @@ from hil_bench.scenario.reach import reach, survives_a_cut
 from hil_bench.scenario.results import reason_of
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
-from hil_bench.scenario.wording import show_reading
-from hil_bench.units import ONE
+from hil_bench.scenario.wording import show_gap, show_reading
+from hil_bench.units import BAR, ONE
 
 TICK = 1_000_000
 KNOWN = Vocabulary(
@@ -76,6 +76,32 @@ def test_the_scale_is_the_tolerance_that_the_author_wrote(text, scale):
 def test_arithmetic_keeps_the_units():
     assert parse("axis1.P_A / 2 < 2 * 100 bar").right.value == 200e5
     assert parse("rate(axis1.P_A) < 3 bar / 100 ms").right.value == pytest.approx(30e5)
+
+
+@pytest.mark.parametrize(
+    ("limit", "size"), [("3 bar - 1 bar", 2e5), ("1 bar * 3", 3e5), ("3 bar / 2", 1.5e5)]
+)
+def test_constants_are_calculated(limit, size):
+    assert parse(f"axis1.P_A < {limit}").right.value == pytest.approx(size)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rate(rate(axis1.position)) > 1 m/s² + 1 mm/s²",
+        "rate(axis1.position) > 1 m/s² * 1 s",
+        "rate(axis1.P_A) > 1 bar/s + 1 Pa/s",
+        "axis1.P_A * 1 cm² > 1 kN",
+        "axis1.position * 1 N/mm > 1 N",
+        "axis1.position * 1 cm² > 1 l + 1 cm³",
+        "axis1.position * 1 cm² / 1 s > 1 l/min",
+        "axis1.position * 1 Hz > 1 m/s",
+        "axis1.P_A * 1 m²  > 1 kg * 1 m/s²",
+    ],
+)
+def test_units_of_physics_fit_together(text):
+    """F = p A, F = m a, W = F s, Q = V / t: what is the same kind of unit is compared."""
+    assert parse(text).relation == ">"
 
 
 def test_zero_needs_no_unit():
@@ -190,11 +216,20 @@ def test_what_survives_a_cut_passes_every_beginning_of_a_passed_run(text):
         ("emcy(valv)", 1, 6, '"valv" is no node; the nearest is valve'),
         ("frame(1.5)", 1, 7, "is no number from 0 to"),
         ("settled(flag)", 1, 1, "settled(deviation, band"),
+        ("settled(flag, 1, 5 bar)", 1, 18, "is no time"),
+        ("settled(flag, 1, axis1.P_A)", 1, 18, "is no time"),
         ("settle(flag, 1)", 1, 1, "the nearest is settled"),
         ("target_mm < 3 mm", 1, 1, "compares no signal"),
         ("whenever rises(target_mm) then flag > 0", 1, 10, "holds no signal"),
         ("flag / 0 > 1", 1, 8, "divides by 0"),
         ("(flag > 0", 1, 10, 'ends too early; ")" is right'),
+        ("always", 1, 7, "ends too early; a signal, a number or a condition is right"),
+        (
+            'valve.state == "HOLD" flag',
+            1,
+            23,
+            "an operator such as <, and, or, until is right, or the end",
+        ),
         ("flag > 0 ) 1", 1, 10, "does not fit here"),
         ("flag > 1e999", 1, 8, "too large"),
         ("", 1, 1, "is empty"),
@@ -267,6 +302,13 @@ def test_a_missing_value_is_never_true():
     assert missing.outcome is RequirementOutcome.PASSED
 
 
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_a_quotient_by_0_is_unknown(zero):
+    for relation in ("<", ">"):
+        text = f"always axis1.position / target {relation} 5"
+        assert run(text, position=[1], target=[zero]).outcome == "inconclusive"
+
+
 def test_a_margin_of_nothing_is_decided_by_the_relation():
     assert run("always flag <= 1", flag=[1]).outcome is RequirementOutcome.PASSED
     assert run("always flag < 1", flag=[1]).outcome is RequirementOutcome.FAILED
@@ -308,6 +350,7 @@ def test_settled_is_for_the_rest_of_the_run_or_a_time():
     ("text", "node_at"),
     [
         ("flag > 0 until within 3 ms target > 0", ("target > 0 mm", 0.002)),
+        ("flag > 4 until from 5 ms to 8 ms target > 0", ("flag > 4", 0.0)),  # behind the run
         ("eventually flag > 9", ("flag > 9", 0.001)),
         ("not eventually (flag > 4 and target > -1 mm)", ("not flag > 4", 0.001)),
         ("always (flag < 9 for the last 1 ms)", ("flag < 9", 0.001)),
@@ -440,6 +483,10 @@ def test_instants_do_not_add_up_to_a_time(text, duration):
 )
 def test_numbers_have_the_digits_that_matter(value, apart, unit, text):
     assert show_reading(value, apart, find_unit(unit).unit if unit else ONE) == text
+
+
+def test_a_gap_has_four_digits():
+    assert show_gap(123_456.0, BAR) == "1.235 bar"
 
 
 def test_nothing_to_judge_is_inconclusive():

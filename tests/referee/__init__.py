@@ -1,0 +1,1 @@
+"""A second evaluator of requirements, and cases for it."""

@@ -21,6 +21,8 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import occasion
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from referee.agreement import (
     ROUNDED,
@@ -113,14 +115,12 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--plays", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--brief", action="store_true", help="a moment's run: 200 cases, 1 play")
-    options = parser.parse_args()
-    cases, plays = (200, 1) if options.brief else (options.cases, options.plays)
+    options = occasion.arguments(parser, cases=200, plays=1)
     count = Count()
     print(f"seed {options.seed}")
     with TemporaryDirectory() as folder, suppress(KeyboardInterrupt):
-        judge_plays(count, plays, options.seed, Path(folder))
-        judge_cases(count, cases, options.seed, Path(folder))
+        judge_plays(count, options.plays, options.seed, Path(folder))
+        judge_cases(count, options.cases, options.seed, Path(folder))
     count.print()
     return 1 if count.wrong.total() else 0
 

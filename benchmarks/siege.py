@@ -33,6 +33,8 @@ from typing import NamedTuple, Self
 
 from websockets.sync.client import connect as open_websocket
 
+import occasion
+
 ROOT = Path(__file__).parents[1]
 BENCH = """\
 [plant.axis1]
@@ -411,32 +413,23 @@ def free_port() -> int:
         return int(server.getsockname()[1])
 
 
-def commit() -> str:
-    """Return the commit that is measured."""
-    command = ["git", "describe", "--always", "--dirty"]
-    found = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True)  # noqa: S603 - as installed
-    return found.stdout.strip() or "unknown"
-
-
 def main() -> int:
     """Attack each server in each way."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=10.0, help="of each attack (default: 10)")
-    parser.add_argument("--brief", action="store_true", help="a moment of each attack")
     parser.add_argument("--server", help="attack this one alone: hub, panel, feed or modbus")
-    args = parser.parse_args()
-    seconds = 0.5 if args.brief else args.seconds
-    print(f"commit {commit()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} at the start")
-    print(f"\n{_TABLE}")
+    args = occasion.arguments(parser, seconds=0.5)
+    print(_TABLE)
     is_kept = True
     with fortress() as targets:
         attacked = [target for target in targets if args.server in {None, target.name}]
         for target, attack in itertools.product(attacked, attacks(brief=args.brief)):
-            old, new, opened = withstand(target, attack, seconds)
+            old, new, opened = withstand(target, attack, args.seconds)
             print(f"| {target.name} | {attack.kind} | {opened} | {old.text()} | {new.text()} |")
             for failure in sorted({*old.failures, *new.failures}):
                 print(f"siege: {target.name}, {attack.kind}: {failure}", file=sys.stderr)
-            is_kept &= old.is_kept and new.is_kept
+            is_kept &= args.brief or (old.is_kept and new.is_kept)
+            is_kept &= not (old.failures or new.failures)
     print(f"\nload {os.getloadavg()[0]:.1f} at the end")
     return 0 if is_kept else 1
 

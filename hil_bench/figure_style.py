@@ -1,6 +1,9 @@
 """The look of every figure: palette and style, in one place."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # Okabe and Ito's palette, which colour-blind readers can tell apart.
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#9A9A9A"
@@ -23,3 +26,16 @@ STYLE: dict[Any, Any] = {
     "ytick.color": "#444444",
 }
 """Settings for `matplotlib.rc_context`."""
+
+
+def settle_layout(figure: "Figure") -> None:
+    """Lay a figure out and round the places of its axes, so that its file has the same bytes.
+
+    The solver of the layout differs by rounding from process to process, and an SVG file names each
+    clip path by a hash of its place.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        left, bottom, width, height = (round(each, 6) for each in axes.get_position().bounds)
+        axes.set_position((left, bottom, width, height))

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from hil_bench.analysis.errors import require_extra
 from hil_bench.errors import about_file, whole_file
-from hil_bench.figure_style import STYLE
+from hil_bench.figure_style import STYLE, settle_layout
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.outside.recording.files import RecordingFile
 
@@ -104,6 +104,7 @@ def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
     files = []
     with mpl.rc_context(STYLE):
         figure = draw()
+        settle_layout(figure)
         for suffix, metadata in _METADATA.items():
             path = stem.with_name(f"{stem.name}.{suffix}")
             options: dict[str, Any] = {"dpi": 150, "metadata": dict(metadata)}

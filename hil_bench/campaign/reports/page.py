@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from hil_bench.campaign.identity import program_identity
 from hil_bench.errors import about_file, whole_file
+from hil_bench.figure_style import settle_layout
 from hil_bench.outside.page import render_page
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def svg_of(figure: "Figure") -> str:
     """Return a figure as the text of an SVG element, the same for the same figure."""
     from markupsafe import Markup  # noqa: PLC0415 - comes with jinja2
 
+    settle_layout(figure)
     out = io.StringIO()
     figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
     text = out.getvalue()

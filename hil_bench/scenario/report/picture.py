@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil_bench.figure_style import BLACK, BLUE, GREY, ORANGE, RED
+from hil_bench.figure_style import BLACK, BLUE, GREY, ORANGE, RED, settle_layout
 from hil_bench.outside.recording.plot import MotionPanel, motion_panels, styled
 from hil_bench.scenario import nodes
 from hil_bench.scenario.build import Span, StreamBuilder
@@ -63,6 +63,7 @@ def draw_scene(scene: Scene) -> bytes:
 
     def draw() -> "Figure":
         figure = _figure(scene)
+        settle_layout(figure)
         figure.savefig(file, format="svg", metadata={"Date": None})
         return figure
 

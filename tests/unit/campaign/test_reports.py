@@ -5,7 +5,9 @@ import json
 import xml.etree.ElementTree as ET
 from html.parser import HTMLParser
 
+import matplotlib as mpl
 import pytest
+from matplotlib.figure import Figure
 from support.campaigns import REST, write_rest
 
 from hil_bench import cli
@@ -14,8 +16,10 @@ from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.replay import replay
 from hil_bench.campaign.reports.figures import beyond
+from hil_bench.campaign.reports.page import svg_of
 from hil_bench.campaign.running import perform
 from hil_bench.campaign.summary import smallest_margin, summarise, worst_runs
+from hil_bench.figure_style import STYLE
 
 HOSTILE = "<script>alert(1)</script> & more"
 CLOSE = REST.replace("value = 250.0, range = [1.0, 301.0]", "value = 60.0, range = [20.0, 80.0]")
@@ -143,3 +147,13 @@ def test_margins_outside_a_figure_are_counted():
     assert beyond([-3.0, 0.0, 3.0]) == ""
     assert beyond([-4.0, -5.0, 0.0]) == " (2 below -3: shown at the end)"
     assert beyond([-4.0, 9.0]) == " (1 below -3 and 1 above 3: shown at the end)"
+
+
+def test_a_picture_has_the_same_bytes_wherever_its_layout_was_solved():
+    """The solver's results differ by rounding; matplotlib hashes the place of each clip path."""
+    figures = [Figure(), Figure()]
+    for figure, rounding in zip(figures, (0.0, 1e-13), strict=True):
+        figure.add_axes((0.1 + rounding, 0.1, 0.8, 0.8)).plot([0.0, 1.0], [0.0, 1.0])
+    with mpl.rc_context(STYLE):
+        one, other = map(svg_of, figures)
+    assert one == other

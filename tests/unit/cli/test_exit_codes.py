@@ -185,7 +185,8 @@ class Closed:
 @pytest.mark.parametrize("verb", ["test", "judge", "run"])
 def test_a_verdict_survives_its_reader(tmp_path, monkeypatch, verb, error, passed):
     recorded = tmp_path / "run.csv"
-    recorded.write_text("time,axis1.P_A\ns,Pa\n0,2e5\n0.001,2e5\n")
+    rows = "".join(f"{tick / 1000},2e5\n" for tick in range(21))  # all of the scenario's 20 ms
+    recorded.write_text(f"time,axis1.P_A\ns,Pa\n{rows}")
     for that, code in ((PASSING, passed), (FAILING, ExitCode.CHECK_FAILED)):
         path = scenario(tmp_path, that)
         words = {

@@ -125,9 +125,7 @@ def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
         yield Fact(f"  flow from the supply {word}", flow, "l/min")
         if (burst := burst_motion(axis, extends=extends)) is not None:
             speed = burst.speed * 1e3
-            yield Fact(
-                f"  with the accumulator {word}", speed, "mm/s", "at most, until it is empty"
-            )
+            yield Fact(f"  with the accumulator {word}", speed, "mm/s", "until it is empty")
 
 
 def burst_motion(

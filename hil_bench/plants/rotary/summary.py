@@ -67,7 +67,7 @@ def _motion_facts(axis: RotaryConfig) -> Iterator[Fact]:
         yield Fact(f"  flow from the supply {word}", flow, "l/min", "without leakage")
         if (burst := burst_motion(cylinder, extends=forward)) is not None:
             speed = REVOLUTION_PER_MINUTE.from_si(burst.speed / axis.lever)
-            yield Fact(f"  with the accumulator {word}", speed, "rpm", "at most, until it is empty")
+            yield Fact(f"  with the accumulator {word}", speed, "rpm", "until it is empty")
         yield Fact(f"  pressure A {word}", BAR.from_si(motion.P_A), "bar")
         yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
 

@@ -13,7 +13,7 @@ _FEWEST = 5
 _MISSED = 1.5
 _LOST = 5.0
 """Periods after which SYNC has stopped, where the rest of the bus goes on ..."""
-_CUT_OFF = 100_000_000
+_CUT_OFF = 50_000_000
 """... for longer than this: before that, a log may end with its controller [ns]."""
 
 _JITTER = 0.2

@@ -16,6 +16,7 @@ from support.feed_loop import FeedLoop
 
 import hil_drivers.modbus
 from hil_bench.bench.configuration import load_config
+from hil_bench.bench.configuration.records import FIRST_BUS
 from hil_bench.bench.configuration.register_maps import load_register_map
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.machine.fmu_export.export import export_axis
@@ -27,6 +28,7 @@ from hil_bench.scenario.resolve import compile_expectations, parameter_values
 from hil_bench.scenario.vocabulary import Vocabulary
 from hil_bench.session import attached
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_drivers import Network
 from hil_drivers.modbus.framing import TcpFraming
 
 pytest_plugins = ["pytester"]
@@ -158,7 +160,55 @@ def test_a_toml_snippet_loads(block, tmp_path):
         export_axis(config, config.axes[0], tmp_path / "axis.fmu")
     beginning = BEGINNINGS.get(block.text.partition("\n")[0], "")
     path.write_text(beginning + block.text, encoding="utf-8")
-    load_config(path)
+    check_motion(load_config(path))
+
+
+def check_motion(config):
+    """See that each valve and each drive of CiA 402 on the first bus moves its axis.
+
+    0.6 of the opening is beyond any overlap; a revolution takes the drive's default ramps
+    2 sqrt(65536 / 655360) s = 0.63 s.
+    """
+    driven = {"valve_408", "drive_402"}
+    nodes = [n for n in config.nodes if n.kind.name in driven and n.bus == FIRST_BUS]
+    if not nodes or config.faults:
+        return
+    with VirtualBench(config) as bench, Network(bench.bus, clock=bench.now) as network:
+        bench.pump = network.pump
+        bench.run(0.01)  # all boot
+        plants = {axis.name: axis.plant for axis in bench.bench.axes}
+        for node in nodes:
+            begin = plants[node.axis].output[0]
+            move = turn_by_drive if node.kind.name == "drive_402" else move_by_valve
+            move(bench, network, node)
+            moved = abs(plants[node.axis].output[0] - begin)
+            assert moved > 0.01, f"{node.name} does not move {node.axis}"
+
+
+def move_by_valve(bench, network, node):
+    valve = network.add_node(node.node_id, node.eds)
+    network.start_node(node.node_id)
+    bench.run(0.01)
+    for word in (0x01, 0x03, 0x07):
+        valve.write(0x6040, 0, word)
+        bench.run(0.003)
+    valve.write(0x6300, 1, -0x2666)  # of 0x4000
+    bench.run(0.3)
+
+
+def turn_by_drive(bench, network, node):
+    drive = network.add_node(node.node_id, node.eds)
+    network.start_node(node.node_id)
+    bench.run(0.01)
+    drive.write(0x6060, 0, 1)
+    for word in (0x06, 0x07, 0x0F):
+        drive.write(0x6040, 0, word)
+        bench.run(0.003)
+    drive.write(0x607A, 0, 65536)
+    drive.write(0x6040, 0, 0x1F)
+    bench.run(3.0)
+    assert drive.read_integer(0x603F, 0) == 0
+    assert drive.read_integer(0x6041, 0) & 1 << 10, "the target is not reached"
 
 
 def check_scenario(path):

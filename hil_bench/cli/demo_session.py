@@ -45,6 +45,7 @@ CYCLE = 0.002
 """Period of the controller [s]."""
 
 _SET_UP_TIME = 5.0  # more than it takes to boot and configure the nodes [s]
+_BOOT_TIME = 1.0  # longest wait for the nodes; one that is silent answers SDO later, or never [s]
 _LOGGED_FRAMES = 2_000_000
 
 
@@ -227,9 +228,10 @@ class DemoSession:
         members = find_members(
             self._config, self._config.axes[0].name, "the demo", turns=self.axis.turns
         )
-        network.start_heartbeat()
         with ProportionalValve(network, members.valve.node_id, members.valve.eds) as valve:
             sensors = self._sensors(network, members)
+            network.wait_for(lambda: all(n.boot_ups for n in network.nodes.values()), _BOOT_TIME)
+            network.start_heartbeat()
             if isinstance(sensors.position, Shaft):
                 sensors.position.begin_at(position)
             valve.setup(heartbeat_timeout=4 * HEARTBEAT_PERIOD)

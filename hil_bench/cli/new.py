@@ -4,7 +4,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -38,6 +38,7 @@ _SPANS = (60.0, 100.0, 160.0, 250.0, 400.0, 600.0, 1000.0, 1600.0)
 """Measuring ranges of pressure transducers [bar]."""
 
 _COMMENT_COLUMN = 40
+_NO_PUMP = "none"
 _OPTION = "command line"
 _ANSWER = "answer"
 
@@ -104,6 +105,13 @@ def _read_oil(text: str, origin: str) -> list[Datum]:
     return [Datum("oil", text, origin)]
 
 
+def _read_pump(text: str, origin: str) -> list[Datum]:
+    if text == _NO_PUMP:
+        return []
+    flow = _read_number("pump_flow_l_min", "l/min", 0.05, 1e5)
+    return [Datum("supply", "unit", origin), *flow(text, origin)]
+
+
 _QUESTIONS = (
     _Question(
         "cylinder",
@@ -117,6 +125,12 @@ _QUESTIONS = (
         "supply pressure in bar",
         "",
         _read_number("supply_pressure_bar", "bar", 1.0, 1000.0),
+    ),
+    _Question(
+        "pump",
+        f"flow of the pump in l/min, {_NO_PUMP} where the supply holds its pressure",
+        _NO_PUMP,
+        _read_pump,
     ),
     _Question(
         "load",
@@ -161,6 +175,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help=f'"{VALVE_EXAMPLE}" per edge, or a size, as in NG10'.replace("%", "%%"),
     )
     parser.add_argument("--supply", metavar="BAR", help="supply pressure in bar, as in 210")
+    parser.add_argument(
+        "--pump",
+        metavar="L_MIN",
+        help=f"flow of the pump in l/min, as in 40 (default: {_NO_PUMP}, a constant supply)",
+    )
     parser.add_argument(
         "--load", metavar="KG", help="mass that moves with the rod in kg, as in 500"
     )
@@ -239,7 +258,14 @@ def collect_data(
             problems.append(f"--{question.option}: {error}")
     if problems:
         raise ConfigError("\n".join(problems))
-    return data
+    return [*data, *_relief_of(data)]
+
+
+def _relief_of(data: Sequence[Datum]) -> Iterator[Datum]:
+    """Yield the setting of the relief valve of a pump: the supply's pressure."""
+    by_key = {datum.key: datum for datum in data}
+    if "pump_flow_l_min" in by_key:
+        yield by_key["supply_pressure_bar"]._replace(key="relief_pressure_bar")
 
 
 def bench_text(data: Sequence[Datum]) -> str:
@@ -253,7 +279,7 @@ def bench_text(data: Sequence[Datum]) -> str:
 
 def _span(data: Sequence[Datum]) -> float:
     """Return the measuring range for the pressure that a single rod makes in its chamber [bar]."""
-    values = {datum.key: float(datum.value) for datum in data if datum.key != "oil"}
+    values = {datum.key: datum.value for datum in data if isinstance(datum.value, float)}
     bore, rod = values["bore_mm"], values["rod_mm"]
     ratio = max(1.0, (bore**2 - values.get("second_rod_mm", 0.0) ** 2) / (bore**2 - rod**2))
     highest = values["supply_pressure_bar"] * ratio

@@ -92,6 +92,7 @@ class PlantKind(ABC, Generic[AxisT]):
         command_unit: the unit of `full_scale`.
         usual: what data sheets and machines have, by key; beyond it a value is doubted.
         possible: what nature allows, by key; beyond it a value is refused.
+        usual_results: what machines reach, by the name of a `Fact`; beyond it a result is doubted.
         default_nodes: the nodes of a file without any.
     """
 
@@ -101,6 +102,7 @@ class PlantKind(ABC, Generic[AxisT]):
     command_unit: Unit = ONE
     usual: Mapping[str, Range] = _NOTHING
     possible: Mapping[str, Range] = _NOTHING
+    usual_results: Mapping[str, Range] = _NOTHING
     default_nodes: Mapping[str, Mapping[str, object]] = _NOTHING
 
     @abstractmethod

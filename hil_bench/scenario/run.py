@@ -29,7 +29,7 @@ from hil_bench.scenario.resolve import (
 )
 from hil_bench.scenario.stage import Stage
 from hil_bench.scenario.targets import Targets
-from hil_bench.scenario.usage import usage_problems
+from hil_bench.scenario.usage import idle_steps, usage_problems
 from hil_bench.scenario.witness import bench_vocabulary
 from hil_bench.scratch import scratch_folder
 from hil_bench.session.fault_spans import fault_spans
@@ -125,6 +125,8 @@ def prepare_on(
         *usage_problems(scenario),
         *_step_problems(actions, config, session),
     ]
+    if not problems:
+        problems += idle_steps(scenario, actions, config)
     try:
         requirements = compile_expectations(scenario, bench_vocabulary(config, session, values))
     except ConfigError as error:

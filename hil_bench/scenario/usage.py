@@ -1,14 +1,21 @@
-"""Which parameters of a scenario do nothing: most often a name that is misspelt."""
+"""Parameters and steps of a scenario that do nothing."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.values import find_nearest
+from hil_bench.kinds.auxiliary_valve import SET_POINT
+from hil_bench.kinds.registry import VALVE
 from hil_bench.scenario.controllers import ControllerSettings
-from hil_bench.scenario.records import FaultStep, Reference, Scenario, SetStep
+from hil_bench.scenario.records import FaultStep, Reference, Scenario, SetStep, SyncStep
+from hil_bench.scenario.registers import MODBUS
+from hil_bench.scenario.resolve import SetAction, TimedAction
 
 _WORD = re.compile(r"\w+")
+_ENABLES = re.compile(r"\.0x(?:6040|604f)", re.IGNORECASE)
+"""The control word of a valve, and its switch to the local set-point."""
 
 
 def unused_parameters(scenario: Scenario) -> Iterator[str]:
@@ -30,6 +37,64 @@ def usage_problems(scenario: Scenario) -> Iterator[str]:
         if own:
             right = f"the nearest of the controller's is {find_nearest(name, own)}"
         yield f"{scenario.path}: parameters.{name}: does nothing; {right}"
+
+
+def idle_steps(
+    scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
+) -> Iterator[str]:
+    """Yield a line for each step that cannot change anything, whatever the run does.
+
+    Args:
+        scenario: with its controller.
+        actions: its steps, in the order of time.
+        config: of the bench.
+    """
+    yield from _idle_switches(scenario, actions)
+    if scenario.controller is None or scenario.controller.example:
+        yield from _idle_valves(scenario, actions, config)
+
+
+def _idle_switches(scenario: Scenario, actions: Sequence[TimedAction]) -> Iterator[str]:
+    """Yield the steps that switch SYNC to what it is already."""
+    is_on = scenario.controller is not None
+    for _, action, place in actions:
+        if not isinstance(action, SyncStep):
+            continue
+        if action.is_on == is_on:
+            now = "on" if is_on else "off"
+            yield f"{place}: SYNC is {now} already; leave the step out"
+        is_on = action.is_on
+
+
+def _idle_valves(
+    scenario: Scenario, actions: Sequence[TimedAction], config: BenchConfig
+) -> Iterator[str]:
+    """Yield the set-points of valves that nobody enables."""
+    names = {target for target, _ in _targets(actions)}
+    enabled = {name.partition(".")[0] for name in names if _ENABLES.search(name)}
+    units = config.modbus.units if config.modbus is not None else ()
+    enabled |= {
+        unit.node
+        for unit in units
+        if any(name.startswith(f"{MODBUS}.{unit.name}.") for name in names)
+    }
+    has_example = scenario.controller is not None
+    first = config.first_axis.name if has_example else ""
+    for valve in (node for node in config.nodes if node.kind is VALVE):
+        if valve.name in enabled or getattr(valve, "axis", None) == first:
+            continue
+        for target, place in _targets(actions):
+            if target in {f"{valve.name}.{SET_POINT}", f"{valve.name}.0x6300.01"}:
+                who = f"the example sets up {first} only" if has_example else "no step enables it"
+                right = f'nmt = "start" and set = {{ "{valve.name}.0x6040" = 1 }}, then 3, then 7'
+                yield f"{place}: {valve.name} is not enabled: {who}; give steps with {right}"
+
+
+def _targets(actions: Sequence[TimedAction]) -> Iterator[tuple[str, str]]:
+    """Yield target and place of each step that sets a value."""
+    for _, action, place in actions:
+        if isinstance(action, SetAction):
+            yield action.target, place
 
 
 def _settings(scenario: Scenario) -> list[str]:

@@ -43,6 +43,7 @@ stroke_mm = 400.0
 friction = "lugre"
 entrained_air_percent = 1.0
 supply = "unit"
+accumulator_volume_l = 1.0
 external_leakage_a_l_min_bar = 0.002
 load_spring_n_mm = 20.0
 """

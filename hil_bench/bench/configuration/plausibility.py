@@ -1,11 +1,12 @@
 """Doubts about a configuration: values that no machine has, motion that no step resolves."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from hil_bench.bench.configuration.records import BenchConfig
 from hil_bench.config.settings import Origin, Problems, Setting, Settings, quote_name
+from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import find_assumed_supply
 from hil_bench.plants.kind import PlantKind, Range
 from hil_bench.plants.registry import DEFAULT_PLANT
 
@@ -54,18 +55,23 @@ def find_doubts(config: BenchConfig) -> list[str]:
     supplies = {f"supply.{supply.name}": DEFAULT_PLANT for supply in config.supplies}
     return [
         *_unusual(source, kinds | supplies, config.settings),
-        *_left_over(source, kinds, config.settings),
+        *_left_over(source, kinds | supplies, supplies, config.settings),
         *_unresolved(source, config),
+        *_out_of_reach(source, config),
     ]
 
 
 def _left_over(
-    source: str, kinds: Mapping[str, Kind], settings: Sequence[Setting]
+    source: str,
+    kinds: Mapping[str, Kind],
+    supplies: Collection[str],
+    settings: Sequence[Setting],
 ) -> Iterator[str]:
-    """Yield the defaults that fit badly to what the file says of an axis."""
+    """Yield the defaults that fit badly to what the file says of an axis, or of a supply."""
     for table, kind in kinds.items():
         of_axis = {each.key.name: each for each in settings if each.table == table}
-        for key, why in kind.find_leftovers(of_axis):
+        found = find_assumed_supply(of_axis) if table in supplies else kind.find_leftovers(of_axis)
+        for key, why in found:
             yield f"{source}:{table}.{quote_name(key)}: {why}"
 
 
@@ -124,3 +130,15 @@ def _unresolved(source: str, config: BenchConfig) -> Iterator[str]:
         place = f"{source}:plant.{quote_name(axis.name)}"
         for doubt in axis.kind.find_doubts(axis, config.tick_ns // 1000, config.step_ns // 1000):
             yield f"{place}: {doubt}"
+
+
+def _out_of_reach(source: str, config: BenchConfig) -> Iterator[str]:
+    """Yield the results of the data together that no machine reaches, such as a speed."""
+    for axis in config.axes:
+        place = f"{source}:plant.{quote_name(axis.name)}"
+        facts = axis.kind.summarise(axis, config.tick_ns // 1000, config.step_ns // 1000)
+        for fact in facts if axis.kind.usual_results else ():
+            usual = axis.kind.usual_results.get(fact.name)
+            if usual is not None and not usual.low <= fact.value <= usual.high:
+                wrong = f"{fact.name} is {fact.value:.4g} {fact.unit}"
+                yield f"{place}: {wrong}; {_range_text(usual)} is usual ({usual.reason})"

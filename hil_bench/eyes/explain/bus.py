@@ -12,7 +12,9 @@ from hil_bench.frame import frame_bits, is_error_frame
 _FEWEST = 5
 _MISSED = 1.5
 _LOST = 5.0
-"""Periods after which SYNC has stopped, where the rest of the bus goes on."""
+"""Periods after which SYNC has stopped, where the rest of the bus goes on ..."""
+_CUT_OFF = 50_000_000
+"""... for longer than this: before that, a log may end with its controller [ns]."""
 
 _JITTER = 0.2
 _JITTERY_SHARE = 0.05
@@ -60,7 +62,8 @@ class Syncs:
             The findings.
         """
         period = self._period()
-        if self._last is not None and period and end - self._last.now > _LOST * period:
+        silence = 0 if self._last is None else end - self._last.now
+        if self._last is not None and period and silence > max(_LOST * period, _CUT_OFF):
             text = f"SYNC stops at {seconds(self._last.now)} (every {milliseconds(period)} before)"
             yield Finding(Cause.SYNC_MISSING, "", self._last.now, text, (self._last,))
         elif self._missed:

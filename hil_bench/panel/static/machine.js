@@ -185,7 +185,9 @@ export class MachineView {
     setText(p.shares, this.narrow.matches ? texts[0] : texts.join(", "));
     setText(p.setpoint, this.narrow.matches ? texts[1] : "");
     setText(p.state, this.valveState());
-    setText(p.supply, `supply ${valueText(this.machine.supply_pressure_pa, "Pa")} bar, tank`);
+    const supply = value("P_S");
+    const shown = Number.isFinite(supply) ? valueText(supply, "Pa") : `set to ${valueText(this.machine.supply_pressure_pa, "Pa")}`;
+    setText(p.supply, `supply ${shown} bar, tank`);
     setText(p.measured, this.measuredText());
     this.drawFlow(speed);
   }

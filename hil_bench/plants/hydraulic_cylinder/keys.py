@@ -225,7 +225,7 @@ SUPPLY_KEYS = (
     _quantity("relief_pressure_bar", 100.0, BAR, "relief_pressure"),
     _quantity("relief_gradient_l_min_bar", 12.0, LITRE_PER_MINUTE_BAR, "relief_gradient"),
     _quantity("supply_line_volume_cm3", 500.0, CUBIC_CENTIMETRE, "line_volume"),
-    _quantity("accumulator_volume_l", 1.0, LITRE, "accumulator_volume"),
+    _quantity("accumulator_volume_l", 0.0, LITRE, "accumulator_volume"),
     _quantity("accumulator_precharge_bar", 60.0, BAR, "precharge_pressure"),
     _quantity("accumulator_exponent", 1.4, ONE, "gas_exponent"),
 )

@@ -13,7 +13,7 @@ from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import (
     find_leftovers,
 )
 from hil_bench.plants.hydraulic_cylinder.keys import AXIS_KEYS
-from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL
+from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.hydraulic_cylinder.quantities import QUANTITIES
 from hil_bench.plants.hydraulic_cylinder.resolution import find_unresolved
 from hil_bench.plants.hydraulic_cylinder.summary import summarise
@@ -31,6 +31,7 @@ class HydraulicCylinder(ValveControlled[CylinderConfig]):
     quantities: tuple[Quantity, ...] = QUANTITIES
     usual = USUAL
     possible = POSSIBLE
+    usual_results = USUAL_RESULTS
     default_nodes = MappingProxyType(
         {**VALVE_NODES, "position": {"profile": "encoder_406", "node_id": 4}}
     )

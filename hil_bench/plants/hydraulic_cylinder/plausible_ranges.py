@@ -129,6 +129,18 @@ USUAL: Final[Mapping[str, Range]] = {
 }
 """What data sheets and machines have; beyond it a unit is mistaken more often than not."""
 
+_SPEED = "0.5 m/s of polyurethane seals to 5 of servo-cylinders"
+_ACCELERATION = "some m/s² of machines to 1000 g of a hammer's piston"
+SWING: Final = Range(0.2, 1000.0, "1 Hz of cranes to some hundred Hz of short test cylinders")
+
+USUAL_RESULTS: Final[Mapping[str, Range]] = {
+    "top speed extending": Range(0.0, 5000.0, _SPEED),
+    "top speed retracting": Range(0.0, 5000.0, _SPEED),
+    "largest acceleration": Range(0.0, 1e4, _ACCELERATION),
+    "eigenfrequency, lowest": SWING,
+}
+"""What machines reach, in the units of the facts (decision 103)."""
+
 _VACUUM = "gauge pressure; a vacuum is -1.01325 bar"
 
 POSSIBLE: Final[Mapping[str, Range]] = {

@@ -23,6 +23,7 @@ from hil_bench.plants.kind import Fact
 from hil_bench.units import BAR, LITRE_PER_MINUTE
 
 _SWINGS = 1.0 / (2.0 * math.pi)
+_ANY_FLOW = 1e3  # [m³/s]
 _HALVINGS = 100  # more than a float has bits
 
 
@@ -122,6 +123,26 @@ def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
         yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
         flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
         yield Fact(f"  flow from the supply {word}", flow, "l/min")
+        if (burst := burst_motion(axis, extends=extends)) is not None:
+            speed = burst.speed * 1e3
+            yield Fact(f"  with the accumulator {word}", speed, "mm/s", "until it is empty")
+
+
+def burst_motion(
+    axis: CylinderConfig, *, extends: bool, cushioned: bool = False
+) -> SteadyMotion | None:
+    """Return the motion while the accumulator of an own supply gives what its pump does not.
+
+    It begins at the relief valve's pressure and falls with that of the gas. None where the pump
+    does not limit the motion, and where there is no accumulator.
+    """
+    p, options, unit = axis.parameters, axis.options, axis.options.supply
+    if axis.is_fed or unit is None or not unit.accumulator_volume:
+        return None
+    if not steady_motion(p, options, extends=extends, cushioned=cushioned).is_pump_limited:
+        return None
+    endless = replace(options, supply=replace(unit, pump_flow=_ANY_FLOW))
+    return steady_motion(p, endless, extends=extends, cushioned=cushioned)
 
 
 def _cushion_facts(axis: CylinderConfig) -> Iterator[Fact]:
@@ -159,7 +180,8 @@ def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
     yield Fact("pressure B at rest", BAR.from_si(rest.P_B), "bar")
     unit = axis.options.supply
     supply = p.P_S if unit is None else unit.relief_pressure
-    yield Fact("largest push", (supply * p.A_A - p.P_T * p.A_B) * 1e-3, "kN", "without friction")
+    note = "without friction" if unit is None else "without friction, at the relief valve's setting"
+    yield Fact("largest push", (supply * p.A_A - p.P_T * p.A_B) * 1e-3, "kN", note)
     yield Fact("largest pull", (supply * p.A_B - p.P_T * p.A_A) * 1e-3, "kN")
     if load:
         yield Fact("load at the start", load * 1e-3, "kN", "positive against extension")
@@ -229,6 +251,7 @@ def _impact_facts(axis: CylinderConfig) -> Iterator[Fact]:
     speed = _fastest(axis, cushioned=True)
     push = max(p.P_S * p.A_A, p.P_S * p.A_B)
     yield Fact("moving mass", mass, "kg")
+    yield Fact("largest acceleration", push / mass, "m/s²", "full force by mass")
     yield Fact("time to top speed, at least", 1e3 * mass * top / push, "ms", "mass by full force")
     yield Fact(
         "energy at the end stop",
@@ -243,9 +266,11 @@ def _impact_facts(axis: CylinderConfig) -> Iterator[Fact]:
 
 
 def _fastest(axis: CylinderConfig, *, cushioned: bool) -> float:
-    """Return the higher of both steady speeds with the valve wide open [m/s]."""
+    """Return the higher of both speeds with the valve wide open, an accumulator's too [m/s]."""
     p, options = axis.parameters, axis.options
-    return max(
-        steady_motion(p, options, extends=extends, cushioned=cushioned).speed
+    motions = [
+        burst_motion(axis, extends=extends, cushioned=cushioned)
+        or steady_motion(p, options, extends=extends, cushioned=cushioned)
         for extends in (True, False)
-    )
+    ]
+    return max(motion.speed for motion in motions)

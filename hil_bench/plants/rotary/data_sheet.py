@@ -6,7 +6,7 @@ from hil_bench.config.settings import Origin, Problems, Settings
 from hil_bench.plants.hydraulic_cylinder.data_sheet.cylinder import ring_area
 from hil_bench.plants.hydraulic_cylinder.data_sheet.derive import fill
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_oil
-from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump, find_assumed_supply
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
@@ -72,6 +72,7 @@ def apply_data_sheet(settings: Settings, problems: Problems) -> Settings:
 
 def find_leftovers(settings: Settings) -> Iterator[tuple[str, str]]:
     """Yield the keys of which nothing is said, and what stands there instead."""
+    yield from find_assumed_supply(settings)
     for key, what, right in (
         ("orifice_width_mm", "the valve is", "rated_flow_l_min and rated_pressure_drop_bar"),
         ("bulk_modulus_mpa", "the oil is", 'oil = "HLP 46" or bulk_modulus_mpa'),

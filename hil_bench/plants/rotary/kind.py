@@ -13,7 +13,7 @@ from hil_bench.plants.rotary.configuration import RotaryConfig, configure
 from hil_bench.plants.rotary.data_sheet import apply_data_sheet, find_leftovers
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
 from hil_bench.plants.rotary.motor import HydraulicMotor
-from hil_bench.plants.rotary.plausible_ranges import POSSIBLE, USUAL
+from hil_bench.plants.rotary.plausible_ranges import POSSIBLE, USUAL, USUAL_RESULTS
 from hil_bench.plants.rotary.quantities import QUANTITIES
 from hil_bench.plants.rotary.summary import find_unresolved, summarise
 
@@ -26,6 +26,7 @@ class Rotary(ValveControlled[RotaryConfig]):
     quantities: tuple[Quantity, ...] = QUANTITIES
     usual = USUAL
     possible = POSSIBLE
+    usual_results = USUAL_RESULTS
     default_nodes = MappingProxyType(
         {**VALVE_NODES, "encoder": {"profile": "rotary_encoder_406", "node_id": 4}}
     )

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import POSSIBLE as POSSIBLE_OF_CYLINDERS
+from hil_bench.plants.hydraulic_cylinder.plausible_ranges import SWING
 from hil_bench.plants.hydraulic_cylinder.plausible_ranges import USUAL as USUAL_OF_CYLINDERS
 from hil_bench.plants.kind import Range
 from hil_bench.plants.rotary.keys import ROTARY_KEYS
@@ -36,3 +37,10 @@ USUAL: Final[Mapping[str, Range]] = MappingProxyType(
 POSSIBLE: Final[Mapping[str, Range]] = MappingProxyType(
     {name: possible for name, possible in POSSIBLE_OF_CYLINDERS.items() if name in _NAMES}
 )
+
+_TURNS = Range(0.0, 10_000.0, "radial pistons to small axial pistons")
+
+USUAL_RESULTS: Final[Mapping[str, Range]] = MappingProxyType(
+    {"top speed forwards": _TURNS, "top speed backwards": _TURNS, "eigenfrequency": SWING}
+)
+"""What machines reach, in the units of the facts."""

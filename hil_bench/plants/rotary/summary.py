@@ -10,6 +10,7 @@ from hil_bench.plants.hydraulic_cylinder.resolution import (
     eigenfrequency,
 )
 from hil_bench.plants.hydraulic_cylinder.summary import (
+    burst_motion,
     damping_ratio,
     filter_facts,
     line_facts,
@@ -64,6 +65,9 @@ def _motion_facts(axis: RotaryConfig) -> Iterator[Fact]:
         yield Fact(f"top speed {word}", speed, "rpm", _note(motion))
         flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
         yield Fact(f"  flow from the supply {word}", flow, "l/min", "without leakage")
+        if (burst := burst_motion(cylinder, extends=forward)) is not None:
+            speed = REVOLUTION_PER_MINUTE.from_si(burst.speed / axis.lever)
+            yield Fact(f"  with the accumulator {word}", speed, "rpm", "until it is empty")
         yield Fact(f"  pressure A {word}", BAR.from_si(motion.P_A), "bar")
         yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
 

@@ -195,7 +195,8 @@ def test_what_is_hard_to_believe_is_a_warning_on_standard_error(tmp_path, capsys
     assert err.startswith(f"hil-bench: warning: {path}:{DOUBT}")
     assert tomllib.loads(out)["plant"]["axis1"]["supply_pressure_bar"] == 21_000_000
     assert main(["check", str(path), "--json"]) == 0
-    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    warning, *results = json.loads(capsys.readouterr().out)["warnings"]
     assert warning.startswith(f"{path}:{DOUBT}")
+    assert "top speed extending is" in results[0]
     assert main(["check", str(path), "-q"]) == 0
     assert capsys.readouterr().err == ""

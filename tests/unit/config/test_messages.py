@@ -111,7 +111,7 @@ TOGETHER = [
     ("[plant.axis1]\nentrained_air_percent = 60", "plant.axis1.entrained_air_percent: air_fraction = 0.6; must be at most 0.5, or it is foam"),
     ("[plant.axis1]\nspool_overlap_negative_mm = -1", "plant.axis1.spool_overlap_negative_mm: beta_negative = -0.001 m; must be 0 or greater"),
     ("[plant.axis1]\nfriction = 'lugre'\nbristle_stiffness_n_mm = 0", "plant.axis1.bristle_stiffness_n_mm: sigma_0 = 0 N/m; must be greater than 0"),
-    ("[plant.axis1]\nsupply = 'unit'\naccumulator_precharge_bar = 100", "plant.axis1.accumulator_precharge_bar: precharge_pressure = 1e+07 Pa; must be below relief_pressure = 1e+07 Pa, or the accumulator never fills (see also relief_pressure_bar)"),
+    ("[plant.axis1]\nsupply = 'unit'\naccumulator_volume_l = 1\naccumulator_precharge_bar = 100", "plant.axis1.accumulator_precharge_bar: precharge_pressure = 1e+07 Pa; must be below relief_pressure = 1e+07 Pa, or the accumulator never fills (see also relief_pressure_bar)"),
     ("[plant.axis1]\nload_mass_kg = 10\nload_slope_deg = 100", "plant.axis1.load_slope_deg: slope = 1.74533 rad; must lie between -pi/2 and pi/2"),
     ("[plant.axis1]\nload_spring_n_mm = -2", "plant.axis1.load_spring_n_mm: spring_stiffness = -2000 N/m; must be greater than 0"),
     ("[plant.axis1]\nload_series_s_n = [[1, 0], [0, 0]]", "plant.axis1.load_series_s_n: load_series = 0 s after 1 s; its times must not decrease"),

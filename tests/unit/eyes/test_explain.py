@@ -80,3 +80,10 @@ def test_no_frames_make_it_stumble(frames, are_known):
 def test_there_are_as_many_logs_as_were_promised():
     assert len(BROKEN) >= 20
     assert len(SOUND) >= 10
+
+
+@pytest.mark.parametrize("name", ["motion_with_sync", "motion_with_pdos_on_event"])
+def test_a_sound_log_that_merely_ends_has_no_finding(name):
+    frames, nodes = SOUND[name]()
+    for count in range(100, len(frames), 151):
+        assert explain(frames[:count], nodes, 1_000_000).findings == ()

@@ -240,3 +240,18 @@ def test_a_controller_that_ends_leaves_the_rest_of_the_run(tmp_path):
     assert found.ending.startswith("the controller ended: node 1: ")
     assert found.duration == pytest.approx(0.5)
     assert not found.is_early
+
+
+SECOND = 'bench = "{}"\n'.format(Path(__file__).parents[3] / "examples/two_axes.toml")
+
+
+def test_a_set_point_of_a_valve_that_nobody_enables_is_refused(tmp_path):
+    text = HEAD + SECOND + EXAMPLE + step(0.1, 'set = { "press_valve.spool_setpoint" = 0.5 }')
+    (problem,) = problems(tmp_path, text + expect("always press.position < 1 m"))
+    assert "press_valve is not enabled: the example sets up feed only" in problem
+
+
+def test_a_sync_that_is_on_already_is_refused(tmp_path):
+    text = HEAD + EXAMPLE + step(0.1, "sync = true") + expect("always axis1.position < 1 m")
+    (problem,) = problems(tmp_path, text)
+    assert "SYNC is on already" in problem

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from hil_bench.config.settings import Origin, Problems, Setting, Settings
 from hil_bench.plants.hydraulic_cylinder.data_sheet.cylinder import derive_cylinder
 from hil_bench.plants.hydraulic_cylinder.data_sheet.oil import derive_oil, find_oil
-from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump
+from hil_bench.plants.hydraulic_cylinder.data_sheet.pump import derive_pump, find_assumed_supply
 from hil_bench.plants.hydraulic_cylinder.data_sheet.sheet import Derived, Sheet
 from hil_bench.plants.hydraulic_cylinder.data_sheet.valve import derive_valve
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import (
@@ -54,6 +54,7 @@ def apply_data_sheet(settings: Settings, problems: Problems) -> Settings:
 
 def find_leftovers(settings: Settings) -> Iterator[tuple[str, str]]:
     """Yield the keys that Table I still fills although a data sheet fills others, and why not."""
+    yield from find_assumed_supply(settings)
     names = [key.name for key in DATA_SHEET_KEYS if settings[key.name].origin is not Origin.DEFAULT]
     if not names:
         return

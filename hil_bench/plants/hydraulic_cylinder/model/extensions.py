@@ -148,7 +148,7 @@ class SupplyUnit:
         require_not_negative("accumulator_volume", self.accumulator_volume, "m³")
         require_not_negative("precharge_pressure", self.precharge_pressure, "Pa")
         require_exponent("gas_exponent", self.gas_exponent)
-        if self.precharge_pressure >= self.relief_pressure:
+        if self.accumulator_volume and self.precharge_pressure >= self.relief_pressure:
             raise ParameterError(
                 f"precharge_pressure = {self.precharge_pressure:g} Pa: must be below "
                 f"relief_pressure = {self.relief_pressure:g} Pa, or the accumulator never fills",

@@ -37,6 +37,7 @@ from hil_bench.machine.identification.choice import (
 )
 from hil_bench.machine.identification.columns import (
     ColumnMap,
+    check_units,
     map_columns,
     read_column_map,
     take_sensors,
@@ -56,7 +57,7 @@ from hil_bench.machine.identification.unknowns import Sensors
 from hil_bench.outside.recording.channels import Recording
 from hil_bench.outside.recording.column_units import check_quantities, find_doubts
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.outside.recording.foreign_table import read_columns
+from hil_bench.outside.recording.foreign_table import read_columns, read_units
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import Model
 
@@ -303,9 +304,18 @@ def _read_record(path: Path, asked: Question, *, is_truth: bool) -> AxisRecord:
 
 
 def _read_foreign(path: Path, columns: ColumnMap, asked: Question) -> AxisRecord:
-    """Return one recording of an axis, its columns by a map."""
+    """Return one recording of an axis, its columns by a map.
+
+    Raises:
+        ConfigError: the map and the file contradict each other.
+    """
     mapped = columns.of(path.name)
-    recording = map_columns(read_columns(path), mapped, asked.axis.name)
+    table = read_columns(path)
+    try:
+        check_units(read_units(path), mapped)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    recording = map_columns(table, mapped, asked.axis.name)
     record = _record_of(recording, path, asked)
     return settle_signs(record, {name for name, one in mapped.items() if not one.polarity})
 

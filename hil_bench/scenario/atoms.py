@@ -71,7 +71,7 @@ class StateMargins:
     def __call__(self, block: Block) -> Bounds:
         """Return the margins of the next ticks."""
         codes = block.columns[self._node.name]
-        return signed(codes == self._node.code, math.inf, np.isnan(codes))
+        return signed(codes == self._node.code, math.inf, ~np.isfinite(codes))
 
 
 class EventMargins:
@@ -83,7 +83,7 @@ class EventMargins:
     def __call__(self, block: Block) -> Bounds:
         """Return the margins of the next ticks."""
         happened = block.columns[self._name]
-        return signed(happened > 0.0, math.inf, np.isnan(happened))
+        return signed(happened > 0.0, math.inf, ~np.isfinite(happened))
 
 
 class EdgeMargins:

@@ -51,7 +51,7 @@ class View:
 
     Args:
         asked: what the requirement asks for, and when.
-        columns: the values of each signal, shape (ticks,); NaN where unknown.
+        columns: the values of each signal, shape (ticks,); NaN or infinite where unknown.
         ticks: how many were seen.
         tick_ns: time between two [ns].
         planned: how many the run has; None where nothing says it.
@@ -74,7 +74,8 @@ class View:
         for (node, _), (start, stop) in zip(asked, spans, strict=True):
             for name in sorted(names_in([node])):
                 missing = self._missing.setdefault(name, np.zeros(ticks, dtype=np.bool_))
-                missing[start : stop + 1] |= np.isnan(columns[name][start : min(ticks, stop + 1)])
+                asked_for = columns[name][start : min(ticks, stop + 1)]
+                missing[start : stop + 1] |= ~np.isfinite(asked_for)
         self._unknown: Truths = np.any([*self._missing.values()], axis=0)
         self._behind = _count(spans, ticks)
 

@@ -1,6 +1,7 @@
 """What a unit measures: the check that bar is not compared with mm.
 
-A dimension is a product of base units, such as kg/(m s²) for a pressure.
+A dimension is a product of base units, such as kg/(m s²) for a pressure. The radian is one of them:
+without it 1 Hz would be 1 rad/s, and 50 % an angle.
 """
 
 from collections.abc import Mapping
@@ -44,12 +45,11 @@ def multiply(left: Dimension, right: Dimension, sign: int = 1) -> Dimension:
 
 _LENGTH, _SPEED, _FORCE = power(m=1), power(m=1, s=-1), power(kg=1, m=1, s=-2)
 _PRESSURE, _RATE = power(kg=1, m=-1, s=-2), power(s=-1)
+_ANGLE = power(rad=1)
 
 _UNITS: Final = (
-    *(
-        MeasuredUnit(unit, NUMBER)
-        for unit in (units.ONE, units.PERCENT, units.DEGREE, units.RADIAN, units.REVOLUTION)
-    ),
+    *(MeasuredUnit(unit, NUMBER) for unit in (units.ONE, units.PERCENT)),
+    *(MeasuredUnit(unit, _ANGLE) for unit in (units.DEGREE, units.RADIAN, units.REVOLUTION)),
     *(
         MeasuredUnit(unit, TIME)
         for unit in (units.SECOND, units.MILLISECOND, units.MICROSECOND, Unit("min", "_min", 60.0))
@@ -76,9 +76,10 @@ _UNITS: Final = (
         for unit in (Unit("N/m", "_n_per_m"), units.NEWTON_PER_MILLIMETRE)
     ),
     MeasuredUnit(units.KILOGRAM, power(kg=1)),
+    MeasuredUnit(units.HERTZ, _RATE),
     *(
-        MeasuredUnit(unit, _RATE)
-        for unit in (units.HERTZ, units.RADIAN_PER_SECOND, units.REVOLUTION_PER_MINUTE)
+        MeasuredUnit(unit, multiply(_ANGLE, _RATE))
+        for unit in (units.RADIAN_PER_SECOND, units.REVOLUTION_PER_MINUTE)
     ),
     MeasuredUnit(units.NEWTON_METRE, multiply(_FORCE, _LENGTH)),
     *(

@@ -110,7 +110,8 @@ def judge(
 
     Args:
         requirement: the condition.
-        columns: the values of each signal that it names, shape (ticks,); NaN where unknown.
+        columns: the values of each signal that it names, shape (ticks,); NaN or infinite where
+            unknown.
         ticks: how many were seen; 0 leaves every requirement undecided.
         tick_ns: time between two [ns].
         planned: how many the run has; those behind the ones seen are unknown. None for a run that

@@ -96,7 +96,7 @@ class Monitor:
         """Take the next ticks.
 
         Args:
-            columns: the values of each signal, shape (count,); NaN where unknown.
+            columns: the values of each signal, shape (count,); NaN or infinite where unknown.
             count: how many ticks.
         """
         if count:

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+from hil_bench import units
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.scenario.dimensions import (
     NUMBER,
@@ -32,7 +33,7 @@ from hil_bench.scenario.operands import (
 from hil_bench.scenario.syntax import ExpectationError
 from hil_bench.scenario.vocabulary import Vocabulary
 
-_KNOWN_BASES = {"kg", "m", "s", "°C"}
+_KNOWN_BASES = {"kg", "m", "s", "rad", units.CELSIUS.symbol}
 
 
 def combine(operation: Operation, left: Operand, right: Operand) -> MeasuredValue:

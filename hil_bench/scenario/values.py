@@ -22,7 +22,8 @@ class Block(NamedTuple):
     """Consecutive ticks of a run.
 
     Attributes:
-        columns: the values of each signal, state and event, shape (size,); NaN where unknown.
+        columns: the values of each signal, state and event, shape (size,); NaN or infinite
+            where unknown.
         size: how many ticks, 1 or more.
     """
 
@@ -32,6 +33,11 @@ class Block(NamedTuple):
 
 Values = Callable[[Block], Floats]
 """Gives the values of the next ticks; it remembers what it needs of the ticks before."""
+
+
+def _known(values: Floats) -> Floats:
+    """Return readings with NaN for each that is infinite: no sensor shows that."""
+    return np.where(np.isinf(values), np.nan, values) if np.isinf(values).any() else values
 
 
 def _divide(left: Floats, right: Floats) -> Floats:
@@ -75,7 +81,7 @@ def build_values(node: Value, tick_ns: int) -> Values:
             return lambda block: np.full(block.size, number)
         case Reading():
             name = node.name
-            return lambda block: block.columns[name]
+            return lambda block: _known(block.columns[name])
         case Magnitude():
             inner = build_values(node.operand, tick_ns)
             return lambda block: np.abs(inner(block))

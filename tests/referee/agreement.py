@@ -49,7 +49,10 @@ NO_GRID = ["not evenly spaced", "times do not go on"]
 
 def differences_in_memory(case: Case) -> Iterator[str]:
     """Yield what the referee contradicts of `judge` and of a monitor that is given blocks."""
-    columns = {name: np.array([bits(x) for x in c]) for name, c in case.values().items()}
+    columns = {
+        name: np.array([bits(x, place) for place, x in enumerate(column)])
+        for name, column in case.values().items()
+    }
     tick_ns = int(case.tick * 10**9)
     expected = refusals(case.tree, case.tick, None)
     try:
@@ -178,7 +181,7 @@ def write_case(case: Case, folder: Path) -> tuple[Path, Path]:
         for name, column in case.values().items()
     }
     for time, row in case.rows:
-        values = (bits(column[row]) for column in columns.values())
+        values = (bits(column[row], row) for column in columns.values())
         rows.append([written(time), *map(repr, values)])
     recording = folder / "run.csv"
     recording.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")

@@ -419,6 +419,6 @@ def draw(seed: int, number: int) -> Case:
     return Draw(seed, number).case()
 
 
-def bits(size: Fraction) -> float:
-    """Return a number as a double."""
-    return math.nan if size is None else float(size)
+def bits(size: Fraction | None, place: int) -> float:
+    """Return a number as a double; one that is unknown is NaN or infinite, by its place."""
+    return (math.nan, math.inf, -math.inf)[place % 3] if size is None else float(size)

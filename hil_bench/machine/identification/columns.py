@@ -1,5 +1,6 @@
 """Which column of a foreign table is which quantity: unit, gain, offset and polarity."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from hil_bench.config.values import describe, find_nearest, number, text
 from hil_bench.errors import ConfigError
 from hil_bench.outside.recording.channels import TIME, Channel, Recording, recording_dtype
 from hil_bench.outside.recording.foreign_table import Columns
-from hil_bench.units import ONE, UNITS_OF, Unit, read_unit
+from hil_bench.units import ONE, UNITS_OF, SiUnit, Unit, read_unit
 
 _FILES = "files"
 _MEASURED = ".measured"
@@ -151,6 +152,29 @@ def map_columns(table: Columns, mapped: Mapped, axis: str) -> Recording:
         )
     recording[TIME.name] -= recording[TIME.name][:1]
     return recording
+
+
+def check_units(units: Mapping[str, str], mapped: Mapped) -> None:
+    """Refuse a map that gives a column another unit than its file does.
+
+    Args:
+        units: of the file, by the name of the column; those that are not known say nothing.
+        mapped: the columns; one with a gain or an offset is raw, so its unit is not the file's.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    for quantity, column in mapped.items():
+        given = read_unit(units.get(column.name, ""))
+        is_raw = (column.gain, column.offset) != (1.0, 0.0)
+        if given is None or given == SiUnit(ONE.symbol) or is_raw:
+            continue
+        factor = given.factor if given.symbol == _UNITS[quantity] else math.nan
+        if not math.isclose(factor, column.unit.factor) or given.offset:
+            raise ConfigError(
+                f'column {column.name} is in "{units[column.name]}" there, and the map has '
+                f"{quantity} in {column.unit.symbol}; give the map the unit of the file"
+            )
 
 
 def take_sensors(

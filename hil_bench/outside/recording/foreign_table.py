@@ -1,12 +1,15 @@
 """Tables of other tools: CSV of any delimiter, and MAT files of version 7 and before."""
 
 import csv
+import re
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from hil_bench.errors import ConfigError, about_file, printable
+from hil_bench.outside.recording.channels import recording_channels
 from hil_bench.outside.recording.mat_reader import read_vectors
 from hil_bench.outside.recording.mdf_reader import read_mdf
 
@@ -14,6 +17,7 @@ Columns = dict[str, npt.NDArray[np.float64]]
 """The columns of a table by their names, all of one length."""
 
 _DELIMITERS = ";\t,"
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]$")
 _HEAD = 50  # lines among which the one with the names is
 
 
@@ -37,10 +41,34 @@ def read_columns(path: Path) -> Columns:
             raise ConfigError(f"{path}: is no recording: {printable(str(error))}") from None
 
 
-def _read_csv(path: Path) -> Columns:
+def read_units(path: Path) -> dict[str, str]:
+    """Return the units that a table gives its columns, behind a name or in the row below it.
+
+    Args:
+        path: of a table that `read_columns` reads; a MAT file has no units.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".mf4":
+        return {name: unit for name, unit in recording_channels(read_mdf(path).signals) if unit}
+    if suffix == ".mat":
+        return {}
+    rows, delimiter = _read_rows(path)
+    heads = list(takewhile(lambda row: not _is_numeric(row, delimiter), rows))
+    width = len(rows[len(heads)])
+    names, *below = [[field.strip() for field in row] for row in heads if len(row) == width]
+    bracketed = {name: found[1] for name in names if (found := _IN_BRACKETS.search(name))}
+    return dict(zip(names, below[0] if below else (), strict=False)) | bracketed
+
+
+def _read_rows(path: Path) -> tuple[list[list[str]], str]:
+    """Return the fields of each row that has some, and the delimiter."""
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     delimiter = max(_DELIMITERS, key=lambda one: sum(one in line for line in lines[:_HEAD]))
-    rows = [row for row in csv.reader(lines, delimiter=delimiter) if row]
+    return [row for row in csv.reader(lines, delimiter=delimiter) if row], delimiter
+
+
+def _read_csv(path: Path) -> Columns:
+    rows, delimiter = _read_rows(path)
     is_numeric = [_is_numeric(row, delimiter) for row in rows]
     if True not in is_numeric:
         raise ConfigError("it has no row of numbers")

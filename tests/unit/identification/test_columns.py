@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from hil_bench.errors import ConfigError
-from hil_bench.machine.identification.columns import map_columns, read_column_map, take_sensors
+from hil_bench.machine.identification.columns import (
+    check_units,
+    map_columns,
+    read_column_map,
+    take_sensors,
+)
 from hil_bench.outside.recording.channels import Channel, recording_dtype
 
 RIG = """
@@ -155,3 +160,22 @@ def test_a_recording_of_a_machine_is_taken_as_it_is() -> None:
     channels = [Channel("time", "s"), Channel("axis1.position", "m")]
     machine = np.array([(0.0, 1.0)], dtype=recording_dtype(channels))
     assert take_sensors(machine, "axis1", {"position": "encoder"}) == (machine, "")
+
+
+@pytest.mark.parametrize("unit", ["mm", "[m]", "bar", "°C"])
+def test_a_map_that_contradicts_the_unit_of_the_file_is_refused(unit: str) -> None:
+    columns = read_column_map(None, ["s=position:cm"])
+
+    with pytest.raises(ConfigError, match="the map has position in cm"):
+        check_units({"s": unit}, columns.of("a.csv"))
+
+
+@pytest.mark.parametrize("unit", ["mm", "", "furlong", "1"])
+def test_a_unit_of_the_file_that_says_the_same_or_nothing_is_taken(unit: str) -> None:
+    check_units({"s": unit}, read_column_map(None, ["s=position:mm"]).of("a.csv"))
+
+
+def test_the_unit_of_a_raw_column_is_not_that_of_its_quantity(tmp_path: Path) -> None:
+    columns = read_column_map(write(tmp_path, RIG), [])
+
+    check_units({"s": "bar", "U": "V"}, columns.of("a.csv"))  # gain 2, offset -5 mm

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from hil_bench.errors import ConfigError
-from hil_bench.outside.recording.foreign_table import read_columns
+from hil_bench.outside.recording.foreign_table import read_columns, read_units
 
 
 def write(directory: Path, text: str) -> Path:
@@ -30,6 +30,21 @@ def test_the_columns_of_a_csv_file_are_found(tmp_path: Path, text: str) -> None:
 
     assert columns["t"].tolist() == [0.0, 0.1]
     assert columns["s [mm]"].tolist() == [1.5, 2.5]
+
+
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("t,s [mm]\n0,1.5\n", {"s [mm]": "mm"}),
+        ("t,s\ns,mm\n0,1.5\n", {"t": "s", "s": "mm"}),
+        ("# logger 3\nt;p (bar)\n;bar\n0;1,5\n", {"t": "", "p (bar)": "bar"}),
+        ("t,s\n0,1.5\n", {}),
+    ],
+)
+def test_the_units_of_a_csv_file_are_behind_the_names_or_below(
+    tmp_path: Path, text: str, units: dict[str, str]
+) -> None:
+    assert read_units(write(tmp_path, text)) == units
 
 
 def test_what_is_no_number_counts_as_none(tmp_path: Path) -> None:

@@ -199,7 +199,7 @@ class Axis:
         return row
 
     def command(self, now: int) -> tuple[float, float]:
-        """Return the command of the valve at `now` [ns], and the command that the plant gets [SI]."""
+        """Return the command of the valve at `now` [ns] and the one that the plant gets [SI]."""
         commanded = u = self.valve.command(now)
         for stage in self.command_path.stages:
             u = stage(u)

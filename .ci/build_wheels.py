@@ -55,7 +55,7 @@ def build(program: str, output: Path, *, is_compiled: bool) -> Path:
 
 
 def what_is_missing(wheel: Path) -> str:
-    """Return what of a compiled wheel is not in this one; empty for nothing."""
+    """Return the parts of a compiled wheel that this one lacks; empty for nothing."""
     if wheel.name.endswith("-none-any.whl"):
         return "not compiled"
     with zipfile.ZipFile(wheel) as archive:

@@ -40,7 +40,7 @@ CHECKED = 8
 
 
 def check_reference(seed: int) -> float:
-    """Return how far the reference is from LSODA at the most [um]."""
+    """Return the largest deviation of the reference from LSODA [um]."""
     worst = 0.0
     for number in range(CHECKED):
         manoeuvre = draw(seed, number)._replace(options=PlantOptions.paper())
@@ -69,7 +69,7 @@ class Worker:
         )
 
     def run(self, number: int) -> Run:
-        """Return what `run` does for a manoeuvre.
+        """Run a manoeuvre in the process, as `run` does.
 
         Raises:
             RuntimeError: the process has no pipes.
@@ -90,7 +90,7 @@ class Worker:
 
 @dataclass(frozen=True)
 class Result:
-    """What one plant does with all manoeuvres: errors [um], and what `Run` has."""
+    """The results of one plant in all manoeuvres: errors [um], and the fields of `Run`."""
 
     errors: Array
     evaluations: Array

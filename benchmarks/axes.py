@@ -1,4 +1,4 @@
-"""How many axes one core holds at 1 kHz in real time.
+"""Benchmark of the number of axes that one core holds at 1 kHz in real time.
 
     python benchmarks/axes.py [--seconds N] [--axes N ...] [--realtime fifo]
 
@@ -44,7 +44,7 @@ class BusyTransport:
         self.answers = 0
 
     def receive(self, limit: int) -> list[Frame]:  # noqa: ARG002 - it is what a tick gets
-        """Return what the controller sends in this tick: it sets up once, then commands."""
+        """Return the controller's frames of this tick: it sets up once, then commands."""
         self._number += 1
         if self._number < 0:
             return []

@@ -45,7 +45,7 @@ that = "always axis1.P_A < limit_bar"
 
 
 def resident_mb() -> float:
-    """Return what all processes of this program hold in memory [MB]."""
+    """Return the memory that all processes of this program hold [MB]."""
     total = 0
     for status in Path("/proc").glob("[0-9]*/status"):
         text = status.read_text(encoding="utf-8") if status.exists() else ""
@@ -157,7 +157,7 @@ def wait_for_address(path: Path) -> str:
 
 
 def scheduler_mb(program: "subprocess.Popen[bytes]") -> float:
-    """Return what a process holds in memory [MB]."""
+    """Return the memory that a process holds [MB]."""
     text = Path(f"/proc/{program.pid}/status").read_text(encoding="utf-8")
     fields = dict(line.split(":", 1) for line in text.splitlines() if ":" in line)
     return int(fields["VmRSS"].split()[0]) / 1024

@@ -102,7 +102,7 @@ def main() -> None:
 
 
 class Outcome(NamedTuple):
-    """What a commissioning came to.
+    """The outcome of a commissioning.
 
     Attributes:
         names: the faults that it named.

@@ -1,4 +1,4 @@
-"""What `hil-bench conformance` finds in two other Python responders, in virtual time.
+"""Benchmark of `hil-bench conformance` on two other Python responders, in virtual time.
 
     pip install '.[benchmark]'
     python benchmarks/conformance.py
@@ -148,14 +148,14 @@ def only_data(frames: Sequence[Frame]) -> Iterator[Frame]:
 
 
 def taken(sent: Sent) -> list[Frame]:
-    """Return what was sent, and forget it."""
+    """Return the frames sent, and clear them."""
     frames = [Frame(can_id, bytes(data)) for can_id, data in sent]
     sent.clear()
     return frames
 
 
 def results_of(device: tuple[Tick, Path]) -> list[Result]:
-    """Return what the whole suite finds in a device."""
+    """Return the results of the whole suite for a device."""
     tick, eds = device
     with EmbeddedBus(tick) as bus:
         bus.advance(0.01)

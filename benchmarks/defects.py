@@ -1,4 +1,4 @@
-"""How many of twenty seeded defects the search finds, against random and Sobol points.
+"""Benchmark of the search on twenty seeded defects, against random and Sobol points.
 
     python benchmarks/defects.py --language py --runs 40
     python benchmarks/defects.py --language c --runs 40
@@ -127,7 +127,7 @@ def first_failure(scenario: Scenario, method: Method, runs: int, seed: int) -> i
 
 
 def false_counterexamples(defect: Defect, runs: int, seed: int) -> tuple[int, list[str]]:
-    """Return how many failures were made small, and those that the sound controller fails, too."""
+    """Count the shrunk failures, and list those that the sound controller fails, too."""
     plan = SearchPlan((Method.SOBOL,), Budget(runs), seed, ends_at_failure=True)
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as name:
         folder = Path(name)

@@ -1,4 +1,4 @@
-"""Whether the same configuration and seed give the same bytes, run after run.
+"""Check that the same configuration and seed give the same bytes, run after run.
 
     python benchmarks/determinism.py [--runs N] [--bus hub|vcan0]
 

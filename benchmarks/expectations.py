@@ -246,7 +246,7 @@ def prepared(directory: Path, texts: Sequence[str], duration: float = 5.0) -> Pr
 
 
 def processor_time(work: Callable[[], object]) -> float:
-    """Return what a call takes [s]."""
+    """Return the processor time of a call [s]."""
     start = time.process_time()
     work()
     return time.process_time() - start

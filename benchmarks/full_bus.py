@@ -93,7 +93,7 @@ class FullBus:
         self._sent = 0
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived by now."""
+        """Return the frames that have arrived by now."""
         now = self._clock.now()
         if self._start is None:
             self._start = now
@@ -117,7 +117,7 @@ class FullBus:
         """Filter nothing: Python sees every frame of the bus."""
 
     def counters(self) -> TransportCounters:
-        """Return what passed."""
+        """Return the counts of frames."""
         return TransportCounters(received=self._taken, sent=self._sent)
 
     def close(self) -> None:
@@ -125,12 +125,12 @@ class FullBus:
 
 
 def count_answers(frames: Sequence[Frame]) -> int:
-    """Return how many of the frames are SDO answers."""
+    """Count the SDO answers among the frames."""
     return sum(0x580 < frame.can_id < 0x600 for frame in frames)
 
 
 class Service(NamedTuple):
-    """How a bus was served in real time.
+    """The figures of a bus served in real time.
 
     Attributes:
         report: of the loop.

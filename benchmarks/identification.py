@@ -73,7 +73,7 @@ def draw_machine(
 
 
 def make_setpoints() -> Values:
-    """Return what a commissioning run commands: slow ramps, steps, a chirp, random steps [m]."""
+    """Return the commands of a commissioning run: slow ramps, steps, a chirp, random steps [m]."""
     parts = [_hold(0.0, 0.3)]
     for sign in (1.0, -1.0):
         ramp = np.linspace(0.0, sign * 0.8e-3, round(2.0 / TICK))
@@ -89,7 +89,7 @@ def make_setpoints() -> Values:
 
 
 def record_machine(machine: PlantParameters, source: np.random.Generator) -> Recording:
-    """Return what the sensors of a machine show, as a recording."""
+    """Return the sensor signals of a machine as a recording."""
     setpoints = make_setpoints()
     every = round(TICK / STEP)
     setup = Setup(

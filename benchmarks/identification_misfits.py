@@ -68,7 +68,7 @@ class Strange:
 
 
 def stick(setpoints: Values) -> Values:
-    """Return where a spool goes that stays until its set-point is `BAND` away."""
+    """Return the position of a spool that stays until its set-point is `BAND` away."""
     place, places = 0.0, []
     for setpoint in setpoints.tolist():
         place = setpoint if abs(setpoint - place) > BAND else place
@@ -77,7 +77,7 @@ def stick(setpoints: Values) -> Values:
 
 
 def play(setpoints: Values) -> Values:
-    """Return where a spool goes whose hysteresis is `BAND` wide: a backlash."""
+    """Return the position of a spool whose hysteresis is `BAND` wide: a backlash."""
     place, places = 0.0, []
     for setpoint in setpoints.tolist():
         place = min(max(place, setpoint - 0.5 * BAND), setpoint + 0.5 * BAND)
@@ -137,7 +137,7 @@ def strange_machines() -> list[Strange]:
 
 
 def fit(machine: Strange, sought: Sequence[str]) -> Identification:
-    """Return what both recordings of a machine tell."""
+    """Estimate the parameters of a machine from both of its recordings."""
     source = np.random.default_rng(7)
     runs = (
         (machine.parameters, first_setpoints(), "P_A"),

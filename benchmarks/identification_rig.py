@@ -83,7 +83,7 @@ def run(setup: Setup, setpoints: Values) -> Recording:
 
 
 def as_set(setpoints: Values) -> Values:
-    """Return where a spool goes that follows its set-points."""
+    """Return the position of a spool that follows its set-points."""
     return setpoints
 
 
@@ -94,7 +94,7 @@ def record(
     source: np.random.Generator,
     spool: Callable[[Values], Values] = as_set,
 ) -> AxisRecord:
-    """Return what the position sensor and that of one pressure show."""
+    """Record the position sensor and one pressure sensor."""
     shown = run(setup, spool(setpoints))
     position = shown["x"] + NOISE["position"] * source.standard_normal(len(shown))
     recording = make_table(
@@ -116,7 +116,7 @@ def fit(
     sought: Sequence[str] = SOUGHT,
     starts: int = STARTS,
 ) -> Identification:
-    """Return what two recordings of a machine tell."""
+    """Estimate the parameters of a machine from two recordings."""
     source = np.random.default_rng(seed)
     setup = setup_of(machine, options)
     records = [

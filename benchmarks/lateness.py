@@ -54,7 +54,7 @@ CONDITIONS = ("as it is", "others busy", "all attached")
 
 @dataclass(slots=True)
 class Peer:
-    """What cyclictest found, in all its turns.
+    """The results of cyclictest, in all its turns.
 
     Attributes:
         counts: of each latency [us].
@@ -182,7 +182,7 @@ def busy(cpus: set[int]) -> Iterator[None]:
 def measure(
     arguments: argparse.Namespace, policy: RealtimePolicy, *, is_busy: bool, folder: Path | None
 ) -> tuple[TickStatistics, Peer]:
-    """Return what loop and peer found in one condition, in turns."""
+    """Measure loop and peer in one condition, in turns."""
     realtime = RealtimeConfig(policy=policy, priority=PRIORITY, cpu=arguments.cpu)
     others = os.sched_getaffinity(0) - {arguments.cpu}
     statistics, peer = TickStatistics(is_shared=True), Peer()

@@ -193,7 +193,7 @@ BENCHES = ("4 nodes, 1 axis", "64 nodes, 16 axes", "96 nodes, 24 axes")
 
 
 def take_turn(cycles: int) -> dict[str, float | str]:
-    """Return what this environment does in process, by a row's name; and what its core is."""
+    """Measure this environment in process, by a row's name; add the state of its core."""
     configs = load_config(), load_config(ROOT / "examples" / "sixteen_axes.toml"), config_of(24)
     found: dict[str, float | str] = {"core": str(look_at_core())}
     for bench, config in zip(BENCHES, configs, strict=True):

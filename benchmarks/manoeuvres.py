@@ -59,7 +59,7 @@ EXTENSIONS: tuple[dict[str, Any], ...] = (
 
 
 class Manoeuvre(NamedTuple):
-    """What a plant does in one run: an input a tick."""
+    """A run of a plant: an input a tick."""
 
     kind: str
     parameters: PlantParameters
@@ -160,7 +160,7 @@ def positions(manoeuvre: Manoeuvre, solver: Solver, dt: float) -> Array:
 
 
 def run(manoeuvre: Manoeuvre, dt: float) -> Run:
-    """Return what a plant on the default solver does, and what that costs when nobody looks."""
+    """Run a plant on the default solver, and measure its cost when nobody looks."""
     steps = round(TICK / dt)
     unseen, inputs = make(manoeuvre, Solver.LINEARLY_IMPLICIT_MIDPOINT, dt)
     begin = time.process_time()

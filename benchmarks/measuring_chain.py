@@ -135,7 +135,7 @@ def print_costs(count: int, repeats: int) -> None:
 
 
 def run_chain(chain: MeasuringChain, quantity: np.ndarray) -> np.ndarray:
-    """Return what a chain shows of a quantity, tick by tick."""
+    """Return the output of a chain for a quantity, tick by tick."""
     return np.array([chain.measure(float(value)) for value in quantity])
 
 

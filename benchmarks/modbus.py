@@ -162,7 +162,7 @@ def pymodbus_server(counts: dict[int, int]) -> Iterator[tuple[int, int]]:
 
 @dataclass(slots=True)
 class Condition:
-    """What was found in one condition, in all its turns.
+    """The results of one condition, in all its turns.
 
     Attributes:
         latencies: of the requests [s].
@@ -261,7 +261,7 @@ def measure(
 
 
 def processor_time(process_id: int) -> float:
-    """Return what a process has used of the processors so far [s]."""
+    """Return the processor time that a process has used so far [s]."""
     fields = Path(f"/proc/{process_id}/stat").read_text(encoding="ascii").rsplit(") ")[-1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -313,7 +313,7 @@ def run_rounds(
     requests: list[bytes],
     counts: dict[int, int],
 ) -> dict[str, Condition]:
-    """Return what was found, by condition; all of them take turns."""
+    """Measure all conditions in turns; return the results by condition."""
     conditions: dict[str, Condition] = {}
     seconds = arguments.seconds
     with pymodbus_server(counts) as theirs:

@@ -54,7 +54,7 @@ _TABLE = "| | p50 | p99 | p99.9 | max | overruns |\n|---|---|---|---|---|---|"
 
 @dataclass
 class Tally:
-    """What the clients found.
+    """The results of the clients.
 
     Attributes:
         honest: streams of honest clients.
@@ -149,7 +149,7 @@ async def be_honest(port: int, dice: random.Random, tally: Tally) -> None:
 
 
 def bad_stream(dice: random.Random) -> bytes:
-    """Return what no client should send."""
+    """Return a stream that no client should send."""
     waiting = frame(1, 2, bytes.fromhex("05 0000 0000"))  # a write, which the loop must answer
     good = frame(2, 2, bytes.fromhex("04 0000 0008"))
     return dice.choice(

@@ -83,7 +83,7 @@ def _nodes(
 
 
 def _is_text(node: ast.AST) -> bool:
-    """Whether a node only says something: docstrings, f-strings, calls of the logger."""
+    """Return True if a node is text only: docstrings, f-strings, calls of the logger."""
     if isinstance(node, ast.Expr):
         call = node.value
         is_logged = isinstance(call, ast.Call) and ast.unparse(call.func).startswith("logger.")
@@ -93,7 +93,7 @@ def _is_text(node: ast.AST) -> bool:
 
 
 def _is_kept(node: ast.AST, parent: ast.AST) -> bool:
-    """Whether a node keeps an argument of a constructor: without it nothing works at all."""
+    """Return True if a node keeps an argument of a constructor: without it nothing works at all."""
     is_kept = isinstance(parent, ast.FunctionDef) and parent.name == "__init__"
     return is_kept and isinstance(node, ast.Assign) and isinstance(node.value, ast.Name)
 

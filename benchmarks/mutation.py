@@ -96,7 +96,7 @@ def run_tests(files: Sequence[str], path: Path, tree: ast.Module) -> int:
 
 
 def in_fork(files: Sequence[str], path: Path, tree: ast.Module, limit: int) -> tuple[str, float]:
-    """Return how the tests end with one module replaced, and their processor time [s]."""
+    """Run the tests with one module replaced; return their ending and processor time [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     pid = os.fork()
     if not pid:

@@ -1,4 +1,4 @@
-"""What ``benchmarks/mutation.py`` mutates, and the tests that must notice."""
+"""The areas that ``benchmarks/mutation.py`` mutates, and the tests that must notice."""
 
 from typing import Final
 

@@ -126,7 +126,7 @@ def timed(action: Callable[[], object]) -> float:
 
 
 class Figures(NamedTuple):
-    """What was measured of one implementation; times in [s]."""
+    """The figures of one implementation; times in [s]."""
 
     make: float
     boot: float

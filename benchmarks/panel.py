@@ -1,4 +1,4 @@
-"""What a panel costs the loop, and what people get from it: ``python benchmarks/panel.py``.
+"""Benchmark of a panel: its cost for the loop, its service: ``python benchmarks/panel.py``.
 
 A bench of two axes (18 channels at 1 kHz) runs in real time with a panel in front of it. In turns,
 nobody looks at it, three WebSocket clients do, of which one never reads, and three pages in

@@ -106,7 +106,7 @@ def build_c(directory: Path) -> ctypes.CDLL:
 
 
 def c_plant(library: ctypes.CDLL, solver: Solver, options: PlantOptions) -> Advance:
-    """Return what advances a C plant by (u, steps)."""
+    """Return a callable that advances a C plant by (u, steps)."""
     parameters = paper_parameters()
     state = np.array(balanced_state(parameters), dtype=np.float64)
     constants = np.array(pack(parameters, options, DT), dtype=np.float64)
@@ -118,13 +118,13 @@ def c_plant(library: ctypes.CDLL, solver: Solver, options: PlantOptions) -> Adva
 
 
 def bench_plant(solver: Solver, options: PlantOptions) -> Advance:
-    """Return what advances a bench plant by (u, steps)."""
+    """Return a callable that advances a bench plant by (u, steps)."""
     plant = FullOrderPlant(paper_parameters(), options=options, solver=solver, dt=DT)
     return lambda u, steps: plant.step(PlantInput(u, 0.0), steps)
 
 
 def reduced_plant(solver: Solver) -> Advance:
-    """Return what advances a reduced plant by (u, steps)."""
+    """Return a callable that advances a reduced plant by (u, steps)."""
     plant = ReducedOrderPlant(paper_parameters(), solver=solver, dt=DT)
     return lambda u, steps: plant.step(PlantInput(u, 0.0), steps)
 

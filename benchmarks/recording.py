@@ -47,7 +47,7 @@ def plan(*paths: Path) -> RecordingPlan:
 
 
 def frames(tick: int) -> list[Frame]:
-    """Return what a bench of one axis sends in a tick: four TPDOs."""
+    """Return the frames of a bench of one axis in a tick: four TPDOs."""
     data = tick.to_bytes(8, "little")
     return [Frame(0x181 + node, data) for node in range(4)]
 

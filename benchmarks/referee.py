@@ -41,7 +41,7 @@ RUNS = 8
 
 
 class Count:
-    """How many cases there were, and in which the referee disagreed."""
+    """Counts of the cases, and of those in which the referee disagreed."""
 
     def __init__(self) -> None:
         self.cases: Counter[str] = Counter()

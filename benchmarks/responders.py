@@ -165,7 +165,7 @@ class Durand:
 
 
 def responder_makers() -> dict[str, Callable[[], Responder]]:
-    """Return what makes each responder that is installed, by its name; ours first."""
+    """Return the makers of the installed responders, by name; ours first."""
     makers: dict[str, Callable[[], Responder]] = {"here": Ours, "`canopen.LocalNode`": LocalNode}
     if durand is not None:
         makers["`durand`"] = Durand

@@ -176,7 +176,7 @@ SERVICES: list[Service] = [
 
 
 def does(responder: Responder, service: Service) -> bool:
-    """Return whether a responder does a service at all, and rightly."""
+    """Return True if a responder does a service at all, and rightly."""
     _, run, is_right, _ = service
     responder.forget()
     run(responder)

@@ -1,4 +1,4 @@
-"""What a session costs a tick, and a bench to start, beside another checkout of this project.
+"""Benchmark of a session: cost of a tick and of a start, beside another checkout of this project.
 
     python benchmarks/session.py --against CHECKOUT [--here CHECKOUT] [--ticks N] [--turns N]
 
@@ -144,7 +144,7 @@ WAYS: dict[str, Callable[[int], float]] = {
 
 
 def measure(checkout: Path, way: str, ticks: int) -> float:
-    """Return what a new process of a checkout finds [us]."""
+    """Return the result of a new process of a checkout [us]."""
     command = [sys.executable, "-P", __file__, "--way", way, "--ticks", str(ticks)]
     folders = (checkout, checkout / "drivers", Path(__file__).parent)  # the last for `occasion`
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(str, folders))}

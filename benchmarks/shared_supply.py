@@ -28,12 +28,12 @@ P = replace(paper_parameters(), E=1.4e9, m=200.0)
 
 
 def set_points(tick: int, axes: int) -> list[float]:
-    """Return what the valves are commanded [m]."""
+    """Return the commands of the valves [m]."""
     return [(0.8e-3 if tick < TICKS // 2 else -0.8e-3) / (1 + number) for number in range(axes)]
 
 
 def own_supplies(axes: int) -> Callable[[int], None]:
-    """Return what makes a tick of axes that have a supply unit each."""
+    """Return a callable that makes a tick of axes that have a supply unit each."""
     options = replace(PlantOptions.bench(), supply=SupplyUnit())
     plants = [FullOrderCylinder(P, options=options) for _ in range(axes)]
 
@@ -45,7 +45,7 @@ def own_supplies(axes: int) -> Callable[[int], None]:
 
 
 def one_supply(axes: int, exchange: int) -> Callable[[int], None]:
-    """Return what makes a tick of axes on one supply unit."""
+    """Return a callable that makes a tick of axes on one supply unit."""
     shares = [1.0 / axes] * axes
     options = [
         replace(PlantOptions.bench(), supply=share_unit(SupplyUnit(), share, P.E, P.E))
@@ -63,7 +63,7 @@ def one_supply(axes: int, exchange: int) -> Callable[[int], None]:
 
 
 def on_bench(**keys: object) -> Callable[[int], None]:
-    """Return what makes a tick of the plants of two axes on one supply, as a bench moves them."""
+    """Return a callable that makes a tick of two axes on one supply, as a bench moves them."""
     plant = {"supply": "hpu", "bulk_modulus_mpa": 1400, "moving_mass_kg": 200}
     tables = {"supply": {"hpu": keys}, "plant": {"one": plant, "two": plant}, "nodes": NODES}
     config = load_config(tables=tables)

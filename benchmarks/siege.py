@@ -75,7 +75,7 @@ class Target(NamedTuple):
 
 
 class Attack(NamedTuple):
-    """What a process does to a server, and with how many connections at a time."""
+    """The attack of a process on a server, and its number of connections at a time."""
 
     kind: str
     connections: int
@@ -97,7 +97,7 @@ def attacks(*, brief: bool) -> list[Attack]:
 
 
 def words_of(target: Target, kind: str, dice: random.Random) -> bytes:
-    """Return what an attacker says as soon as it is connected."""
+    """Return the first bytes of an attacker once it is connected."""
     if kind == "half a handshake":
         return target.opening[: len(target.opening) // 2]
     if kind == "noise":
@@ -257,7 +257,7 @@ class Honest:
 
 
 class Waits(NamedTuple):
-    """How long an honest client has waited [s], and what went wrong."""
+    """The waiting times of an honest client [s], and its failures."""
 
     times: list[float]
     failures: list[str]
@@ -273,7 +273,7 @@ class Waits(NamedTuple):
 
     @property
     def is_kept(self) -> bool:
-        """Whether every request was answered in the promised time."""
+        """True if every request was answered in the promised time."""
         return bool(self.times) and not self.failures and max(self.times) <= PROMISED
 
     def text(self) -> str:

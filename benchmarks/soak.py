@@ -48,7 +48,7 @@ MINUTE = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What the controller counts, for others to read.
+    """The counters of the controller, for others to read.
 
     Attributes:
         syncs: SYNCs sent.
@@ -250,18 +250,18 @@ def main() -> int:
 
 
 def missing_frames(report: RunReport, counts: Counts) -> int:
-    """Return how many frames one side sent and the other did not get, both ways."""
+    """Count the frames that one side sent and the other did not get, both ways."""
     to_bench = counts.sent.value - report.frames.received
     return abs(to_bench) + abs(report.frames.sent - counts.received.value)
 
 
 def unanswered_syncs(counts: Counts) -> int:
-    """Return how many TPDOs are missing, or were too many, for one of each device a SYNC."""
+    """Count the TPDOs that are missing, or too many, for one of each device a SYNC."""
     return abs(len(NODE_IDS) * counts.syncs.value - counts.tpdos.value)
 
 
 def summary_lines(report: RunReport, counts: Counts) -> list[str]:
-    """Return what the whole run was like, a line a fact."""
+    """Return the figures of the whole run, a line a fact."""
     ticks, late = report.ticks, report.ticks.lateness
     return [
         (

@@ -36,7 +36,7 @@ LINES = 12
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What the controller counts, for the bench to read.
+    """The counters of the controller, for the bench to read.
 
     Attributes:
         sent: frames.
@@ -141,7 +141,7 @@ def run_bench(hub: HostedBus, minutes: float, counts: Counts) -> LockStepReport:
 
 
 def mistakes(report: LockStepReport, counts: Counts) -> list[str]:
-    """Return what is missing or too much, a line a fact."""
+    """Return the deviations from the expected counts, a line a fact."""
     syncs, nodes = counts.syncs.value, len(NODE_IDS)
     facts = {
         "SYNCs of the bench": (report.syncs, syncs),

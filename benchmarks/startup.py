@@ -60,7 +60,7 @@ Turn = Callable[[], "Cost"]
 
 
 class Cost(NamedTuple):
-    """What it took: on the clock, and of the processor [s]."""
+    """The cost in time: on the clock, and of the processor [s]."""
 
     wall: float
     processor: float
@@ -110,7 +110,7 @@ def until_heard(
 
 
 def processor_time(pid: int) -> float:
-    """Return what the threads of a process have used of the processor [s]; NaN if unknown."""
+    """Return the processor time of the threads of a process [s]; NaN if unknown."""
     tasks = Path(f"/proc/{pid}/task").glob("*/schedstat")
     times = [int(task.read_text(encoding="ascii").split()[0]) for task in tasks]
     return sum(times) * 1e-9 if times else float("nan")
@@ -227,7 +227,7 @@ def print_plugin(repeats: int) -> None:
 
 
 def measure_import() -> Cost:
-    """Return what the import of the plugin takes of the processor where pytest is there."""
+    """Measure the processor time of the plugin's import where pytest is there."""
     command = [sys.executable, "-c", PLUGIN_IMPORT]
     done = subprocess.run(command, check=True, capture_output=True, env=environment())  # noqa: S603 - ours
     return Cost(float("nan"), float(done.stdout))

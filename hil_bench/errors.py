@@ -181,6 +181,6 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def first_line(error: BaseException) -> str:
-    """Return what an error says, in one line, without the traceback that some buses put into it."""
+    """Return the first line of an error, without the traceback that some buses put into it."""
     text = str(error).partition("Traceback (most recent call last)")[0]
     return (text.splitlines() or [type(error).__name__])[0].strip()

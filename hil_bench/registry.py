@@ -94,7 +94,7 @@ class Registry(Generic[T]):
         return sorted(entry_points(group=self.group), key=lambda point: (point.name, point.value))
 
     def _clash(self, points: "Sequence[EntryPoint]") -> str:
-        """Return what is wrong with entry points of one name; empty where it is one and free."""
+        """Return the fault of entry points of one name; empty for a single one of a free name."""
         name = points[0].name
         owners = ", ".join(sorted({_distribution(point) for point in points}))
         if name in self.built_in:

@@ -216,7 +216,7 @@ _CONVERSIONS: Mapping[str, SiUnit] = {
 
 
 def read_unit(text: str) -> SiUnit | None:
-    """Return how a unit becomes the bench's own, as loggers spell it: ``[m^3/s]``, ``L/min``.
+    """Return the conversion to SI of a unit as loggers spell it: ``[m^3/s]``, ``L/min``.
 
     The gallon is that of the US. A pressure relative to something (``barg``, ``psia``) is not
     known, for the bench cannot see to what its own is relative.

@@ -1,4 +1,4 @@
-"""What an analysis refuses, by name."""
+"""Errors that an analysis raises."""
 
 import importlib.util
 

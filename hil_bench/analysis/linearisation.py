@@ -66,7 +66,7 @@ def linearise_reduced(parameters: PlantParameters) -> SecondOrderSystem:
 
 
 class CoefficientForm(StrEnum):
-    """How the flow's partial derivatives are written."""
+    """The form of the flow's partial derivatives."""
 
     CONSISTENT = "consistent"
     """The derivatives of eq. (14)."""

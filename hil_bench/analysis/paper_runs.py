@@ -35,7 +35,7 @@ RESONANCE_BAND = (20.0, 200.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperRuns:
-    """What was simulated.
+    """The simulations of the paper's figures.
 
     Attributes:
         parameters: Table I.

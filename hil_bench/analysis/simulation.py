@@ -35,7 +35,7 @@ CHANNELS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What is simulated, and how; the defaults are those of the paper's section IV-B.
+    """A simulation set-up; the defaults are those of the paper's section IV-B.
 
     Attributes:
         parameters: of the plant.
@@ -74,7 +74,7 @@ def without_input_nonlinearities(setup: Setup, largest: float) -> Setup:
 
 
 def _reach(xi: float) -> float:
-    """Return how far the spool can be taken, as a multiple of the largest set-point."""
+    """Return the peak of the spool's position as a multiple of the largest set-point."""
     if xi >= 1.0:
         return 1.0
     return 1.0 / math.tanh(math.pi * xi / (2.0 * math.sqrt(1.0 - xi * xi)))

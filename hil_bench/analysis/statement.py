@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Verdict(StrEnum):
-    """Whether a statement stands."""
+    """The verdict on a statement of the paper."""
 
     HOLDS = "holds"
     CORRECTED = "holds with a correction"

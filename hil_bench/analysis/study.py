@@ -1,4 +1,4 @@
-"""What an analysis leaves behind: facts to read, tables as CSV, figures as PNG and SVG.
+"""Results of an analysis: facts to read, tables as CSV, figures as PNG and SVG.
 
 Nothing in the files depends on the time or the place of the run: the same input gives the same
 bytes.
@@ -59,7 +59,7 @@ class Fact(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """What one analysis found.
+    """The results of one analysis.
 
     Attributes:
         title: in a few words.

@@ -179,7 +179,7 @@ def protect_tpdos(node: Node, config: NodeConfig) -> None:
 
 
 def fit_node(config: NodeConfig, node: Node, surroundings: Surroundings) -> Fitting:
-    """Return what the device of a node does, its objects that show quantities behind the rest."""
+    """Fit the device of a node, with its objects that show quantities after the rest."""
     fitting = config.kind.fit(config, node, surroundings)
     sources = tuple(
         (source.axis, build_source(source, f"{config.name}.{source.name}", node, surroundings))

@@ -1,4 +1,4 @@
-"""Whether the core of the bench runs as machine code, and of which sources that was made.
+"""The state of the bench's core: compiled or interpreted, and from which sources.
 
 A wheel that was built with ``HIL_BENCH_COMPILE=1`` carries modules compiled by mypyc, and in
 `compiled.json` a digest of the source of each. Python takes the compiled module where there is one
@@ -25,7 +25,7 @@ _PACKAGE = Path(hil_bench.__file__ or "").parent
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """What runs.
+    """The core that runs: compiled or interpreted.
 
     Attributes:
         compiler: what compiled the modules, empty where they run as Python.
@@ -45,7 +45,7 @@ class Core:
 
 
 def look_at_core(package: Path = _PACKAGE, running: str | None = None) -> Core:
-    """Return what runs.
+    """Find out if the core that runs is compiled, and which modules were edited since.
 
     Args:
         package: the folder of `hil_bench`.

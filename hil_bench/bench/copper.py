@@ -60,7 +60,7 @@ def build_wiring(
 
 
 def _gaps(stream: "Generator", rate: float) -> Chance:
-    """Return what draws how many bits pass until the next wrong one, each with the same chance."""
+    """Return a source of the number of good bits before an error, equally likely in each bit."""
     return lambda: int(stream.geometric(rate)) - 1
 
 

@@ -64,13 +64,13 @@ class EcuHandle:
         return self.ecu.diagnostics.active
 
     def standing(self) -> dict[str, object]:
-        """Return how it is: state of its address claim, address, codes as SPN and FMI."""
+        """Return the status of the device: address claim, address, codes as SPN and FMI."""
         codes = [[code.spn, code.fmi] for code in self.trouble_codes]
         return {"state": self.ecu.state.value, "address": self.address, "codes": codes}
 
     @property
     def values(self) -> Mapping[str, EcuValue]:
-        """What it shows, by name."""
+        """The values that the device shows, by name."""
         return self._station.values
 
     def __iter__(self) -> Iterator[str]:

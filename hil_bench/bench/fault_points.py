@@ -83,12 +83,12 @@ def find_fault_points(
 
 
 def sensor_point(sensor: Measurement) -> SensorPoint:
-    """Return where a fault gets at a sensor."""
+    """Return the point at which faults act on a sensor."""
     return SensorPoint(sensor.path, sensor.rate_path)
 
 
 def spool_point(axis: Axis, enable: Enabled | None) -> SpoolPoint:
-    """Return where a fault gets at the valve of an axis."""
+    """Return the point at which faults act on the valve of an axis."""
     return SpoolPoint(
         axis.command_path,
         lambda: axis.plant.output[axis.follower],

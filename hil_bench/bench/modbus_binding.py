@@ -30,7 +30,7 @@ _CONTROL = (0x604F, 0)
 
 
 class ModbusPlan(NamedTuple):
-    """What a server needs to know of a bench; it can be handed to another process.
+    """The plan of a Modbus server for a bench; it can be handed to another process.
 
     Attributes:
         server: where it is found.
@@ -66,7 +66,7 @@ class BoundUnit:
         self._image, self._exchange = image, exchange
 
     def may_write(self, register: Register) -> bool:
-        """Return whether clients may write a register."""
+        """Return True if clients may write a register."""
         return self._image.may_write(register)
 
     def write(self, register: Register, value: float, now: int) -> None:
@@ -181,7 +181,7 @@ def _entries(
 
 
 def _bind(register: Register, known: Mapping[str, RegisterValue], node: Node) -> RegisterValue:
-    """Return what a register shows.
+    """Return the value that a register shows.
 
     Raises:
         ConfigError: which key does not fit, and why.

@@ -53,7 +53,7 @@ class NodeObjects:
         return self._node.object_dictionary.find(*parse_object(name)) is not None
 
     def __getitem__(self, name: str) -> Value | None:
-        """Return what an object holds at present; None where it has no data."""
+        """Return the present value of an object; None where it has no data."""
         value: Value | None = self._find(name).value
         return value
 

@@ -1,4 +1,4 @@
-"""What the objects of a device hold at power-on: its EDS file, and what the configuration says."""
+"""The values of a device's objects at power-on, from its EDS file and the configuration."""
 
 from hil_bench.bench.configuration import NodeConfig
 from hil_bench.canopen_device.eds import load_eds

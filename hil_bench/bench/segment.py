@@ -34,7 +34,7 @@ class EcuStation:
 
 
 class Board(Protocol):
-    """Where a segment is plugged in.
+    """The board that a segment is plugged into.
 
     Attributes:
         emit: takes a frame that is sent.
@@ -50,10 +50,10 @@ class Wires(Protocol):
     """The buses of copper, where there are some."""
 
     def sender(self, node: Ecu) -> Emit | None:
-        """Return what takes the frames of a device; None where its bus takes no time."""
+        """Return the callable that sends a device's frames; None where its bus takes no time."""
 
     def guard(self, node: Ecu, handle: Handler) -> Handler:
-        """Return what takes received frames in place of a device."""
+        """Wrap a device's handler so that received frames pass the line first."""
 
 
 class Segment:

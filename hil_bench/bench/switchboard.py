@@ -71,7 +71,7 @@ class Switchboard:
 
     @property
     def overheard(self) -> Collection[int]:
-        """What another node listens to than the one that sends it, by `address_of`."""
+        """The identifiers, by `address_of`, that a node other than their sender listens to."""
         return self._overheard
 
     def start(self, now: int) -> None:
@@ -99,7 +99,7 @@ class Switchboard:
             self._plug_in()
 
     def is_timeless(self, frame: Frame) -> bool:
-        """Return whether a frame may be served between two ticks: an SDO request, or for nobody.
+        """Return True if a frame may be served between two ticks: SDO requests, unheard frames.
 
         None may while a frame that one of our nodes has sent waits for the next round to be heard
         by another one, since nothing is to overtake it.
@@ -161,7 +161,7 @@ class Switchboard:
                 watch(frame, now)
 
     def send(self, now: int, ports: Sequence[Port]) -> list[Frame]:
-        """Return what is sent in this round: PDOs that are due, then what has time.
+        """Return the frames of this round: PDOs that are due, then services that have time.
 
         Args:
             now: the time [ns].
@@ -277,7 +277,7 @@ class Switchboard:
 
 
 def _foreign_counter(node: Node) -> Handler:
-    """Return what counts frames from elsewhere with an identifier that a node sends with."""
+    """Return a handler that counts foreign frames with an identifier that a node sends with."""
     counters = node.counters
 
     def count(frame: Frame, _now: int) -> None:
@@ -287,7 +287,7 @@ def _foreign_counter(node: Node) -> Handler:
 
 
 def _numbered(emit: Emit, bus: int) -> Emit:
-    """Return what writes the number of its bus on a frame before `emit` takes it."""
+    """Return a callable that sets the bus number of a frame before `emit` takes it."""
 
     def number(frame: Frame) -> None:
         can_id, data, is_remote, is_extended, _ = frame

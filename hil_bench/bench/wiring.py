@@ -106,7 +106,7 @@ class Plug:
         return self.station.send_rules if is_sent else self.station.receive_rules
 
     def standing(self) -> dict[str, object]:
-        """Return how its CAN controller is: its state, counters and losses."""
+        """Return the status of the node's CAN controller: its state, counters and losses."""
         station = self.station
         return {
             "state": station.state.value,
@@ -175,7 +175,7 @@ class Wiring:
             self.errors.append((broken_frame(error, bus.controller, bus.number), error.end))
 
     def takes(self, frame: Frame) -> bool:
-        """Return whether `put` takes a frame at any time."""
+        """Return True if `put` takes a frame at any time."""
         return self.is_direct and frame.bus in self.buses
 
     def put(self, frame: Frame, now: int) -> bool:
@@ -221,11 +221,11 @@ class Wiring:
         return None
 
     def is_outside(self, passage: Passage) -> bool:
-        """Return whether a frame came from outside the bench."""
+        """Return True if a frame came from outside the bench."""
         return passage.station in self._outside
 
     def is_extended(self, passage: Passage) -> bool:
-        """Return whether a frame came from a J1939 device of the bench, whose others hear it."""
+        """Return True if a frame came from a J1939 device of the bench, whose others hear it."""
         return passage.station in self._extended
 
     def take_errors(self) -> list[tuple[Frame, int]]:
@@ -234,7 +234,7 @@ class Wiring:
         return errors
 
     def take_passed(self) -> list[Passage]:
-        """Return what has passed, once."""
+        """Return the frames that have passed since the last call."""
         passed, self.passed = self.passed, []
         return passed
 
@@ -269,7 +269,7 @@ class Wiring:
             plug.events.clear()
 
     def sender(self, node: Device) -> Emit | None:
-        """Return what takes the frames of a device; None where its bus takes no time."""
+        """Return the callable that sends a device's frames; None where its bus takes no time."""
         plug = self.plugs.get(node)
         if plug is None:
             return None
@@ -283,7 +283,7 @@ class Wiring:
         return send
 
     def guard(self, node: Device, handle: Handler) -> Handler:
-        """Return what takes received frames in place of a handler of a device."""
+        """Wrap a device's handler so that it skips the frames that its station missed."""
         plug = self.plugs.get(node)
         if plug is None:
             return handle
@@ -297,7 +297,7 @@ class Wiring:
         return take
 
     def stray(self, emit: Emit) -> Emit:
-        """Return what takes frames that are sent by no node; `emit` gets those of other buses."""
+        """Return a callable for frames that no node sends; `emit` gets those of other buses."""
 
         def send(frame: Frame) -> None:
             bus = self.buses.get(frame.bus)

@@ -11,7 +11,7 @@ from hil_bench.errors import ConfigError
 
 
 class Change(NamedTuple):
-    """What became of a requirement.
+    """The change of a requirement between two campaigns.
 
     Attributes:
         scenario: its name.
@@ -46,7 +46,7 @@ class Change(NamedTuple):
 
 
 def compare(before: Iterable[RunResult], now: Sequence[RunResult]) -> list[Change]:
-    """Return what changed, requirement by requirement.
+    """Return the changes between two campaigns, requirement by requirement.
 
     Runs are the same where scenario, bench, seed and values are; firmware may have another name.
 

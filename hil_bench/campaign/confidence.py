@@ -1,4 +1,4 @@
-"""How sure one can be after some runs: bounds on a probability."""
+"""Confidence bounds on a probability after a number of runs."""
 
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping

@@ -80,7 +80,7 @@ class DaskBackend:
             yield from self._result(next(done))
 
     def _result(self, future: Any) -> list[RunResult]:  # noqa: ANN401 - distributed has no types
-        """Return what came of a task.
+        """Return the results of a task.
 
         Raises:
             ConfigError: the files on its worker are not those of the campaign.
@@ -112,7 +112,7 @@ class DaskBackend:
 
 
 def perform_batch(specs: list[RunSpec]) -> list[RunResult]:
-    """Return what comes of some runs; a worker of the cluster calls it.
+    """Perform a batch of runs; a worker of the cluster calls it.
 
     Raises:
         ConfigError: the worker may not have processes of its own.

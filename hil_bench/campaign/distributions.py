@@ -1,4 +1,4 @@
-"""What values a parameter takes: distributions by their quantiles, and levels for grids."""
+"""Distributions of a parameter's values: quantiles, and levels for grids."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ Span = tuple[float, float]
 
 
 class Distribution(Protocol):
-    """What values a parameter takes, in its own unit."""
+    """The distribution of a parameter's values, in its own unit."""
 
     def quantiles(self, shares: Floats) -> Floats:
         """Return the values below which these shares of all values lie."""

@@ -40,7 +40,7 @@ WHOLE = Shard()
 
 
 class Outcome(NamedTuple):
-    """What came of a campaign.
+    """The outcome of a campaign.
 
     Attributes:
         results: in the order of the plan.
@@ -90,7 +90,7 @@ def part_of(plan: Iterable[RunSpec], shard: Shard) -> Iterator[RunSpec]:
 
 
 def collect(plan: Plan, store: Store, shard: Shard = WHOLE) -> Outcome:
-    """Return what is known of a plan's runs, in its order.
+    """Collect the stored results of a plan's runs, in its order.
 
     Raises:
         ConfigError: a run was done twice, with two results.

@@ -1,4 +1,4 @@
-"""What decides what a run finds, as digests: program, bench, scenario, firmware, parameters, seed.
+"""The identity of a run as digests: program, bench, scenario, firmware, parameters, seed.
 
 No digest knows where a file lies, so that the same run has the same key on every machine.
 """
@@ -99,7 +99,7 @@ def _digest(value: object) -> str:
 
 
 def _plain(value: object) -> object:
-    """Return what JSON can hold; a file becomes the digest of what it holds."""
+    """Convert a value to one that JSON can hold; a file becomes the digest of its content."""
     plain: object
     match value:
         case Enum():

@@ -27,7 +27,7 @@ class Spec(Protocol):
 
     @property
     def timeout(self) -> float:
-        """How long it may take [s]."""
+        """The time limit of a run [s]."""
 
 
 SpecT = TypeVar("SpecT", bound=Spec)
@@ -51,7 +51,7 @@ def perform_here(specs: Iterable[RunSpec]) -> Iterator[RunResult]:
 
 
 def local_backend(jobs: int) -> AbstractContextManager[Backend]:
-    """Return what does runs on this machine.
+    """Return the backend for runs on this machine.
 
     Args:
         jobs: processes; 0 for this one.
@@ -159,7 +159,7 @@ class _Worker(Generic[SpecT, ResultT]):
 
     @property
     def is_alive(self) -> bool:
-        """Whether it can take another run."""
+        """True if the worker can take another run."""
         return self._process.alive
 
     @property
@@ -178,7 +178,7 @@ class _Worker(Generic[SpecT, ResultT]):
         self._process.send(spec)
 
     def look(self) -> ResultT | None:
-        """Return what came of its task; None where that is open.
+        """Return the outcome of its task; None where that is still open.
 
         Raises:
             ConfigError: the files are not those of the campaign, or no process can start.

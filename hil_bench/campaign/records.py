@@ -17,7 +17,7 @@ EACH = "each"
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """What to run.
+    """The description of a campaign.
 
     Attributes:
         path: its file; it names other files from there.
@@ -119,7 +119,7 @@ class RunSpec(NamedTuple):
 
 
 class RunOutcome(StrEnum):
-    """What became of a run; the worst of its requirements, where it came to its end."""
+    """The outcome of a run: the worst of its requirements, where it came to its end."""
 
     PASSED = "passed"
     NOT_EXERCISED = "not exercised"
@@ -130,17 +130,17 @@ class RunOutcome(StrEnum):
 
     @property
     def is_failure(self) -> bool:
-        """Whether it shows that something is wrong."""
+        """True if the outcome shows that something is wrong."""
         return self is RunOutcome.FAILED or self.is_cut_off
 
     @property
     def is_cut_off(self) -> bool:
-        """Whether the run did not come to its end."""
+        """True if the run did not come to its end."""
         return self in {RunOutcome.TIMED_OUT, RunOutcome.CRASHED}
 
 
 class Verdict(NamedTuple):
-    """What a run says of a requirement.
+    """The verdict of a run on a requirement.
 
     Attributes:
         id: of the requirement.
@@ -158,12 +158,12 @@ class Verdict(NamedTuple):
 
     @property
     def is_failed(self) -> bool:
-        """Whether the run failed the requirement."""
+        """True if the run failed the requirement."""
         return self.outcome == RequirementOutcome.FAILED
 
     @property
     def is_decided(self) -> bool:
-        """Whether the run passed or failed the requirement."""
+        """True if the run passed or failed the requirement."""
         return self.is_failed or self.outcome == RequirementOutcome.PASSED
 
     @property
@@ -173,7 +173,7 @@ class Verdict(NamedTuple):
 
 
 class RunResult(NamedTuple):
-    """What came of a run.
+    """The result of a run.
 
     Attributes:
         key: of the run.

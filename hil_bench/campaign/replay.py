@@ -11,7 +11,7 @@ from hil_bench.scenario.run import PlayOptions
 
 
 class Replay(NamedTuple):
-    """What a run showed when it was played again.
+    """The result of a replayed run.
 
     Attributes:
         picture: of the requirement with the smallest margin, an SVG file; empty for none.

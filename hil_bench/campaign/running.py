@@ -15,7 +15,7 @@ _LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
 
 
 def perform(spec: RunSpec) -> RunResult:
-    """Return what comes of a run; a controller that fails is a result too.
+    """Perform a run and return its result; a controller that fails is a result too.
 
     A `ConfigError` says that the files here are not those of the campaign.
     """
@@ -46,7 +46,7 @@ def play_spec(spec: RunSpec, options: PlayOptions = PLAIN) -> Run:
 
 
 def verdicts_of(run: Run) -> tuple[Verdict, ...]:
-    """Return what a run says of each requirement."""
+    """Return the verdict of a run on each requirement."""
     return tuple(_verdict(each) for each in run.findings)
 
 

@@ -16,7 +16,7 @@ _LARGEST_POWER = 24
 
 
 class Sampler(StrEnum):
-    """How points are chosen."""
+    """The methods of choosing points."""
 
     GRID = "grid"
     SOBOL = "sobol"
@@ -86,7 +86,7 @@ def unit_points(sampler: Sampler, count: int, dimensions: int, seed: int) -> Flo
 
 
 def size_of_sample(space: Sequence[Distribution], sampler: Sampler, count: int, levels: int) -> int:
-    """Return how many points `sample` yields."""
+    """Return the number of points that `sample` yields."""
     if not space:
         return 1
     match sampler:

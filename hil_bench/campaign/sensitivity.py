@@ -1,4 +1,4 @@
-"""Which parameters matter: Sobol indices of the margins, of a campaign with Saltelli's design."""
+"""Sobol indices of the margins, of a campaign with Saltelli's design."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
@@ -28,7 +28,7 @@ class Estimate(NamedTuple):
 
 
 class SobolIndices(NamedTuple):
-    """How much of a margin's variance comes from a parameter.
+    """The share of a margin's variance that comes from a parameter.
 
     Attributes:
         scenario: its name.
@@ -50,11 +50,11 @@ class SobolIndices(NamedTuple):
 
     @property
     def matters(self) -> bool:
-        """Whether a hundredth of the variance or more is its own."""
+        """True if the parameter's total share is a hundredth of the variance or more."""
         return self.total.value >= _MATTERS
 
     def name(self) -> str:
-        """Return which case and which requirement it is about."""
+        """Return the names of the case and the requirement."""
         return f"{_case_name(self.scenario, self.bench, self.firmware)}  {self.requirement}"
 
     def content(self) -> dict[str, object]:
@@ -63,7 +63,7 @@ class SobolIndices(NamedTuple):
 
 
 class Sensitivity(NamedTuple):
-    """What Saltelli's design says.
+    """The results of Saltelli's design.
 
     Attributes:
         indices: of each requirement, the largest total share first.

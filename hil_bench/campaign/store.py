@@ -160,7 +160,7 @@ def _about_rows(path: Path) -> Iterator[None]:
 
 
 def same_finding(one: RunResult, other: RunResult) -> bool:
-    """Return whether two results of a run say the same; last words of firmware name ports."""
+    """Return True if two results of a run agree; the last words of firmware name ports."""
     return one._replace(problem="") == other._replace(problem="")
 
 

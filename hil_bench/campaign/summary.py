@@ -1,4 +1,4 @@
-"""What the results of a campaign say: of each requirement, of each parameter, and the worst."""
+"""Summary of a campaign's results: by requirement, by parameter, and the worst run."""
 
 import math
 import shlex
@@ -22,7 +22,7 @@ _FAILURES = {each.value for each in RunOutcome if each.is_failure}
 
 
 class RequirementSummary(NamedTuple):
-    """What all runs say of a requirement.
+    """The summary of all runs for a requirement.
 
     Attributes:
         scenario: its name.
@@ -42,7 +42,7 @@ class RequirementSummary(NamedTuple):
 
     @property
     def failures(self) -> int:
-        """How many runs failed it."""
+        """The number of runs that failed the requirement."""
         return self.outcomes.get(RequirementOutcome.FAILED, 0)
 
     @property
@@ -65,7 +65,7 @@ class RequirementSummary(NamedTuple):
 
 
 class Correlation(NamedTuple):
-    """How a parameter and a margin rise and fall together.
+    """The rank correlation of a parameter and a margin.
 
     Attributes:
         scenario: its name.
@@ -83,7 +83,7 @@ class Correlation(NamedTuple):
 
 
 def summarise(results: Sequence[RunResult]) -> list[RequirementSummary]:
-    """Return what the runs say of each requirement, in the order of the files."""
+    """Summarise the runs for each requirement, in the order of the files."""
     names = dict.fromkeys((each.scenario, one.id) for each in results for one in each.verdicts)
     return [_summary(*name, results) for name in names]
 
@@ -154,7 +154,7 @@ def bounds_of(plan: Plan, results: Sequence[RunResult]) -> Iterator[str]:
 
 
 def count_outcomes(results: Sequence[RunResult]) -> dict[str, int]:
-    """Return how many runs had each outcome, in one order."""
+    """Count the runs of each outcome, in one order."""
     found = Counter(each.outcome for each in results)
     return {outcome.value: found[outcome] for outcome in RunOutcome if found[outcome]}
 

@@ -1,4 +1,4 @@
-"""What a CAN controller tells its CANopen device, and what becomes of it (CiA 301, EMCY)."""
+"""Events of a CAN controller and the reaction of its CANopen device (CiA 301, EMCY)."""
 
 from enum import Enum, auto
 from typing import Final
@@ -16,7 +16,7 @@ RECOVERED: Final = 0x8140
 
 
 class CanEvent(Enum):
-    """What has happened to the CAN controller of a device."""
+    """An event of a device's CAN controller."""
 
     PASSIVE = auto()
     """One of its error counters has come to 128."""

@@ -1,4 +1,4 @@
-"""What a node ignored or refused, counted."""
+"""Counters of the frames and requests that a node ignored or refused."""
 
 from dataclasses import dataclass
 
@@ -49,7 +49,7 @@ class NodeCounters:
     foreign_frames: int = 0
 
     def is_data(self, frame: Frame) -> bool:
-        """Return whether it is a data frame with an 11-bit identifier; count it where not."""
+        """Return True if it is a data frame with an 11-bit identifier; count it where not."""
         if frame.is_remote or frame.is_extended:
             self.ignored_frames += 1
             return False

@@ -1,4 +1,4 @@
-"""What a device needs of its object dictionary before it can go on a bus (CiA 301, CiA 306)."""
+"""Checks of an object dictionary before its device goes on a bus (CiA 301, CiA 306)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from hil_bench.canopen_device.pdo_mapping import (
 
 @dataclass(frozen=True, slots=True)
 class Flaw:
-    """What is wrong with an object.
+    """A flaw of an object.
 
     Attributes:
         index: of the object.

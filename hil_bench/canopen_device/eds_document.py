@@ -19,7 +19,7 @@ _FIRST_OBJECT: Final = 0x1000
 
 
 class Severity(StrEnum):
-    """What a finding means for the device."""
+    """The severity of a finding for the device."""
 
     ERROR = "error"
     """Something that the file describes will not work."""

@@ -213,7 +213,7 @@ class EntryReader:
         data_type: DataType,
         given: tuple[str, Value, ValueError],
     ) -> Value:
-        """Return what stands in for a default that cannot be used."""
+        """Return the substitute for a default that cannot be used."""
         text, instead, error = given
         if isinstance(data_type.zero, str):
             plain = text.encode("ascii", "replace").decode("ascii")

@@ -112,7 +112,7 @@ def _highest_subindex(index: int, count: int, name: str) -> Variable:
 
 
 def _count(index: int, entries: Mapping[int, Variable]) -> int:
-    """Return what sub-index 0 of an object holds by its other entries."""
+    """Return the value of an object's sub-index 0 from its other entries."""
     if index == _ERROR_HISTORY:
         return 0
     if not _is_mapping(index):

@@ -98,7 +98,7 @@ class EmcyProducer(Service):
         return frozenset(code for code, _ in self._present)
 
     def is_present(self, code: int, source: int = 0) -> bool:
-        """Return whether the error was raised and not cleared."""
+        """Return True if the error was raised and not cleared."""
         return (code, source) in self._present
 
     @property

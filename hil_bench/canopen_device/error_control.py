@@ -68,7 +68,7 @@ class ErrorControl(Service):
         return min(self._producer.due, self._consumer.due, self._guarding.due)
 
     def expire(self, now: int) -> bool:
-        """Return whether a heartbeat, or the master's guarding, failed to come in time."""
+        """Return True if a heartbeat, or the master's guarding, failed to come in time."""
         is_heartbeat_lost = self._consumer.expire(now)
         return self._guarding.expire(now) or is_heartbeat_lost
 

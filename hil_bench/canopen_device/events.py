@@ -1,4 +1,4 @@
-"""What a node tells its application."""
+"""Events that a node reports to its application."""
 
 from collections import deque
 from enum import Enum, auto
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class NodeEventKind(Enum):
-    """What happened; in brackets what `NodeEvent.detail` holds then."""
+    """The kind of an event; in brackets the content of `NodeEvent.detail`."""
 
     STATE_CHANGED = auto()
     """The NMT state changed [the new `NmtState`]."""
@@ -36,7 +36,7 @@ class NodeEvent(NamedTuple):
 
 
 class NodeEvents(deque[NodeEvent]):
-    """What the application has not heard yet, oldest first, each event at most once.
+    """The events not yet read by the application, oldest first, each at most once.
 
     An event that comes again before it was heard moves to the end. So the last event of each kind
     keeps its place in time, no flood of frames pushes another event out, and the queue is never

@@ -28,7 +28,7 @@ class FileStorage:
         self._path = path
 
     def read(self) -> bytes | None:
-        """Return what was written last, None where there is no file.
+        """Return the content written last; None where there is no file.
 
         `StorageError` where it cannot be read, is damaged or of another version.
         """

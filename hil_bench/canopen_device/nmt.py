@@ -62,7 +62,7 @@ class NmtRequest(NamedTuple):
             return None
 
     def addresses(self, node_id: int) -> bool:
-        """Whether the node is meant."""
+        """Return True if the command addresses the node."""
         return self.node_id in {_ALL_NODES, node_id}
 
 

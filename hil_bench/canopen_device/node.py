@@ -131,7 +131,7 @@ class Node:
 
     @property
     def syncs(self) -> int:
-        """How many SYNCs it has taken."""
+        """The number of SYNCs received."""
         return self._process_data.sync.received
 
     @property

@@ -34,22 +34,22 @@ class Access(Enum):
 
     @property
     def readable(self) -> bool:
-        """Whether an SDO client may read it."""
+        """True if an SDO client may read the object."""
         return self is not Access.WO
 
     @property
     def writable(self) -> bool:
-        """Whether an SDO client may write it."""
+        """True if an SDO client may write the object."""
         return self is not Access.RO and self is not Access.CONST
 
     @property
     def in_tpdo(self) -> bool:
-        """Whether a TPDO may carry it: rwr is read by a PDO, rww only written by one."""
+        """True if a TPDO may carry the object: rwr is read by a PDO, rww only written by one."""
         return self is not Access.WO and self is not Access.RWW
 
     @property
     def in_rpdo(self) -> bool:
-        """Whether an RPDO may carry it."""
+        """True if an RPDO may carry the object."""
         return self is Access.WO or self is Access.RW or self is Access.RWW
 
 
@@ -162,7 +162,7 @@ class Variable:
         self._admission = admission
 
     def most_bytes(self, otherwise: int) -> int:
-        """Return how many bytes a download may bring: those of its type, or what `admit` says."""
+        """Return the most bytes of a download: those of its type, or as `admit` says."""
         if self._admission is not None:
             return self._admission()
         return self.data_type.size or otherwise
@@ -295,7 +295,7 @@ class ObjectDictionary:
         return variable
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """Return what an SDO client reads; `SdoAbort` as `readable` says."""
+        """Return the bytes that an SDO client reads; `SdoAbort` as `readable` says."""
         variable = self.readable(index, subindex)
         return variable.data_type.encode(variable.value)
 

@@ -201,7 +201,7 @@ class ParameterStore(Service):
                 yield at, variable.data_type.encode(variable.value)
 
     def _received(self) -> set[tuple[int, int]]:
-        """What RPDOs carry at present, by index and sub-index."""
+        """The objects that RPDOs carry at present, by index and sub-index."""
         number = self._object_dictionary.number
         entries = (
             MappingEntry.parse(number(index, subindex))

@@ -19,7 +19,7 @@ _DUMMIES: Final = range(0x0001, 0x0008)
 
 
 class Direction(Enum):
-    """Which way a PDO goes, as the device sees it."""
+    """The direction of a PDO, as the device sees it."""
 
     RPDO = "RPDO"
     TPDO = "TPDO"
@@ -96,7 +96,7 @@ def _length_refusal(entry: MappingEntry, data_type: DataType) -> Refusal | None:
 
 
 class _Field(NamedTuple):
-    """Where a variable lies in the PDO, read as one little-endian integer."""
+    """The position of a variable in the PDO, read as one little-endian integer."""
 
     variable: Variable
     shift: int

@@ -61,7 +61,7 @@ class PdoParameters:
 
     @property
     def allows_remote(self) -> bool:
-        """Whether the TPDO answers remote requests: bit 30 of the COB-ID is clear."""
+        """True if the TPDO answers remote requests: bit 30 of the COB-ID is clear."""
         return not self._object_dictionary.number(self._index, _COB_ID) & BIT_30
 
     @property

@@ -1,4 +1,4 @@
-"""Which handlers take which received frames."""
+"""Routing of received frames to their handlers."""
 
 from typing import Final
 
@@ -11,7 +11,7 @@ _ALL_ARE_IDENTIFIERS: Final = (range(0x1016, 0x1017), range(0x1201, 0x1280), ran
 
 
 def names_identifier(variable: Variable) -> bool:
-    """Return whether a write to `variable` may change what the device listens to."""
+    """Return True if a write to `variable` may change which identifiers the device receives."""
     index, subindex = variable.index, variable.subindex
     return (
         index in _IDENTIFIERS

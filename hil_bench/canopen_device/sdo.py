@@ -266,7 +266,7 @@ def _parse_object(request: bytes) -> Multiplexer:
 
 
 def _names_no_object(command: int) -> bool:
-    """Whether a request with this command byte is part of a transfer and names no object."""
+    """Return True if a request with this command byte is part of a transfer and names no object."""
     specifier = command >> 5
     return (
         specifier in _SEGMENTS

@@ -93,7 +93,7 @@ class BlockDownload(Transfer):
         self._is_within = False
 
     def owns(self, command: int) -> bool:
-        """Return whether it is a segment, or the end after the last one.
+        """Return True if the frame is a segment, or the end after the last one.
 
         While segments come, every command byte is a segment's, but for that of an abort.
         """

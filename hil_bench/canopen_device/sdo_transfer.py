@@ -50,7 +50,7 @@ class Transfer(ABC):
 
     @abstractmethod
     def owns(self, command: int) -> bool:
-        """Return whether a request with this command byte belongs to the transfer."""
+        """Return True if a request with this command byte belongs to the transfer."""
 
     @abstractmethod
     def take(self, request: bytes, now: int) -> bytes | None:
@@ -71,7 +71,7 @@ class Transfer(ABC):
         return None
 
     def proceed(self, now: int) -> Iterable[bytes]:  # noqa: ARG002 - block transfers use it
-        """Return what the server sends by itself when `due` has come.
+        """Return the frames that the server sends unasked once `due` has come.
 
         Raises:
             SdoAbort: 0504 0000, the client has gone silent.

@@ -1,4 +1,4 @@
-"""What a node asks of each of its services."""
+"""The interface that a node expects of each of its services."""
 
 from collections.abc import Iterable
 

@@ -182,7 +182,7 @@ class Srdo:
         return False
 
     def has_timed_out(self, now: int) -> bool:
-        """Whether the SCT of a receiver is over, or the SRVT for an inverted frame.
+        """Return True if the SCT of a receiver has expired, or the SRVT for an inverted frame.
 
         The frames that came until `now` have been taken by then.
         """

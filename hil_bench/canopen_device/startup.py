@@ -23,7 +23,7 @@ class Startup:
 
     @property
     def is_automatic(self) -> bool:
-        """Whether OPERATIONAL follows the boot-up at once."""
+        """True if OPERATIONAL follows the boot-up at once."""
         return self._startup is not None and not self._startup.value & _NO_SELF_START
 
 

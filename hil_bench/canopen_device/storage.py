@@ -1,4 +1,4 @@
-"""Where a device keeps what survives a power cycle: a protocol, and memory as its simplest form."""
+"""Storage that survives a power cycle: a protocol, and memory as its simplest form."""
 
 from typing import Protocol
 
@@ -7,7 +7,7 @@ class Storage(Protocol):
     """Non-volatile memory of one device: one piece of data, replaced as a whole or not at all."""
 
     def read(self) -> bytes | None:
-        """Return what was written last, None where nothing was.
+        """Return the content written last; None where nothing was written.
 
         `StorageError` where it cannot be read or is damaged.
         """
@@ -23,7 +23,7 @@ class MemoryStorage:
         self._data: bytes | None = None
 
     def read(self) -> bytes | None:
-        """Return what was written last, None where nothing was."""
+        """Return the content written last; None where nothing was written."""
         return self._data
 
     def write(self, data: bytes) -> None:

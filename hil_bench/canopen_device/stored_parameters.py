@@ -1,4 +1,4 @@
-"""What a device has stored, as text: JSON, so that a person can read and compare it."""
+"""The stored parameters of a device as JSON text, which a person can read and compare."""
 
 import json
 from collections.abc import Mapping

@@ -156,7 +156,7 @@ class Tpdo:
         return self._sample if self._is_requested else None
 
     def _begins_with(self, counter: int) -> bool:
-        """Whether the SYNC with that counter counts as the first; one without counter does."""
+        """Return True if the SYNC of that counter counts as the first; one without counter does."""
         self._has_begun = counter in {0, self._sync_start}
         return self._has_begun
 

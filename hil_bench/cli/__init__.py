@@ -128,7 +128,7 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 class _ShowVersion(argparse.Action):
-    """What argparse's own does, but the version is looked up only where it is asked for.
+    """The version action of argparse, which looks up the version only where it is asked for.
 
     With -v, before or behind it, it shows what runs as well.
     """

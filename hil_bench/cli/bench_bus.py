@@ -56,7 +56,7 @@ class HubHelper:
         self._ends = tuple(ends)
 
     def ending(self) -> str | None:
-        """Return how the process ended, or that it has let go of the bench; None for neither."""
+        """Return the ending of the process or its cut-off of the bench; None for neither."""
         ending = self._hub.ending()
         if ending is not None:
             for end in self._ends:
@@ -140,7 +140,7 @@ def _joined(parts: Mapping[str, Transport]) -> Transport:
 
 
 def _bus_lines(parts: Mapping[str, Transport]) -> tuple[str, ...]:
-    """Return what each bus is, with its name where there are several."""
+    """Return the description of each bus, with its name where there are several."""
     if len(parts) == 1:
         return tuple(f"bus    {part.description}" for part in parts.values())
     return tuple(f"bus    {name}: {part.description}" for name, part in parts.items())

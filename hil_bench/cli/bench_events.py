@@ -1,4 +1,4 @@
-"""What happens on a bench while it runs, as lines for people: faults, states, errors, SYNC."""
+"""Events of a running bench as lines for people: faults, states, errors, SYNC."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
@@ -86,7 +86,7 @@ class BenchEvents:
 
 
 class _NodeWatch:
-    """What was last seen of a node."""
+    """The last observed state of a node."""
 
     def __init__(self, name: str, node: Node, device_state: Callable[[], str] | None) -> None:
         self.name = name
@@ -131,7 +131,7 @@ class _NodeWatch:
 
 
 class _SyncWatch:
-    """Whether SYNC still comes, where it ever came."""
+    """The watch on SYNC: its loss and return, where it ever came."""
 
     def __init__(self, nodes: Iterable[Node]) -> None:
         self._nodes = tuple(nodes)

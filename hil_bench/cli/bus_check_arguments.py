@@ -37,7 +37,7 @@ def add_bus_check_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def wants_bus(args: argparse.Namespace) -> bool:
-    """Return whether a bus is to be checked.
+    """Return True if the command line asks for the check of a bus.
 
     Raises:
         ConfigError: an option asks for what --bus does, without it.

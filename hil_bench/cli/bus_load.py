@@ -137,7 +137,7 @@ def _check_arguments(args: argparse.Namespace) -> None:
 
 
 def _judge(args: argparse.Namespace, config: BenchConfig, name: str) -> tuple[_Bus, list[_Row]]:
-    """Return what is found of one bus.
+    """Compute the load of one bus and its streams.
 
     Raises:
         ConfigError: nothing cyclic is on it.

@@ -1,4 +1,4 @@
-"""What `hil-bench watch` shows of a bus: tables of nodes, values, events and identifiers."""
+"""The bus view of `hil-bench watch`: tables of nodes, values, events and identifiers."""
 
 import math
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ class BusView:
         self._state = state
 
     def render(self) -> "Group":
-        """Return what is to be drawn."""
+        """Return the view to draw."""
         from rich.console import Group  # noqa: PLC0415 - it is an extra
 
         parts: list[RenderableType] = [self._heading()]

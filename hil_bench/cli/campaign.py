@@ -149,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def exit_code_of_runs(outcomes: set[RunOutcome]) -> ExitCode:
-    """Return what the outcomes of runs mean for a shell."""
+    """Return the exit code for the outcomes of runs."""
     return verdict_code(
         fails=any(each.is_failure for each in outcomes), passes=outcomes == {RunOutcome.PASSED}
     )

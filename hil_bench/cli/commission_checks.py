@@ -1,4 +1,4 @@
-"""What `hil-bench commission` refuses before it uses the bus."""
+"""Checks of `hil-bench commission` before it uses the bus."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""What `hil-bench commission` says of the settings that it changed, and `--restore`."""
+"""The lines of `hil-bench commission` on the settings that it changed, and `--restore`."""
 
 import argparse
 import shlex

@@ -96,7 +96,7 @@ def limits_text(limits: Limits) -> str:
 
 
 def result_text(result: StepResult) -> str:
-    """Return what is wrong with the result of a step."""
+    """Return the problems of a step's result."""
     wrong = [
         f"{measure.name} {measure.text()} ({measure.range_text()} is right)"
         for measure in result.measures

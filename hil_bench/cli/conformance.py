@@ -179,7 +179,7 @@ def _eds(args: argparse.Namespace, config: BenchConfig) -> Path:
 
 
 def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
-    """Whether the device answers at all; tells what to do where it does not."""
+    """Return True if the device answers; print advice where it does not."""
     opened.network.pump(dut.patience if opened.virtual is None else 0.1)
     try:
         dut.sdo.upload(0x1000)
@@ -194,7 +194,7 @@ def _answers(dut: DeviceUnderTest, opened: OpenNetwork) -> bool:
 
 
 def _description(dut: DeviceUnderTest) -> str:
-    """Return what was tested: the node, the name of its EDS, and what the device says it is."""
+    """Describe the device under test: node, name of its EDS, and its own identity."""
     words = [f"Node {dut.node_id}", Path(dut.objects.source).name]
     for subindex, what in enumerate(("vendor", "product", "revision", "serial number"), start=1):
         try:
@@ -225,7 +225,7 @@ def _write_report(
 
 
 def _command(args: argparse.Namespace) -> str | None:
-    """Return what makes the same report again; only the virtual bench is everywhere the same."""
+    """Return the command that repeats the report; None if the bench is not reproducible."""
     if not args.virtual or args.config or args.eds:
         return None
     flags = [f"--{name}" for name in ("write", "store") if getattr(args, name)]

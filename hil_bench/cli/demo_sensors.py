@@ -16,7 +16,7 @@ from hil_drivers.modbus.register_map import RegisterMap
 
 
 class SensorBus(StrEnum):
-    """Where the controller reads the sensors."""
+    """The bus on which the controller reads the sensors."""
 
     CANOPEN = "canopen"
     MODBUS = "modbus"
@@ -65,7 +65,7 @@ class Shaft:
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """True if the device reports its value as valid."""
         return self._sensor.is_valid
 
     @property

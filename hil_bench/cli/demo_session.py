@@ -65,7 +65,7 @@ class TrackingError(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DemoReport:
-    """What the demo found.
+    """The results of the demo.
 
     Attributes:
         error: set-point minus position during the motion.

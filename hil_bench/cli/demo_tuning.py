@@ -28,7 +28,7 @@ _MOVES = (0.4, -0.3, 0.1, 0.5, 0.0)
 
 
 class DemoAxis:
-    """What the demo moves, and how.
+    """The axis that the demo moves, and its motion.
 
     Args:
         axis: a cylinder or a motor; `ConfigError` for another plant.

@@ -1,4 +1,4 @@
-"""What is hard to believe of a bench, said once."""
+"""Warnings about implausible values of a bench, given once."""
 
 import logging
 from collections.abc import Sequence

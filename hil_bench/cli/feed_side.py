@@ -58,7 +58,7 @@ def add_feed_arguments(
 
 
 class ShownWork(NamedTuple):
-    """What is played on a bench, for those who watch.
+    """The work that plays on a bench, for those who watch.
 
     Attributes:
         verb: in a word.
@@ -154,7 +154,7 @@ def check_panel_argument() -> None:
 
 
 def hello_of(name: str, config: BenchConfig, session: Session) -> dict[str, Any]:
-    """Return what a bench says of itself to those who come to watch it."""
+    """Return the greeting of a bench for those who come to watch it."""
     return {
         "name": name,
         "pid": os.getpid(),
@@ -216,7 +216,7 @@ def _ecus(config: BenchConfig, session: Session) -> Iterator[tuple[str, dict[str
 
 
 def _machine(axis: AxisConfig) -> dict[str, Any]:
-    """Return what a drawing of a plant needs to know."""
+    """Return the data that a drawing of a plant needs."""
     content: dict[str, Any] = {"kind": axis.kind.name}
     if isinstance(axis, CylinderConfig):
         parameters = axis.parameters

@@ -47,18 +47,18 @@ class Helper(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is, as in "Modbus server"."""
+        """The name of the helper, as in "Modbus server"."""
 
     @property
     def loss(self) -> str:
-        """What its end means for the user, and who has to do what."""
+        """The consequence of its end for the user, and the remedy."""
 
     @property
     def is_needed(self) -> bool:
-        """Whether a run without it is not what was asked for."""
+        """True if a run without the helper is not the run that was asked for."""
 
     def ending(self) -> str | None:
-        """Return how it ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Return the way it ended, as in "was killed (SIGKILL)"; None while it runs."""
 
     def restart(self) -> str:
         """Start it again and return where it is found; `HilBenchError` where that fails.
@@ -118,12 +118,12 @@ class Helpers:
             watch.wait()
 
     def lines(self) -> list[str]:
-        """Return which helpers ended, a line each."""
+        """Return the helpers that ended, a line each."""
         return [line for watch in self._watches for line in watch.lines()]
 
 
 class _Watch:
-    """What is known of one helper."""
+    """The state of one helper."""
 
     def __init__(self, helper: Helper, *, is_final: bool) -> None:
         self.is_down = False
@@ -138,7 +138,7 @@ class _Watch:
 
     @property
     def is_missed(self) -> bool:
-        """Whether it is needed, and does not run."""
+        """True if the helper is needed and does not run."""
         return self.is_down and self._helper.is_needed
 
     def look(self, now: int) -> None:
@@ -159,7 +159,7 @@ class _Watch:
             self._start.wait()
 
     def lines(self) -> list[str]:
-        """Return how often it ended, and how last."""
+        """Return the number of its endings and the last one, in a line."""
         if not self._endings:
             return []
         times = "once" if len(self._endings) == 1 else f"{len(self._endings)} times"
@@ -220,7 +220,7 @@ class _Start:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has come to an end."""
+        """True if it has come to an end."""
         return not self._thread.is_alive()
 
     def wait(self) -> None:

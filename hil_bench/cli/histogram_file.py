@@ -64,7 +64,7 @@ def timing(report: RunReport, period_ns: int, bitrate: int) -> dict[str, Any]:
 
 
 def figures(ticks: TickSummary, period_ns: int) -> dict[str, Any]:
-    """Return what a loop did: counts, and percentiles of each duration."""
+    """Return the figures of a loop: counts, and percentiles of each duration."""
     return {
         "tick_us": period_ns / 1000,
         "ticks": ticks.ticks,

@@ -174,7 +174,7 @@ def _answer(args: argparse.Namespace, asked: Question, files: "Files") -> int:
 
 
 class Files(NamedTuple):
-    """What the command line names.
+    """The files that the command line names.
 
     Attributes:
         recordings: of the machine.
@@ -197,7 +197,7 @@ def _choose(
 def _fit(
     args: argparse.Namespace, asked: Question, recordings: Sequence[Path]
 ) -> tuple[Identification, Question]:
-    """Return what recordings tell, and the question as they have changed it.
+    """Estimate parameters from recordings; return the question as they have changed it, too.
 
     Raises:
         ConfigError: they cannot serve, or tell nothing.

@@ -47,7 +47,7 @@ _LONGEST = 600.0  # [s]
 
 
 class Question(NamedTuple):
-    """What a design is for.
+    """The subject of a design.
 
     Attributes:
         config: of the bench.
@@ -183,7 +183,7 @@ def _limits(plan: CommissioningPlan | None, asked: Question) -> Limits | None:
 
 
 def _twin(asked: Question, plan: CommissioningPlan | None) -> tuple[Twin, tuple[str, ...]]:
-    """Return what stands for the machine, and notes on it."""
+    """Return the twin in place of the machine, and notes on it."""
     config, axis, known = asked.config, asked.axis, asked.knowledge
     noise, note = _noise(asked)
     parameters = axis.parameters

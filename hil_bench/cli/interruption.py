@@ -17,7 +17,7 @@ _Handler = Callable[[int, FrameType | None], None]
 
 
 class Interruption:
-    """Whether somebody asked this process to stop.
+    """A request to stop this process.
 
     Attributes:
         requested: set by the signal handlers.

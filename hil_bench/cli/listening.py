@@ -1,4 +1,4 @@
-"""What the verbs that listen to a bus share: opening it, for how long, and Ctrl-C."""
+"""Common parts of the verbs that listen to a bus: opening it, duration, and Ctrl-C."""
 
 import argparse
 import math

@@ -20,7 +20,7 @@ _RIGHT_SET = "give AXIS.QUANTITY_UNIT=NUMBER or NODE.OBJECT=VALUE"
 
 
 class LiveSetting(NamedTuple):
-    """What is to be set.
+    """The setting that a user asks for.
 
     Attributes:
         action: the request: "set_plant" or "set_object".

@@ -54,7 +54,7 @@ def ecu_text(ecu: Mapping[str, Any]) -> str:
 
 
 def can_text(can: Mapping[str, Any]) -> str:
-    """Return how the CAN controller of a node is, on a bus of copper; what is 0 is left out."""
+    """Return the state of a node's CAN controller on a bus of copper, without zero counts."""
     counts = "".join(f", {can[key]} {word}" for key, word in _CAN_COUNTS.items() if can[key])
     return f"{can['state']} TEC {can['tec']} REC {can['rec']}{counts}"
 

@@ -89,7 +89,7 @@ def follow(setup: RunSetup) -> tuple[LockStepReport, Helpers]:
 
 
 def speed_line(report: LockStepReport, config: BenchConfig) -> str:
-    """Return how far the bench went, and how fast once its controller had begun."""
+    """Return the time that the bench covered, and its speed once the controller had begun."""
     bench_time = report.now * 1e-9
     speed = f", {bench_time / report.moved:.1f} times real time" if report.moved > 0.0 else ""
     return (

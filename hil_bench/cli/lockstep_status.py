@@ -1,4 +1,4 @@
-"""What the status lines show of a bench in lock-step."""
+"""The status lines of a bench in lock-step."""
 
 from hil_bench.bench.bench import Bench
 from hil_bench.cli.status_line import (

@@ -16,7 +16,7 @@ _SHOWN_FAULT_EVENTS = 20
 
 
 def loop_lines(summary: TickSummary, period_ns: int) -> list[str]:
-    """Return what the loop did, a line a fact."""
+    """Return the figures of the loop, a line a fact."""
     return [
         (
             f"ticks     {summary.ticks} of {period_ns / 1000:g} us, {summary.overruns} overran, "
@@ -36,7 +36,7 @@ def duration_text(duration: DurationSummary) -> str:
 
 
 def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
-    """Return what passed the bus, a line a fact; losses only where there were some."""
+    """Return the counts of frames on the bus, a line a fact; losses only where there were some."""
     lines = [
         f"frames    {counters.received} received ({unrouted} for nobody here), {counters.sent} sent"
     ]
@@ -51,7 +51,7 @@ def frame_lines(counters: TransportCounters, unrouted: int) -> list[str]:
 
 
 def bus_lines(parts: Mapping[str, Transport]) -> list[str]:
-    """Return what passed each of several buses, a line each; nothing where there is one."""
+    """Return the counts of each of several buses, a line each; nothing for a single bus."""
     if len(parts) == 1:
         return []
     counts = {name: transport.counters() for name, transport in parts.items()}
@@ -70,7 +70,7 @@ def load_line(report: RunReport, period_ns: int, bitrate: int) -> str:
 
 
 def fault_lines(bench: Bench) -> list[str]:
-    """Return which faults began and ended last, a line each."""
+    """Return the faults that began and ended last, a line each."""
     return [
         f"fault     {event.time * 1e-9:.3f} s {event.kind} {event.target} "
         f"{'begins' if event.is_begin else 'ends'}"
@@ -79,7 +79,7 @@ def fault_lines(bench: Bench) -> list[str]:
 
 
 def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
-    """Return what passed each bus of copper, and which node had errors there."""
+    """Return the counts of each bus of copper and the nodes with errors there."""
     if bench.wiring is None:
         return []
     names = list(config.buses)
@@ -96,12 +96,12 @@ def wire_lines(config: BenchConfig, bench: Bench) -> list[str]:
 
 
 def helper_lines(endings: Sequence[str]) -> list[str]:
-    """Return which processes beside the loop ended, a line each."""
+    """Return the processes beside the loop that ended, a line each."""
     return [f"helper    {ending}" for ending in endings]
 
 
 def node_lines(config: BenchConfig, bench: Bench) -> list[str]:
-    """Return how each node ended and what it refused, then each J1939 device, a line each."""
+    """Return the final state and refusals of each node, then each J1939 device, a line each."""
     lines = []
     for settings, node in zip(config.nodes, bench.nodes, strict=True):
         refused = [

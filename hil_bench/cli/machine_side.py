@@ -1,4 +1,4 @@
-"""What `hil-bench test` needs for a machine: arguments, limits, consent."""
+"""The machine side of `hil-bench test`: arguments, limits, consent."""
 
 import argparse
 import sys
@@ -95,7 +95,7 @@ def add_machine_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def is_on_machine(args: argparse.Namespace) -> bool:
-    """Return whether the command line names a bus; what else belongs to one is refused without.
+    """Return True if the command line names a bus; refuse the options that need one without it.
 
     Raises:
         ConfigError: a plan without a bus, a bus without a plan, or a seed.

@@ -44,7 +44,7 @@ _NOT_RUN = "not run: an earlier scenario was stopped"
 
 
 class Samples(NamedTuple):
-    """Where the samples go.
+    """The destinations of the samples.
 
     Attributes:
         view: what people see.

@@ -49,7 +49,7 @@ class ModbusHelper:
         self._server = server
 
     def ending(self) -> str | None:
-        """Return how it ended; None while it runs."""
+        """Return the way it ended; None while it runs."""
         return self._server.ending()
 
     def restart(self) -> str:
@@ -90,13 +90,13 @@ def require_pymodbus() -> None:
 
 
 def endpoint_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
-    """Return where clients find the server, a line a way in, and its units."""
+    """Return the addresses of the server, a line each, and its units."""
     units = ", ".join(f"{unit.unit_id} {unit.name}" for unit in config.units)
     return [*place_lines(config, endpoints), f"units  {units}"]
 
 
 def place_lines(config: ModbusConfig, endpoints: "Endpoints") -> list[str]:
-    """Return where clients find the server, a line a way in."""
+    """Return the addresses of the server, a line each."""
     lines, serial = [], config.server.serial
     if endpoints.port is not None:
         lines.append(f"modbus TCP {config.server.host}:{endpoints.port}")

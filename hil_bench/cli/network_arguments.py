@@ -22,7 +22,7 @@ def add_network_arguments(parser: argparse._ActionsContainer) -> None:
 
 
 def seen_from_bus(args: argparse.Namespace, config: BenchConfig) -> BenchConfig:
-    """Return what of a bench is on the bus of ``--on``.
+    """Return the part of a bench that is on the bus of ``--on``.
 
     Raises:
         ConfigError: there is no such bus, or the command line gives another one.

@@ -68,7 +68,7 @@ Read = Callable[[str, str], list[Datum]]
 
 
 class _Question(NamedTuple):
-    """What must be known of an axis.
+    """A question about an axis.
 
     Attributes:
         option: of the command line, without its dashes.
@@ -287,7 +287,7 @@ def _span(data: Sequence[Datum]) -> float:
 
 
 def _answer(question: _Question, ask: Callable[[str], str]) -> list[Datum]:
-    """Return what the user answers, who is asked until it makes sense."""
+    """Ask the user until the answer is valid; return its data."""
     default = f" [{question.default}]" if question.default else ""
     while True:
         text = ask(f"{question.text}{default}: ").strip() or question.default

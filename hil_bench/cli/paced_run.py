@@ -55,7 +55,7 @@ IsOver = Callable[[], bool]
 
 
 class Guest(NamedTuple):
-    """What plays on a bench that runs, and has something to say at the end.
+    """The guest of a running bench, with a report at the end.
 
     Attributes:
         is_over: whether it has come to its end, and the run with it.
@@ -230,7 +230,7 @@ class PacedRun:
         self._snapshot.write(self._row(now))
 
     def _make_progress(self) -> Progress:
-        """Return what says now and then how it goes, where no status lines do."""
+        """Make the progress lines that replace the status lines where there are none."""
 
         def lines(now: int) -> list[str]:
             health = format_health(self._statistics if self.is_timed else None)

@@ -24,7 +24,7 @@ class PatientHandler(logging.StreamHandler[TextIO]):
 
 
 def _takes_more(stream: TextIO) -> bool:
-    """Return whether a line can be written at once; True where that cannot be known."""
+    """Return True if a line can be written at once, or where that is unknown."""
     try:
         return bool(select.select([], [stream.fileno()], [], 0)[1])
     except (OSError, ValueError, AttributeError):

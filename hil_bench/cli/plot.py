@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _has_frames(args: argparse.Namespace) -> bool:
-    """Return whether a recording without signals has frames.
+    """Return True if a recording without signals has frames.
 
     Raises:
         ConfigError: it has, and signals are asked for.

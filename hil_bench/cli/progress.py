@@ -1,4 +1,4 @@
-"""How far work is: a line now and then where there is no terminal, and a bar where there is one."""
+"""Progress of work: a line now and then, or a bar where there is a terminal."""
 
 import argparse
 import logging
@@ -81,7 +81,7 @@ class Work:
         self.stage = stage
 
     def line(self, elapsed: int) -> str:
-        """Return how far it is after a time [ns], in a line."""
+        """Return the progress after a time [ns], in a line."""
         of_all = "" if self.total is None else f" of {self.total}"
         parts = f"{self.done}{of_all} {self.unit}, " if self.done or of_all else ""
         words = [f"{parts}{elapsed // _NS_PER_S} s", self.remark, self.stage]

@@ -67,12 +67,12 @@ def check_pre_trigger(args: argparse.Namespace) -> None:
 
 
 def recording_wish(args: argparse.Namespace) -> RecordingWish:
-    """Return what the command line asks to record."""
+    """Return the recordings that the command line asks for."""
     return RecordingWish(tuple(args.record), args.trigger, args.pre_trigger)
 
 
 def recording_lines(recording: RecordingSink | None) -> list[str]:
-    """Return what a recording that has ended holds, a line a fact."""
+    """Return the content of a recording that has ended, a line a fact."""
     return [] if recording is None else report_lines(recording.report)
 
 

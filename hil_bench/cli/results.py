@@ -1,4 +1,4 @@
-"""What a verb found: lines for people, JSON for a program, or nothing under --quiet.
+"""Output of a verb: lines for people, JSON for a program, or nothing under --quiet.
 
 Under -q no verb prints anything but errors. What an option asks for a program is printed all the
 same: --json, --csv, a schema, a completion script.
@@ -20,7 +20,7 @@ def add_json_argument(parser: "argparse._ActionsContainer", *, default: bool | s
 
 
 def is_silent(args: argparse.Namespace) -> bool:
-    """Return whether a verb must print nothing while it works."""
+    """Return True if a verb must print nothing while it works."""
     return bool(args.quiet or args.json)
 
 
@@ -49,7 +49,7 @@ def print_results(
 
 
 def plain(value: object) -> object:
-    """Return what JSON can hold: no value where a number is NaN or infinite."""
+    """Convert a value to one that JSON can hold: null where a number is NaN or infinite."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):

@@ -1,4 +1,4 @@
-"""What `hil-bench run --json` prints at its end: the figures of the summary, for a program."""
+"""The `hil-bench run --json` output: the figures of the summary, for a program."""
 
 from dataclasses import asdict
 
@@ -16,7 +16,7 @@ _S_PER_NS = 1e-9
 def paced_content(
     report: RunReport, setup: RunSetup, helpers: Helpers, *, is_timed: bool
 ) -> dict[str, object]:
-    """Return what a run by the clock did.
+    """Return the figures of a run by the clock.
 
     Args:
         report: of the run.
@@ -40,7 +40,7 @@ def paced_content(
 def lockstep_content(
     report: LockStepReport, setup: RunSetup, helpers: Helpers
 ) -> dict[str, object]:
-    """Return what a run in lock-step did.
+    """Return the figures of a run in lock-step.
 
     Args:
         report: of the run.
@@ -99,7 +99,7 @@ def _common(
 
 
 def _recorded(recording: RecordingSink | None) -> dict[str, object] | None:
-    """Return what a recording holds, None where there is none."""
+    """Return the report of a recording, None where there is none."""
     if recording is None:
         return None
     report = recording.report

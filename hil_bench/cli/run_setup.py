@@ -1,4 +1,4 @@
-"""What both ways to `hil-bench run` share: the set-up before the first tick, and the end."""
+"""Common parts of both ways to `hil-bench run`: the set-up before the first tick, and the end."""
 
 import argparse
 import contextlib
@@ -46,7 +46,7 @@ class RunSetup(NamedTuple):
     wish: Interruption
 
     def watch(self, *helpers: Helper) -> Helpers:
-        """Return what looks after the processes of this run, and after further ones."""
+        """Return the guard of the processes of this run, and of further ones."""
         return Helpers(
             [*self.bus.helpers, *self.modbus.helpers, *helpers],
             ends_on_loss=self.args.end_on_loss,
@@ -54,7 +54,7 @@ class RunSetup(NamedTuple):
         )
 
     def announcement(self) -> Callable[[], None]:
-        """Return what tells a controller engineer, once, how to join.
+        """Return a callable that shows a controller engineer, once, the way to join.
 
         The text is made now, when there is no tick yet to hold up. Standard output is left to the
         summary where a program reads it.
@@ -115,7 +115,7 @@ def set_up(
 
 
 def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
-    """Return what a controller engineer needs to know to join."""
+    """Return the introduction of the bench for a controller engineer who joins."""
     source = config.path or "built-in bench"
     plant = f"{config.steps_per_tick} plant steps a tick" if config.axes else "no axis"
     rate = f"{1e9 / config.tick_ns:g} Hz, {plant}"
@@ -126,6 +126,6 @@ def introduction(config: BenchConfig, bus: OpenBus, modbus: OpenModbus) -> str:
 
 
 def fault_line(fault: FaultConfig) -> str:
-    """Return what a fault is, and when."""
+    """Describe a fault and its time."""
     lasts = "" if fault.duration is None else f", for {fault.duration:g} s"
     return f"{fault.kind} {fault.target} at {fault.at:g} s{lasts}"

@@ -59,7 +59,7 @@ def check_scenario_arguments(args: argparse.Namespace) -> None:
 
 
 def has_bus(args: argparse.Namespace) -> bool:
-    """Return whether a bus is named."""
+    """Return True if the command line names a bus."""
     return args.hub is not None or "interface" in args or "channel" in args
 
 

@@ -41,12 +41,12 @@ class PlainReader:
     """Reads the frames of a recording, of whose bench nothing is known."""
 
     def name(self, frame: Frame) -> str:
-        """Return what its identifier is for, and whose it is, in the predefined set of CiA 301."""
+        """Return the function of its identifier and its node, in the predefined set of CiA 301."""
         name, node_id = function_of(frame.can_id)
         return name if node_id is None else f"node {node_id} {name}"
 
     def meaning(self, frame: Frame) -> str:
-        """Return what it says, as far as its identifier tells."""
+        """Return the meaning of the frame, as far as its identifier reveals it."""
         return meaning_of(frame.can_id, frame.data)
 
     def news(self, frames: Sequence[LoggedFrame]) -> Iterable[LoggedFrame]:
@@ -107,7 +107,7 @@ def write_report(args: argparse.Namespace, title: str, chapters: Sequence[Chapte
 def run_chapter(
     prepared: PreparedScenario, result: ScenarioResult, given: Sequence[str]
 ) -> Chapter:
-    """Return what a report says of a scenario that was played.
+    """Return the chapter of a report on a scenario that was played.
 
     Args:
         prepared: the scenario.
@@ -138,7 +138,7 @@ def run_chapter(
 def recording_chapter(
     requirements: Path, path: Path, signals: Recording, judged: Judged
 ) -> Chapter:
-    """Return what a report says of a recording that was judged.
+    """Return the chapter of a report on a recording that was judged.
 
     Args:
         requirements: their file.

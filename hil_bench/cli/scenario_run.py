@@ -87,7 +87,7 @@ class _Played:
         self._shown = shown_stage(prepared, self._stage)
 
     def guest(self) -> Guest:
-        """Return what the run asks of it."""
+        """Return the guest that the run hosts."""
         director = self._stage.director
         return Guest(lambda: director.is_over, self._lines, self._content, self._shown, self._code)
 
@@ -124,7 +124,7 @@ def _run_alone(args: argparse.Namespace, prepared: PreparedScenario) -> int:
 
 
 class _Company:
-    """What goes on beside a run: real time, the status line, and those who watch.
+    """The company of a run: real time, the status line, and those who watch.
 
     Args:
         args: the command line.
@@ -143,7 +143,7 @@ class _Company:
 
     @property
     def recording(self) -> RecordingReport | None:
-        """What the files of --record hold, None without it or where no bench ran."""
+        """The report on the files of --record, None without it or where no bench ran."""
         return None if self._bench is None else self._bench.recording
 
     @property

@@ -73,7 +73,7 @@ def _item(finding: Finding, prefix: str = "") -> WorkItem:
 
 
 def _verdict(items: Sequence[WorkItem]) -> str:
-    """Return what is to be said of all: passed, or what they are instead."""
+    """Return the verdict on all items: passed, or their other outcomes."""
     bad = {item.verdict for item in items} - {RequirementOutcome.PASSED}
     return ", ".join(sorted(bad)) or str(RequirementOutcome.PASSED)
 

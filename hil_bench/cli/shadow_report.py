@@ -1,4 +1,4 @@
-"""What `hil-bench shadow` says while it follows a machine, and at its end."""
+"""Output of `hil-bench shadow` while it follows a machine, and at its end."""
 
 import json
 import math
@@ -31,7 +31,7 @@ _PATIENCE = 1.0
 
 
 class ShadowReport:
-    """What is said of a shadow.
+    """The report on a shadow.
 
     Args:
         shadow: the twin.
@@ -91,7 +91,7 @@ class ShadowReport:
 
     @property
     def verdict(self) -> tuple[str, ExitCode]:
-        """What is to be said of it by now, in a word and to a shell."""
+        """The verdict so far, in a word and as an exit code."""
         if self._exceeded:
             return "differs", ExitCode.CHECK_FAILED
         if self._unjudged:
@@ -194,7 +194,7 @@ class ShadowReport:
             self._say(f"{self._shadow.now:8.2f} s  {axis}  waits for {_joined(missing)}")
 
     def _missing(self, axis: str) -> dict[str, str]:
-        """Return what the twin of an axis waits for, with where it should come from, and why."""
+        """Return the inputs that the twin of an axis lacks, with their source, and the reasons."""
         missing = self._shadow.axes[axis].missing(self._shadow.now)
         return {
             _NAMES.get(name, name) + self._place(axis, name): why for name, why in missing.items()

@@ -87,7 +87,7 @@ class SightLines:
 
 
 def is_problem(sight: Sight) -> bool:
-    """Return whether a sight tells of something wrong."""
+    """Return True if a sight reports a problem."""
     code = sight.emcy_code
     if code is not None:
         return not is_error_reset(code)

@@ -27,7 +27,7 @@ _LINE_UP = "\x1b[A"
 
 
 class Field(NamedTuple):
-    """How one value of a row is shown.
+    """The format of one value of a row.
 
     Attributes:
         template: its text, as in ``"P_A {:6.1f} bar"``.
@@ -83,7 +83,7 @@ class StatusLine:
         self._helper.stop(_END_TIMEOUT)
 
     def ending(self) -> str | None:
-        """Return how its process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Return the way its process ended, as in "was killed (SIGKILL)"; None while it runs."""
         return self._helper.ending()
 
     def restart(self) -> str:
@@ -116,7 +116,7 @@ def show(
 
 
 def in_place(texts: Sequence[str], columns: int) -> str:
-    """Return what writes these lines over those before them, on a terminal of so many columns."""
+    """Return text that overwrites the previous lines on a terminal of so many columns."""
     cut = [text[: columns - 1] for text in texts]
     return _CLEAR_BELOW + "\n".join(cut) + _LINE_UP * (len(cut) - 1)
 
@@ -157,7 +157,7 @@ def format_health(statistics: TickStatistics | None) -> list[str]:
 
 
 def bench_status(bench: Bench) -> tuple[list[Channel], list[Field]]:
-    """Return what the status line shows of each axis: the channels, and how they are written."""
+    """Return the status line's channels of each axis, and their formats."""
     channels, fields = [], []
     for axis in bench.axes:
         label = f"{axis.name} " if len(bench.axes) > 1 else ""
@@ -179,7 +179,7 @@ def bench_status_row(bench: Bench) -> list[float]:
 
 
 def bus_status() -> tuple[list[Channel], list[Field]]:
-    """Return what the status line shows of the bus."""
+    """Return the status line's channels of the bus, and their formats."""
     channels = [Channel("received", "-"), Channel("sent", "-"), Channel("bus_load", "-")]
     return channels, [
         Field("in {:.0f}", 1.0),

@@ -1,4 +1,4 @@
-"""What an engineer checks first of an axis, as lines."""
+"""The key figures of an axis, as lines."""
 
 from collections.abc import Sequence
 
@@ -12,18 +12,18 @@ from hil_bench.plants.kind import Fact
 
 
 def facts_of(config: BenchConfig, axis: AxisConfig) -> Sequence[Fact]:
-    """Return what an engineer checks first of an axis."""
+    """Return the key figures of an axis."""
     return axis.kind.summarise(axis, config.tick_ns // 1000, config.step_ns // 1000)
 
 
 def facts_of_supply(config: BenchConfig, supply: SupplyConfig) -> Sequence[Fact]:
-    """Return what an engineer checks first of a supply that axes share."""
+    """Return the key figures of a supply that axes share."""
     axes = [axis for axis in config.axes if axis.name in supply.axes and isinstance(axis, Fed)]
     return list(summarise_supply(supply, axes, config.dt))
 
 
 def summary_lines(config: BenchConfig, axis: AxisConfig) -> list[str]:
-    """Return what an engineer checks first of an axis as lines."""
+    """Return the key figures of an axis as lines."""
     return fact_lines(facts_of(config, axis))
 
 

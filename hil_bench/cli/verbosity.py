@@ -1,4 +1,4 @@
-"""How much a verb says: -v and -q, which may stand before the verb and after it."""
+"""Verbosity of a verb: -v and -q, which may stand before the verb and after it."""
 
 import argparse
 

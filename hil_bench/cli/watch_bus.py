@@ -29,7 +29,7 @@ _BUS_WORDS = ("interface", "channel", "bitrate", "bus_kwargs", "fd", "data_bitra
 
 
 def is_for_bus(args: argparse.Namespace) -> bool:
-    """Return whether a command line names a bus rather than a bench that runs.
+    """Return True if a command line names a bus rather than a bench that runs.
 
     Raises:
         ConfigError: it names both.

@@ -1,4 +1,4 @@
-"""What `hil-bench watch` shows: tables made of the messages of the feed."""
+"""The view of `hil-bench watch`: tables made of the messages of the feed."""
 
 import math
 from collections import deque
@@ -74,7 +74,7 @@ class WatchView:
                 pass
 
     def render(self) -> "Group":
-        """Return what is to be drawn."""
+        """Return the view to draw."""
         from rich.console import Group  # noqa: PLC0415 - it is an extra
 
         parts: list[RenderableType] = [self._heading(), self._value_table(), self._node_table()]

@@ -28,7 +28,7 @@ _PATIENCE = 15.0  # with a panel that starts [s]; the work begins with it
 
 
 class WorkView:
-    """What people see of work; nobody looks without --panel or --name.
+    """The view of work for people; nobody looks without --panel or --name.
 
     Args:
         feed: where it is shown; None for nowhere.
@@ -40,7 +40,7 @@ class WorkView:
 
     @property
     def is_watched(self) -> bool:
-        """Whether anybody may look."""
+        """True if anybody may look."""
         return self._feed is not None
 
     def show(self, **changes: object) -> None:
@@ -155,6 +155,6 @@ def watched_work(
 
 
 def _interrupt_main() -> Callable[[], None]:
-    """Return what is like a Ctrl-C to the thread that works, wherever it waits."""
+    """Return a callable that interrupts the working thread like a Ctrl-C, wherever it waits."""
     main = threading.get_ident()
     return lambda: signal.pthread_kill(main, signal.SIGINT)

@@ -17,7 +17,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
 class Sort(StrEnum):
-    """What a TOML file describes."""
+    """The kinds of TOML file."""
 
     BENCH = "a bench"
     SCENARIO = "a scenario"
@@ -84,7 +84,7 @@ def merge(document: Document, tables: Document) -> Document:
 
 
 def read_section(document: Document, name: str, problems: Problems) -> dict[str, Given]:
-    """Return what the file gives in the table `name`."""
+    """Return the keys and values that the file gives in the table `name`."""
     value = document.get(name, {})
     if isinstance(value, dict):
         return give(name, value, Origin.FILE, problems)
@@ -95,7 +95,7 @@ def read_section(document: Document, name: str, problems: Problems) -> dict[str,
 def read_named_sections(
     document: Document, name: str, problems: Problems
 ) -> dict[str, dict[str, Given]]:
-    """Return what the file gives in each table ``[name.X]``, by X."""
+    """Return the keys and values that the file gives in each table ``[name.X]``, by X."""
     sections = {}
     for key, (value, _, place) in read_section(document, name, problems).items():
         if not _NAME.fullmatch(key):

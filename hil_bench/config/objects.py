@@ -22,7 +22,7 @@ _OBJECT = re.compile(r"0[xX](?P<index>[1-9A-Fa-f][0-9A-Fa-f]{3})(?:\.(?P<sub>[0-
 
 
 def objects(value: object) -> ObjectTable:
-    """Return what a table gives for objects, each by its name in the form ``0x1400.05``.
+    """Read a table of values of objects, each key in the form ``0x1400.05``.
 
     Raises:
         ConfigError: it is no such table.

@@ -11,13 +11,13 @@ from hil_bench.config.settings import Problems, Settings
 
 
 class Section(Protocol):
-    """What a file says of one feature; its tables are read when it is made."""
+    """One feature of a configuration file; its tables are read when it is made."""
 
     def resolve(self) -> None:
         """Fill in what follows from other sections, and note what does not fit together."""
 
     def build(self) -> dict[str, Any]:
-        """Return what it fills of the record of the whole, by the record's attributes."""
+        """Return the attributes of the record of the whole that this section fills."""
 
     def tables(self) -> Iterable[Settings]:
         """Return its tables as a person would write them."""

@@ -17,7 +17,7 @@ _PLAIN_NAME = re.compile(r"[A-Za-z0-9_.\[\]-]+")
 
 
 class Origin(StrEnum):
-    """Where a value came from, the weakest first."""
+    """The origin of a value, the weakest first."""
 
     DEFAULT = "default"
     DATA_SHEET = "data sheet"
@@ -93,7 +93,7 @@ class Problems:
         self._lines: list[str] = []
 
     def place(self, table: str, key: str = "") -> str:
-        """Return how a message names a key of a table in the file; TOML allows any text as both."""
+        """Return the place of a key for messages; TOML allows any text as table and key."""
         return f"{self.source}:{'.'.join(quote_name(name) for name in (table, key) if name)}"
 
     def add(self, place: str, what: object) -> None:

@@ -32,7 +32,7 @@ class Rate(NamedTuple):
 
 
 class Measurement:
-    """What hands a quantity, and its rate where there is one, to a device or an object.
+    """The measurement of a quantity, and of its rate where there is one, for a device or object.
 
     Args:
         publish: takes quantity, then rate if any, and the time of the tick [ns].
@@ -92,7 +92,7 @@ class Measurement:
 
 
 class CommandSource(Protocol):
-    """What commands an axis, such as a valve its spool."""
+    """The source of an axis's commands, such as a valve for its spool."""
 
     @property
     def full_opening(self) -> float:
@@ -127,7 +127,7 @@ def _no_registers() -> Mapping[str, RegisterValue]:
 
 @dataclass(frozen=True, slots=True)
 class Fitting:
-    """What one device does on the bench, beside the CANopen services of its node.
+    """The functions of one device on the bench, beside the CANopen services of its node.
 
     Attributes:
         drives: by which it commands axes.
@@ -199,7 +199,7 @@ class Axis:
         return row
 
     def command(self, now: int) -> tuple[float, float]:
-        """Return what the valve commands at `now` [ns], and what the plant gets of it [SI]."""
+        """Return the command of the valve at `now` [ns] and the one that the plant gets [SI]."""
         commanded = u = self.valve.command(now)
         for stage in self.command_path.stages:
             u = stage(u)
@@ -213,7 +213,7 @@ class Axis:
 
 
 def _picker(places: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """Return what picks the values at these places."""
+    """Return a callable that picks the values at these places."""
     if len(places) > 1:
         return itemgetter(*places)
     return lambda values: tuple(values[place] for place in places)

@@ -68,7 +68,7 @@ class QuantitySource:
 
 
 class CommandWatch:
-    """What interrupts the commands that a node receives.
+    """The watch on interruptions of the commands that a node receives.
 
     Attributes:
         interruptions: how many there were.
@@ -80,7 +80,7 @@ class CommandWatch:
 
     @property
     def is_operational(self) -> bool:
-        """Whether the node may be commanded now."""
+        """True if the node may be commanded now."""
         return self._node.state is NmtState.OPERATIONAL
 
     def hear(self) -> None:

@@ -1,4 +1,4 @@
-"""What a valve of CiA 408 does to its set-point to make up for cylinder and spool.
+"""Compensation of cylinder and spool in the set-point of a CiA 408 valve.
 
 Source: Moog ACV CANopen manual B99224-DV018-D-211, sections 7.2.6 (directional gain), 7.2.7
 (characteristic) and 7.2.8 (dead band). Which side is A is not in the part of it that was at hand:

@@ -50,7 +50,7 @@ _RAMP_TYPES: Final = {
 
 
 class DemandGenerator:
-    """What makes the demand value of one valve.
+    """The generator of one valve's demand value.
 
     Attributes:
         is_limited: whether a limit held the last set-point back.

@@ -36,7 +36,7 @@ class Dither:
         self._frequency = optional(od, 0x6362, 1, UNSIGNED16)
 
     def swing(self, now: int) -> float:
-        """Return what is added at `now` [ns], in increments."""
+        """Return the dither to add at `now` [ns], in increments."""
         # Whole periods go first, in integers, so that a long run loses no phase.
         phase = self._frequency.value * now % _SECOND / _SECOND
         return float(self._amplitude.value) * math.sin(2.0 * math.pi * phase)

@@ -1,4 +1,4 @@
-"""What commands a valve in the place of CANopen while 0x604F (local) is 1.
+"""Commands of a valve in place of CANopen while 0x604F (local) is 1.
 
 It stands for the panel that a CiA 408 device may have; here a second bus, such as Modbus, is at it.
 While it rules, an NMT state other than OPERATIONAL does not hold the valve, and 0x6040 and
@@ -33,5 +33,5 @@ class LocalCommand:
         self.setpoint = 0
 
     def is_late(self, now: int) -> bool:
-        """Return whether the next command should have come by `now` [ns]."""
+        """Return True if the next command should have come by `now` [ns]."""
         return bool(self.watchdog) and now - self.received_at > self.watchdog

@@ -1,4 +1,4 @@
-"""What a CiA 406 encoder can measure, and which one it is: 0x6002, 0x650A and 0x650B.
+"""The measuring range of a CiA 406 encoder, and its type: 0x6002, 0x650A and 0x650B.
 
 The total measuring range 0x6002 and the lowest and highest position 0x650A.02 and 0x650A.03 count
 measuring steps; no preset shifts them. 0x650B is the serial number of 0x1018.04.

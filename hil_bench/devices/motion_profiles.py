@@ -1,4 +1,4 @@
-"""How the demand of a drive moves: by ramps to a velocity, by a trapezoid to a position.
+"""Motion profiles of a drive's demand: ramps to a velocity, a trapezoid to a position.
 
 Units are increments, increments a second and a second squared.
 """

@@ -103,7 +103,7 @@ class PositionControl:
 
     @property
     def has_integral(self) -> bool:
-        """Whether the loop is closed, and its controller integrates."""
+        """True if the loop is closed and its controller integrates."""
         return self.is_closed and self._integral_time.value > 0
 
     def measure(self, position: float, speed: float) -> None:
@@ -163,7 +163,7 @@ class PositionControl:
             self._integral = min(max(integral, -1.0), 1.0)
 
     def watch(self, now: int) -> bool:
-        """Return whether the deviation has just lasted too long, at `now` [ns]; while closed."""
+        """Return True if the deviation has just lasted too long, at `now` [ns]; while closed."""
         return self.monitor.is_on and self.monitor.watch(self._deviation.value, now)
 
     def _control(self, asked: int, now: int) -> int | None:

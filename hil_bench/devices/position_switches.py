@@ -1,4 +1,4 @@
-"""What a CiA 406 encoder makes of its position: cam switches 0x6300 to 0x6337, area state 0x6400.
+"""Switches of a CiA 406 encoder: cam switches 0x6300 to 0x6337, area state 0x6400.
 
 Cam n + 1 of the one channel is bit n of the state 0x6300.01. It is active while the position is
 between its limits, both included; once active, it stays so until the position is further outside
@@ -35,7 +35,7 @@ class Cam(NamedTuple):
     hysteresis: Variable
 
     def is_active(self, position: int, *, was_active: bool) -> bool:
-        """Return whether the cam is active at `position`."""
+        """Return True if the cam is active at `position`."""
         margin = self.hysteresis.value if was_active else 0
         return bool(self.low.value - margin <= position <= self.high.value + margin)
 

@@ -82,7 +82,7 @@ NEGATIVE_OVERLOAD: Final = 0x04
 
 
 class Span(NamedTuple):
-    """What one channel measures.
+    """The measuring span of one channel.
 
     Attributes:
         start: of the measuring range [Pa or °C].

@@ -54,7 +54,7 @@ def optional(
 
 
 def locate(object_dictionary: ObjectDictionary, variable: Variable) -> str:
-    """Return where a variable stands, for messages: file, object and name."""
+    """Return the place of a variable for messages: file, object and name."""
     place = f"object 0x{variable.index:04X}.{variable.subindex:02X} ({variable.name})"
     return f"{object_dictionary.source}: {place}"
 

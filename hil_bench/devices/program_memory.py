@@ -26,7 +26,7 @@ _CHECKSUM_BYTES: Final = 4
 
 
 class Checksum(StrEnum):
-    """How a device tells a program from other bytes."""
+    """The way in which a device checks that bytes are a program."""
 
     NONE = "none"
     """It takes any bytes."""
@@ -35,7 +35,7 @@ class Checksum(StrEnum):
 
 
 class ControlCommand(IntEnum):
-    """What 0x1F51 takes (CiA 302-3)."""
+    """The control commands of 0x1F51 (CiA 302-3)."""
 
     STOP = 0
     START = 1
@@ -108,7 +108,7 @@ class ProgramMemory:
         self._show()
 
     def _admit(self) -> int:
-        """Return how many bytes a download may bring; refuse it where there must be none now.
+        """Return the most bytes of a download; refuse it where none is allowed now.
 
         Raises:
             SdoAbort: 0800 0022 while a program runs or is flashed, 0606 0000 where another one has

@@ -1,4 +1,4 @@
-"""What another bus than CANopen may read of a device, and write: its quantities, by name, in SI.
+"""Quantities of a device for buses other than CANopen, to read and write, by name, in SI.
 
 They are computed from the device's objects as they stand, so that two buses never tell two values:
 what CANopen sends as steps or in bar, is metres, radians and pascal here. Any object can be had
@@ -210,7 +210,7 @@ def _position(object_dictionary: ObjectDictionary) -> Variable:
 
 
 def _no_alarm(object_dictionary: ObjectDictionary) -> RegisterValue:
-    """Return whether an encoder has no alarm."""
+    """Return the value that is 1 while an encoder has no alarm."""
     alarms = object_dictionary.find(0x6503)
     return RegisterValue("-", lambda: float(alarms is None or not alarms.value))
 

@@ -32,7 +32,7 @@ class RampTimes(NamedTuple):
 
 
 def advance(value: float, target: float, elapsed: float, times: RampTimes) -> float:
-    """Return where the way from `value` to `target` has led after `elapsed` [ns]."""
+    """Return the value on the way from `value` to `target` after `elapsed` [ns]."""
     while value != target:
         goal = 0.0 if value * target < 0.0 else target
         time = times.of(value, goal)

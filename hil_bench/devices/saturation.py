@@ -1,4 +1,4 @@
-"""What an integer object shows for a quantity: the nearest integer that it can hold."""
+"""Saturation of integer objects: the nearest integer to a quantity that the object can hold."""
 
 from typing import Final
 
@@ -7,7 +7,7 @@ _UNITS_ONLY: Final = 1.5 * 2.0**52  # from here to 2^53 doubles are the whole nu
 
 
 def nearest(value: float) -> int:
-    """Return what `round` does, the even integer of two that are as near; compiled, in no call."""
+    """Round to the nearest integer, ties to even, as `round` does; compiled without a call."""
     if -_EXACT < value < _EXACT:
         return int(value + _UNITS_ONLY - _UNITS_ONLY)
     return round(value)

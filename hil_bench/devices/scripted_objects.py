@@ -15,7 +15,7 @@ _NS = 1e-9
 
 
 class Course(Protocol):
-    """What an object shows over time."""
+    """The course of an object's value over time."""
 
     def value_at(self, time: float) -> float:
         """Return the value at a time since the start of the bench [s]."""

@@ -1,4 +1,4 @@
-"""How a bus is now: who sends what how often, the last values, which errors nodes report."""
+"""The present state of a bus: senders and their rates, last values, errors of nodes."""
 
 import math
 from collections import deque
@@ -65,7 +65,7 @@ class Stream:
 
     @property
     def is_from_node(self) -> bool:
-        """Whether the node sends them."""
+        """True if the node sends the frames."""
         return self.name.startswith(_FROM_NODE) and not self.frame.is_remote
 
 
@@ -162,11 +162,11 @@ class BusState:
 
     @property
     def events(self) -> Iterator[Sight]:
-        """What happened last: NMT commands, boot-ups, EMCY, SDO transfers that failed."""
+        """The last events: NMT commands, boot-ups, EMCY, SDO transfers that failed."""
         return iter(self._events.values())
 
     def has_heard(self, node_id: int) -> bool:
-        """Return whether a node has sent something."""
+        """Return True if a node has sent something."""
         return node_id in self._heard
 
     def heartbeat_of(self, node_id: int) -> float:
@@ -183,7 +183,7 @@ class BusState:
         return age if age > LATE * period else 0.0
 
     def age_of(self, stream: Stream) -> float:
-        """Return how long ago the last frame of a stream was [s]."""
+        """Return the time since the last frame of a stream [s]."""
         return (self.now - stream.times[-1]) / _NS_PER_S
 
     def _count(self, frame: Frame, sight: Sight | None) -> None:

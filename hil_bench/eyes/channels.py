@@ -1,4 +1,4 @@
-"""What PDOs and J1939 messages of known devices carry, as channels of a recording in SI."""
+"""Channels of a recording in SI, from the PDOs and J1939 messages of known devices."""
 
 import math
 import re

@@ -89,12 +89,12 @@ _LSS: Final = {
 
 
 def is_error_reset(code: int) -> bool:
-    """Return whether an emergency error code says that an error has gone: 0x0000 to 0x00FF."""
+    """Return True if an emergency error code reports an error as gone: 0x0000 to 0x00FF."""
     return code < 0x0100
 
 
 def emergency_text(code: int) -> str:
-    """Return what an emergency error code means, in the words of CiA 301."""
+    """Return the meaning of an emergency error code, in the words of CiA 301."""
     if is_error_reset(code):
         return "error reset"
     high = code >> 8
@@ -103,12 +103,12 @@ def emergency_text(code: int) -> str:
 
 
 def abort_text(code: int) -> str:
-    """Return what an SDO abort code means, in the words of CiA 301."""
+    """Return the meaning of an SDO abort code, in the words of CiA 301."""
     return _ABORTS.get(code, "unknown abort code")
 
 
 def nmt_text(data: bytes) -> str:
-    """Return what an NMT message commands; empty where it is none."""
+    """Return the command of an NMT message; empty where the data are no NMT message."""
     if len(data) != 2:
         return ""
     target = f"node {data[1]}" if data[1] else "all nodes"
@@ -123,5 +123,5 @@ def state_text(number: int) -> str:
 
 
 def lss_text(data: bytes) -> str:
-    """Return what an LSS message asks or answers; empty where it is none."""
+    """Return the service of an LSS message; empty where there are no data."""
     return _LSS.get(data[0], f"command {data[0]}") if data else ""

@@ -83,7 +83,7 @@ def _signals(owner: PdoOwner, receivers: list[str]) -> Iterator[Signal]:
 
 
 def _fits(field: PdoField) -> bool:
-    """Return whether a field lies in a CAN frame: mappings from a bus may be nonsense."""
+    """Return True if a field lies in a CAN frame: mappings from a bus may be nonsense."""
     return field.bits > 0 and field.shift + field.bits <= 8 * _LONGEST
 
 

@@ -72,7 +72,7 @@ class Decoder:
         self._route(self.nodes.values())
 
     def take(self, logged: LoggedFrame) -> list[Sight]:
-        """Return what a frame says; nothing for one in the middle of an SDO transfer."""
+        """Decode a frame; return nothing for one in the middle of an SDO transfer."""
         sights = self.expire(logged.now) if logged.now >= self._look_at else []
         frame = logged.frame
         if frame.can_id >= ERROR_FLAG and not frame.is_extended:
@@ -113,7 +113,7 @@ class Decoder:
         return self._j1939.names
 
     def owners(self, frame: Frame) -> list[PdoOwner]:
-        """Return whose PDO a frame is: who sends it, or else who receives it."""
+        """Return the owners of a PDO: its senders, or else its receivers."""
         found = self.pdos.get(frame.can_id | frame.bus << BUS_SHIFT, [])
         senders = [owner for owner in found if owner.pdo.direction is Direction.TPDO]
         return senders or found
@@ -146,7 +146,7 @@ class Decoder:
             self._routes[key] = self._hear_pdo
 
     def _find_handler(self, frame: Frame) -> _Handler:
-        """Return who reads an identifier, by the predefined connection set."""
+        """Return the handler of an identifier, by the predefined connection set."""
         name, node_id = function_of(frame.can_id)
         by_name: dict[str, _Handler] = {"NMT": self._hear_nmt, "SYNC": self._hear_sync}
         if name in by_name:

@@ -36,7 +36,7 @@ _SENDING: Final = 0x80
 
 
 def error_text(frame: Frame) -> str:
-    """Return what an error frame says, as "bit error while sending, TEC 8, REC 0"."""
+    """Return the text of an error frame, as "bit error while sending, TEC 8, REC 0"."""
     data = frame.data.ljust(_LENGTH, b"\0")
     parts = [text for bit, text in _CLASSES.items() if frame.can_id & bit]
     if frame.can_id & _CONTROLLER:

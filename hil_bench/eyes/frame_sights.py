@@ -1,4 +1,4 @@
-"""What single frames and whole transfers say, as sights: words, values and what is wrong.
+"""Sights of single frames and whole transfers: words, values and problems.
 
 Nothing here remembers what came before; `Decoder` does, and knows whose frame each is.
 """
@@ -21,7 +21,7 @@ LENGTH_OF_SDO: Final = 8
 
 
 def extended_sight(logged: LoggedFrame) -> Sight:
-    """Return what is said of a frame with a 29-bit identifier."""
+    """Describe a frame with a 29-bit identifier."""
     frame = logged.frame
     words = f"not CANopen, 29-bit identifier 0x{frame.can_id:08X}"
     if not frame.is_remote:
@@ -30,12 +30,12 @@ def extended_sight(logged: LoggedFrame) -> Sight:
 
 
 def error_sight(logged: LoggedFrame) -> Sight:
-    """Return what an error frame says: the adapter that recorded it reports."""
+    """Describe an error frame, which the recording adapter reports."""
     return Sight(logged.now, logged.frame, Service.OTHER, "error", problem=error_text(logged.frame))
 
 
 def plain_sight(service: Service, logged: LoggedFrame) -> Sight:
-    """Return what a frame says that belongs to no node."""
+    """Describe a frame that belongs to no node."""
     frame = logged.frame
     name = function_of(frame.can_id).name
     words = _remote_or(frame, meaning_of(frame.can_id, frame.data) or _digits(frame))
@@ -43,7 +43,7 @@ def plain_sight(service: Service, logged: LoggedFrame) -> Sight:
 
 
 def nmt_sight(node: KnownNode | None, logged: LoggedFrame) -> Sight:
-    """Return what an NMT message says.
+    """Describe an NMT message.
 
     Args:
         node: whom it commands; None for all.
@@ -57,7 +57,7 @@ def nmt_sight(node: KnownNode | None, logged: LoggedFrame) -> Sight:
 
 
 def sync_sight(producers: Sequence[KnownNode], logged: LoggedFrame) -> Sight:
-    """Return what a SYNC says.
+    """Describe a SYNC.
 
     Args:
         producers: the nodes that may have sent it.
@@ -78,7 +78,7 @@ def sync_sight(producers: Sequence[KnownNode], logged: LoggedFrame) -> Sight:
 
 
 def emcy_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
-    """Return what an EMCY message of a node says."""
+    """Describe an EMCY message of a node."""
     frame = logged.frame
     is_right = len(frame.data) == LENGTH_OF_EMCY
     return Sight(
@@ -94,7 +94,7 @@ def emcy_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
 
 
 def heartbeat_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
-    """Return what a heartbeat, a boot-up message or a node guarding request says."""
+    """Describe a heartbeat, a boot-up message or a node guarding request."""
     frame = logged.frame
     words, problem = meaning_of(frame.can_id, frame.data), ""
     if frame.is_remote:
@@ -108,7 +108,7 @@ def heartbeat_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
 
 
 def pdo_sight(owners: Sequence[PdoOwner], logged: LoggedFrame) -> Sight:
-    """Return what a PDO says.
+    """Describe a PDO.
 
     Args:
         owners: whose it is, one or more; all read it as the first one does.
@@ -125,7 +125,7 @@ def pdo_sight(owners: Sequence[PdoOwner], logged: LoggedFrame) -> Sight:
 
 
 def unknown_pdo_sight(node: KnownNode, name: str, logged: LoggedFrame) -> Sight:
-    """Return what is said of a PDO that its node does not have.
+    """Describe a PDO that its node does not have.
 
     Args:
         node: whose it is by the predefined connection set.
@@ -139,7 +139,7 @@ def unknown_pdo_sight(node: KnownNode, name: str, logged: LoggedFrame) -> Sight:
 
 
 def stray_sdo_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
-    """Return what is said of an SDO frame that belongs to no transfer."""
+    """Describe an SDO frame that belongs to no transfer."""
     frame = logged.frame
     name = function_of(frame.can_id).name
     head = logged.now, frame, Service.SDO, name, node.name, node.node_id
@@ -151,13 +151,13 @@ def stray_sdo_sight(node: KnownNode, logged: LoggedFrame) -> Sight:
 
 
 def transfer_title(node: KnownNode, transfer: Transfer) -> str:
-    """Return what a transfer is about: way, object and name."""
+    """Return the title of a transfer: way, object and name."""
     name = node.reader(transfer.index, transfer.subindex).name
     return f"{transfer.way.value} {transfer.place} {name}".rstrip()
 
 
 def transfer_sight(node: KnownNode, transfer: Transfer, now: int, frame: Frame) -> Sight:
-    """Return what an SDO transfer says that has ended, well or not.
+    """Describe an SDO transfer that has ended, completed or aborted.
 
     Args:
         node: the server.

@@ -9,7 +9,7 @@ _MS_PER_DAY = 86_400_000
 
 
 def meaning_of(can_id: int, data: bytes) -> str:
-    """Return what a frame says in words, empty where it holds values only."""
+    """Return the meaning of a frame in words, empty where it holds values only."""
     name = function_of(can_id).name
     length = len(data)
     text = ""

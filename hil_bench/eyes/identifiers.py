@@ -1,4 +1,4 @@
-"""What an 11-bit identifier is for in the predefined connection set (CiA 301, CiA 305)."""
+"""The use of 11-bit identifiers in the predefined connection set (CiA 301, CiA 305)."""
 
 from functools import cache
 from typing import Final, NamedTuple
@@ -31,7 +31,7 @@ _OTHER: Final = "other"
 
 
 class Function(NamedTuple):
-    """What an identifier is for.
+    """The function of an identifier.
 
     Attributes:
         name: as in ``TPDO1``.
@@ -44,7 +44,7 @@ class Function(NamedTuple):
 
 @cache
 def function_of(can_id: int) -> Function:
-    """Return what an 11-bit identifier is for in the predefined connection set.
+    """Return the function of an 11-bit identifier in the predefined connection set.
 
     A device may be configured to send a PDO under any identifier; this is the default.
     """

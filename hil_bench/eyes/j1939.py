@@ -1,4 +1,4 @@
-"""What a frame with a 29-bit identifier says if it is one of SAE J1939 or ISO 11783.
+"""The meaning of a frame with a 29-bit identifier in SAE J1939 or ISO 11783.
 
 Nothing in a frame says that it is J1939; this is how such a frame would be read. Names of the
 parameter groups as public tools have them (SAE J1939 DA and ISO 11783-7 were not at hand).
@@ -92,7 +92,7 @@ def group_name(group: int) -> str:
 
 
 def describe(can_id: int, data: bytes) -> str:
-    """Return what a frame says, as J1939 would read it."""
+    """Describe a frame as J1939 reads it."""
     _, group, source, destination = split(can_id)
     name = group_name(group)
     words = f"PGN {group}" + (f" {name}" if name else "")
@@ -104,7 +104,7 @@ def describe(can_id: int, data: bytes) -> str:
 
 
 def content_of(group: int, data: bytes) -> str:
-    """Return what the data of a message say; empty where that is not known here."""
+    """Return the content of a message in words; empty where the group is not supported."""
     return _CONTENTS[group](data) if group in _CONTENTS else ""
 
 

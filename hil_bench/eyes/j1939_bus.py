@@ -49,7 +49,7 @@ class J1939Reader:
         return [each.name for each in self._by_identity.values()]
 
     def take(self, logged: LoggedFrame) -> list[Sight] | None:
-        """Return what a frame says; nothing in the middle of a transfer, None for no J1939."""
+        """Decode a frame; return nothing in the middle of a transfer, None if it is no J1939."""
         frame = logged.frame
         _, group, source, destination = split(frame.can_id)
         way, bus, now = (source, destination), frame.bus, logged.now

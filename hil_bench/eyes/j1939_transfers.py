@@ -49,17 +49,17 @@ class LongMessage:
 
     @property
     def count(self) -> int:
-        """How many packets it has."""
+        """The number of packets of the message."""
         return -(-self.size // PACKET_BYTES)
 
     @property
     def is_to_all(self) -> bool:
-        """Whether it is announced by BAM."""
+        """True if the message is announced by BAM."""
         return self.key[2] == GLOBAL
 
     @property
     def is_whole(self) -> bool:
-        """Whether all packets have come."""
+        """True if all packets have come."""
         return len(self.packets) == self.count
 
     @property

@@ -1,4 +1,4 @@
-"""What is known of one node: from its EDS, and from what it says and is told on the bus."""
+"""The knowledge of one node: from its EDS and from its traffic on the bus."""
 
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
@@ -101,7 +101,7 @@ class KnownNode:
 
     @property
     def name(self) -> str:
-        """What it is called: by the bench, by itself (0x1008), or by its node-ID."""
+        """The name of the node: from the bench, from itself (0x1008), or from its node-ID."""
         if self._name:
             return self._name
         own = self.objects.find(0x1008, 0)
@@ -115,7 +115,7 @@ class KnownNode:
         return profile_of(self.objects)
 
     def number(self, index: int, subindex: int = 0, absent: int = 0) -> int:
-        """Return what an integer object holds, or `absent`."""
+        """Return the value of an integer object, or `absent`."""
         return number_in(self.objects, index, subindex, absent)
 
     def pdos(self) -> list[Pdo]:
@@ -123,7 +123,7 @@ class KnownNode:
         return list(find_pdos(self.objects, self._scales, self._protected_tpdos))
 
     def reader(self, index: int, subindex: int) -> Reader:
-        """Return what reads one object."""
+        """Return the reader of one object."""
         variable = self.objects.find(index, subindex)
         if variable is None and not self.has_eds and (standard := _standard(index, subindex)):
             variable = Variable(index, subindex, *standard)
@@ -133,7 +133,7 @@ class KnownNode:
 
     @property
     def produces_sync(self) -> bool:
-        """Whether it generates SYNC (bit 30 of 0x1005)."""
+        """True if the node generates SYNC (bit 30 of 0x1005)."""
         return bool(self.number(0x1005) & _PRODUCES_SYNC)
 
     def identifier_of(self, index: int) -> int | None:

@@ -77,7 +77,7 @@ class Pdo:
         return None if self.bits is None else (self.bits + 7) // 8
 
     def read(self, data: bytes) -> tuple[Reading, ...]:
-        """Return what a frame carries; nothing where it is too short or the mapping unknown."""
+        """Return the values of a frame; nothing where it is too short or the mapping unknown."""
         if data == self._last:
             return self._readings
         if self.bits is None or len(data) < (self.length or 0):
@@ -94,7 +94,7 @@ class Pdo:
         return readings
 
     def problem(self, data: bytes) -> str:
-        """Return what is wrong with the length or checksum of a frame; empty for nothing."""
+        """Return the fault of a frame's length or checksum; empty where there is no fault."""
         length = self.length
         if length is None:
             return ""
@@ -108,7 +108,7 @@ class Pdo:
         return "" if len(data) == length else f"{len(data)} bytes, and its mapping has {length}"
 
     def is_sealed(self, data: bytes) -> bool:
-        """Return whether a frame has counter and checksum behind what the PDO maps."""
+        """Return True if a frame has counter and checksum behind the objects that the PDO maps."""
         if self.direction is not Direction.TPDO or len(data) != (self.length or 0) + SEAL_BYTES:
             return False
         if self.is_protected is None:
@@ -163,7 +163,7 @@ def _read_pdo(
 def _read_mapping(
     objects: ObjectDictionary, scales: Mapping[tuple[int, int], Scale], index: int
 ) -> tuple[tuple[PdoField, ...], int | None]:
-    """Return what is mapped and its bits; no bits where the mapping is not known."""
+    """Return the mapped fields and their bits; None for the bits of an unknown mapping."""
     if objects.find(index, 0) is None:
         return (), None
     fields, shift = [], 0

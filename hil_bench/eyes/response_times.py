@@ -93,7 +93,7 @@ def _queueing(
     higher: Sequence[Message],
     times: tuple[int, int],
 ) -> int:
-    """Return how long an instance waits from the start of the busy period (eq. 9)."""
+    """Return the queueing delay of an instance from the start of the busy period (eq. 9)."""
     blocking, bit_time = times
     wait, before = start, -1
     while wait != before:

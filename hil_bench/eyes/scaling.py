@@ -1,4 +1,4 @@
-"""What the numbers of an object stand for: the units of CiA 404, 406 and 408.
+"""Scales of an object's numbers: the units of CiA 404, 406 and 408.
 
 An EDS has no units. The profiles do: in objects of their own, whose present values count.
 """
@@ -24,7 +24,7 @@ MEASURING, ENCODER, VALVE = 404, 406, 408
 
 
 class Scale(NamedTuple):
-    """How a raw value becomes a quantity: (raw - offset) * factor, in the unit.
+    """The scale from a raw value to a quantity: (raw - offset) * factor, in the unit.
 
     Attributes:
         factor: of the unit for an increment.
@@ -70,7 +70,7 @@ UNIT_OBJECTS: Final = frozenset(
 
 
 def number_in(objects: ObjectDictionary, index: int, subindex: int = 0, absent: int = 0) -> int:
-    """Return what an integer object holds; `absent` where that is not known, or is no integer."""
+    """Return the value of an integer object; `absent` where it is unknown or no integer."""
     variable = objects.find(index, subindex)
     return variable.value if variable is not None and isinstance(variable.value, int) else absent
 
@@ -81,7 +81,7 @@ def profile_of(objects: ObjectDictionary) -> int:
 
 
 def scale_of(objects: ObjectDictionary, index: int, subindex: int) -> Scale | None:
-    """Return what an object's numbers stand for; None where no profile says it."""
+    """Return the scale of an object's numbers; None where no profile defines it."""
     profile = profile_of(objects)
     if profile == MEASURING:
         return _measured(objects, index, subindex)

@@ -1,4 +1,4 @@
-"""What one frame, or the last frame of a transfer, says in words."""
+"""The description of one frame, or of the last frame of a transfer, in words."""
 
 from enum import StrEnum
 from typing import Final, NamedTuple
@@ -84,7 +84,7 @@ class Sight(NamedTuple):
 
     @property
     def text(self) -> str:
-        """What it says, in one line."""
+        """The description, in one line."""
         parts = [self.words] if self.words else []
         parts += map(str, self.readings)
         text = ", ".join(parts)

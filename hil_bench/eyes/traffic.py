@@ -21,7 +21,7 @@ SDO_BLOCKING: Final = worst_bits(8)
 
 
 class Assumptions(NamedTuple):
-    """What the objects of the nodes do not say.
+    """The assumptions that complete the objects of the nodes.
 
     Attributes:
         bitrate: of the bus [bit/s].

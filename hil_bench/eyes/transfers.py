@@ -17,7 +17,7 @@ LARGEST: Final = 1 << 20
 
 
 class Way(Enum):
-    """Which way the value goes: an upload reads it, a download writes it."""
+    """The direction of a transfer: an upload reads the value, a download writes it."""
 
     UPLOAD = "upload"
     DOWNLOAD = "download"
@@ -66,12 +66,12 @@ class Transfer:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing more belongs to it."""
+        """True if no more frames belong to the transfer."""
         return self.is_done or self.abort is not None
 
     @property
     def is_short(self) -> bool:
-        """Whether it ended with another length than was announced."""
+        """True if the transfer ended with another length than was announced."""
         return self.is_done and self.announced is not None and self.announced != len(self.data)
 
 
@@ -216,7 +216,7 @@ def _hear_answer(transfer: Transfer, data: bytes) -> None:
 
 
 def _is_raw_segment(transfer: Transfer, data: bytes, *, is_request: bool) -> bool:
-    """Return whether a frame is one of a block, whose first byte is its number."""
+    """Return True if a frame is one of a block, whose first byte is its number."""
     is_senders = is_request is (transfer.way is Way.DOWNLOAD)
     return transfer.block is not None and is_senders and data[0] & 0x7F != 0
 

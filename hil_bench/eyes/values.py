@@ -25,7 +25,7 @@ _LONGEST_TEXT = 60
 
 
 class Reading(NamedTuple):
-    """What an object holds.
+    """The value of an object.
 
     Attributes:
         object_index: of the object.
@@ -78,7 +78,7 @@ class Reader:
         self._profile = profile_of(objects)
 
     def read(self, raw: bytes) -> Reading:
-        """Return what the raw bytes say; as digits where they are no value of the data type."""
+        """Decode the raw bytes; show digits where they are no value of the data type."""
         value = self._decode(raw)
         if isinstance(value, bytes):
             return self._reading(raw.hex().upper(), "", f"[{raw.hex(' ').upper()}]")
@@ -105,7 +105,7 @@ class Reader:
         return self._reading(scaled, symbol, f"{scaled:.6g} {symbol}".rstrip())
 
     def why_not(self, raw: bytes) -> str:
-        """Return what of the raw bytes does not go with the data type; empty where it does."""
+        """Return the mismatch of the raw bytes with the data type; empty where they agree."""
         if self.data_type is None or not isinstance(self._decode(raw), bytes):
             return ""
         size = self.data_type.size

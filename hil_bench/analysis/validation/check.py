@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class CheckVerdict(StrEnum):
-    """What a check says."""
+    """The verdict of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -38,7 +38,7 @@ class ValidationCheck:
 
     @property
     def verdict(self) -> CheckVerdict:
-        """Whether the plant has the right value; NaN is never right."""
+        """The verdict: passed where the value found is within the tolerance; NaN never passes."""
         if self.expected is None or self.found is None:
             return CheckVerdict.NOT_APPLICABLE
         is_right = abs(self.found - self.expected) <= self.tolerance

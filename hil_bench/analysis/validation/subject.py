@@ -1,4 +1,4 @@
-"""What is validated: the full-order model with the parameters of one cylinder."""
+"""The subject of a validation: the full-order model with the parameters of one cylinder."""
 
 import math
 from dataclasses import dataclass, replace
@@ -94,7 +94,7 @@ def steady_pressures(
 def held_displacement(
     parameters: PlantParameters, pressures: tuple[float, float], load: float
 ) -> float:
-    """Return how far [m] a load [N] moves the piston of a closed cylinder from mid-stroke.
+    """Return the displacement [m] by which a load [N] moves a closed cylinder from mid-stroke.
 
     A closed chamber keeps V exp(P / E), eqs. (8)-(11); at rest P_A A_A - P_B A_B is the load.
     """

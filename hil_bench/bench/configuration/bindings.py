@@ -58,7 +58,7 @@ class Binding(NamedTuple):
 
     @property
     def is_sink(self) -> bool:
-        """Whether the object commands the plant."""
+        """True if the object commands the plant."""
         return self.quantity.output is None
 
 

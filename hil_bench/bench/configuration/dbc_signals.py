@@ -24,7 +24,7 @@ _LENGTHS: Final = range(2, 33)
 
 
 def is_named(given: Mapping[str, object]) -> bool:
-    """Return whether a signal is given by its name in a DBC file."""
+    """Return True if a signal is given by its name in a DBC file."""
     return MESSAGE in given or SIGNAL in given
 
 

@@ -58,12 +58,12 @@ class GivenSignal(NamedTuple):
 
     @property
     def is_sink(self) -> bool:
-        """Whether it commands the plant."""
+        """True if the signal commands the plant."""
         return self.word == "sink"
 
     @property
     def place(self) -> Signal:
-        """Where it stands."""
+        """The place of the signal in its message."""
         keys = ("start_bit", "length", "resolution", "offset")
         return Signal(*(self.settings[key].value for key in keys))
 

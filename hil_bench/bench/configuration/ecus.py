@@ -58,7 +58,7 @@ def _keys_of(kind: EcuKind[Any]) -> tuple[Key, ...]:
 
 
 class OtherDrive(NamedTuple):
-    """What commands an axis and is no CANopen node.
+    """A driver of an axis that is no CANopen node.
 
     Attributes:
         what: how messages call it.
@@ -199,7 +199,7 @@ def _kind_of(device: Settings) -> EcuKind[Any]:
 
 
 def needs_no_axis(document: Document) -> bool:
-    """Return whether the J1939 devices of a file have nothing to do with a plant."""
+    """Return True if no J1939 device of a file is connected to a plant."""
     devices = document.get(TABLE)
     if not isinstance(devices, dict):
         return False

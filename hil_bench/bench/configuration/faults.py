@@ -35,7 +35,7 @@ _UNITS = {"Pa": BAR, "m": MILLIMETRE, "rad": DEGREE, "-": PERCENT}
 
 
 class FaultTargets(NamedTuple):
-    """What may have faults, by name.
+    """The targets that may have faults, by name.
 
     Attributes:
         sensors: with the unit of their amounts; None where `[[faults]]` has no key for it.
@@ -56,7 +56,7 @@ class FaultTargets(NamedTuple):
     signals: Sequence[str] = ()
 
     def of(self, kind: FaultKind) -> tuple[str, Sequence[str]]:
-        """Return what a fault of a kind may befall: what it is called, and the names."""
+        """List the targets that a fault kind accepts: the word for them, and their names."""
         if kind is FaultKind.DISABLE:
             names = [name for name, has_input in self.valves.items() if has_input]
             return "valve with an enable input", names
@@ -160,7 +160,7 @@ def _read_faults(
 
 
 def _find_targets(nodes: Mapping[str, Settings], axes: Axes, bindings: Bindings) -> FaultTargets:
-    """Return what of a bench may have faults."""
+    """Find the fault targets of a bench."""
     sensors: dict[str, Unit | None] = {}
     valves: dict[str, bool] = {}
     for name, node in nodes.items():

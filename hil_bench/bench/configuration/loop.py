@@ -13,7 +13,7 @@ SEED_VARIABLE = "HIL_BENCH_SEED"
 
 
 class LoopSection:
-    """What ``[bench]``, the environment and the command line say.
+    """The settings of ``[bench]``, the environment and the command line.
 
     Args:
         document: the file.
@@ -76,7 +76,7 @@ class LoopSection:
 
 
 def _no_multiple(value: int, divisor: str, step: int) -> str:
-    """Return what is wrong and what would be right; nothing where the value is a multiple."""
+    """Return the error text of a value that is no multiple of a step; empty where it is one."""
     if not value % step:
         return ""
     below, above = value // step * step, (value // step + 1) * step

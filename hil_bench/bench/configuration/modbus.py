@@ -67,7 +67,7 @@ _OF_VALVES = ("commands", "watchdog_ms")
 
 
 class ModbusSection:
-    """What ``[modbus]`` gives; a table without units has every sensor as one.
+    """The ``[modbus]`` table; without units every sensor becomes one.
 
     Args:
         document: the file.

@@ -70,7 +70,7 @@ def _axis_of(node: Settings, axes: Axes) -> AxisSettings | None:
 
 
 def needs_axis(document: Document) -> bool:
-    """Return whether the nodes of a file have something to do with an axis.
+    """Return True if the nodes of a file are connected to an axis.
 
     Devices made from their EDS files alone have nothing, unless an object is bound to the plant.
     """

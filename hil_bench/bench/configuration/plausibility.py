@@ -49,7 +49,7 @@ def check_possible(axis: Settings, kind: Kind, problems: Problems) -> None:
 
 
 def find_doubts(config: BenchConfig) -> list[str]:
-    """Return what of a configuration is hard to believe, a line each."""
+    """Return the implausible values of a configuration, a line each."""
     source = str(config.path) if config.path else "built-in bench"
     kinds = {f"plant.{axis.name}": axis.kind for axis in config.axes}
     supplies = {f"supply.{supply.name}": DEFAULT_PLANT for supply in config.supplies}
@@ -91,7 +91,7 @@ def _is_within(setting: Setting, allowed: Range) -> bool:
 
 
 def _explain(setting: Setting, kind: Kind, allowed: Range, what: str) -> str:
-    """Return what the value is, what would be right, and which unit it may have been meant in."""
+    """Describe an implausible value: its usual range, and the unit that may have been meant."""
     value, unit = setting.value, setting.key.unit
     text = f"{value:.10g}{_in_prefixed_units(value, setting)}; {_range_text(allowed)} is {what}"
     usual = kind.usual.get(setting.key.name, allowed)

@@ -42,7 +42,7 @@ class BusConfig:
 
     @property
     def address(self) -> tuple[str | None, str | int | None, int | None, Mapping[str, object]]:
-        """What opens it: interface, channel, bit rate and options."""
+        """The address of the bus: interface, channel, bit rate and options."""
         return self.interface, self.channel, self.bitrate, self.options
 
 
@@ -163,7 +163,7 @@ class BenchConfig:
         return self.axes[0]
 
     def seen_from(self, bus: str) -> "BenchConfig":
-        """Return what is to be found on one of the buses: that bus alone, with its nodes."""
+        """Return the configuration reduced to one of the buses and its nodes."""
         nodes = tuple(node for node in self.nodes if node.bus == bus)
         ecus = tuple(ecu for ecu in self.ecus if ecu.bus == bus)
         return replace(self, bus=self.buses[bus], nodes=nodes, further_buses={}, ecus=ecus)

@@ -80,7 +80,7 @@ SCRIPT_KEYS: Final[Mapping[str, tuple[Key, ...]]] = MappingProxyType(
 
 
 def is_script(given: object) -> bool:
-    """Return whether what is given for an object is a script."""
+    """Return True if the value given for an object is a script."""
     return isinstance(given, dict) and bool(given.keys() & SCRIPT_KEYS.keys())
 
 

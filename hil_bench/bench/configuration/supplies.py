@@ -165,7 +165,7 @@ class SuppliesSection:
 
     @property
     def defects(self) -> Mapping[str, set[str]]:
-        """What may be worn or broken at each supply, by its name."""
+        """The possible defects of each supply, by its name."""
         return {each.name: {defect.name for defect in each.defects} for each in self._records}
 
     @property

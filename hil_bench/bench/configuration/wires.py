@@ -15,7 +15,7 @@ _STATIONS = "stations"
 
 @dataclass(slots=True)
 class WireSettings:
-    """What is given of one wire.
+    """The settings of one wire.
 
     Attributes:
         table: its name, as in ``bus.wire``.

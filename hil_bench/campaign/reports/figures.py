@@ -43,7 +43,7 @@ def margin_figure(margins: Sequence[float]) -> str:
 
 
 def beyond(margins: Sequence[float]) -> str:
-    """Return how many margins lie outside the figure, where they are in its first or last bin."""
+    """Return the number of margins outside the figure, which its first and last bin hold."""
     counts = (sum(m < -_LARGEST for m in margins), sum(m > _LARGEST for m in margins))
     pairs = zip(counts, (f"below {-_LARGEST:g}", f"above {_LARGEST:g}"), strict=True)
     outside = [f"{count} {where}" for count, where in pairs if count]
@@ -51,7 +51,7 @@ def beyond(margins: Sequence[float]) -> str:
 
 
 def search_figure(found: SearchResult, requirement: str) -> str:
-    """Return how each method's smallest margin falls, as SVG."""
+    """Return the course of each method's smallest margin, as SVG."""
     import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
     from matplotlib.figure import Figure  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""What a search makes small: the margin of the requirement that its turn is about."""
+"""The cost that a search minimises: the margin of the requirement of its turn."""
 
 from collections.abc import Iterable, Sequence
 
@@ -28,7 +28,7 @@ def cost_of(result: RunResult, wanted: Iterable[str]) -> float:
 
 
 def turns(requirements: Sequence[str], failed: Iterable[str]) -> Sequence[Sequence[str]]:
-    """Return what the restarts of a search are about, in turn.
+    """Return the requirements that the restarts of a search minimise, in turn.
 
     First all that have not failed yet, of which the worst leads; then each of them alone, so that
     one with a small margin that never fails starves none of the others.

@@ -30,7 +30,7 @@ from hil_bench.scenario.records import Scenario
 
 
 class SearchPlan(NamedTuple):
-    """How to search.
+    """The settings of a search.
 
     Attributes:
         methods: one after the other.
@@ -68,7 +68,7 @@ class Failure(NamedTuple):
 
 
 class Falsification(NamedTuple):
-    """What came of a search.
+    """The outcome of a search.
 
     Attributes:
         case: what was searched.
@@ -161,7 +161,7 @@ def _to_shrink(found: SearchResult) -> Iterator[tuple[Target, Trial]]:
 
 
 def _play(backend: Backend, timeout: float, scenario: Scenario) -> RunResult:
-    """Return what comes of a scenario with the values of its file."""
+    """Play a scenario with the values of its file."""
     (result,) = backend([make_spec(own_case(scenario), {}, {}, None, timeout)])
     return result
 
@@ -178,7 +178,7 @@ def _write(target: Target, trial: Trial, shrunk: Shrunk | None, folder: Path) ->
 
 
 def _check(failure: Failure, run: Run) -> bool:
-    """Return whether a failure was played again from its file; False where that was interrupted.
+    """Return True if a failure was played again from its file; False where that was interrupted.
 
     Raises:
         ConfigError: it does not fail as it did.

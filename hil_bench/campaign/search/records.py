@@ -1,4 +1,4 @@
-"""What a search is to do, and what it has found."""
+"""The settings and the results of a search."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,7 +11,7 @@ from hil_bench.campaign.summary import size_of
 
 
 class Method(StrEnum):
-    """How a search chooses its runs."""
+    """The methods by which a search chooses its runs."""
 
     RANDOM = "random"
     SOBOL = "sobol"
@@ -23,7 +23,7 @@ ALL_METHODS = tuple(Method)
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How long to search.
+    """The budget of a search.
 
     Attributes:
         runs: of each method.
@@ -56,7 +56,7 @@ class Trial(NamedTuple):
 
 
 class Find(NamedTuple):
-    """What a search says of a requirement.
+    """The finding of a search on a requirement.
 
     Attributes:
         id: of the requirement.
@@ -74,13 +74,13 @@ class Find(NamedTuple):
 
     @property
     def is_failed(self) -> bool:
-        """Whether it fails anywhere."""
+        """True if the requirement fails anywhere."""
         return bool(self.first)
 
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search has found.
+    """The result of a search.
 
     Attributes:
         trials: in their order.

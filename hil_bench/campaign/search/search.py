@@ -41,7 +41,7 @@ class Searcher:
     def search(
         self, methods: Sequence[Method], budget: Budget, seed: int, *, ends_at_failure: bool = False
     ) -> SearchResult:
-        """Return what all methods find; what they have found so far, where they are interrupted.
+        """Search with all methods; return the results so far where interrupted.
 
         Args:
             methods: one after the other.

@@ -31,7 +31,7 @@ Run = Callable[[Scenario], RunResult]
 
 
 class Target(NamedTuple):
-    """What is to go on failing.
+    """The failure that a shrunk run has to keep.
 
     Attributes:
         requirement: its id; empty for a run that does not come to its end.
@@ -42,7 +42,7 @@ class Target(NamedTuple):
     outcome: RunOutcome = RunOutcome.FAILED
 
     def is_hit(self, result: RunResult) -> bool:
-        """Return whether a run still fails."""
+        """Return True if a run still fails."""
         if not self.requirement:
             return result.outcome is self.outcome
         verdict = result.verdict_on(self.requirement)
@@ -118,7 +118,7 @@ class _Shrinker:
 
     @property
     def found(self) -> Shrunk | None:
-        """What is found so far."""
+        """The smallest failure found so far."""
         return None if self._found is None else Shrunk(*self._found, self._runs)
 
     def begin(self, point: Point) -> bool:

@@ -30,7 +30,7 @@ def test_{name}():
 
 
 class Files(NamedTuple):
-    """What was written.
+    """The files written.
 
     Attributes:
         scenario: plays the failure.

@@ -31,7 +31,7 @@ def find_kind(name: object) -> FaultKind:
 
 
 def find(what: str, name: str, known: Mapping[str, _Point]) -> _Point:
-    """Return what has a name.
+    """Return the point of a name.
 
     Raises:
         ConfigError: there is nothing of that name.

@@ -1,4 +1,4 @@
-"""Where faults get at a J1939 device, and what they do there."""
+"""The point at which faults act on a J1939 device, and their effects there."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from hil_bench.devices.j1939.signal_table import Indication, SentSignal
 
 
 class EcuPoint(NamedTuple):
-    """Where a fault gets at a J1939 device.
+    """The point at which a fault acts on a J1939 device.
 
     Attributes:
         ecu: the device.

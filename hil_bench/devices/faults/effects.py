@@ -16,7 +16,7 @@ _RESET = Frame(NMT_COB_ID, bytes((NmtCommand.RESET_NODE, 0)))
 
 
 class SensorPoint(NamedTuple):
-    """Where a fault gets at a sensor.
+    """The point at which a fault acts on a sensor.
 
     Attributes:
         value: the way of what it measures.
@@ -38,7 +38,7 @@ class Enabled(Protocol):
 
 
 class SpoolPoint(NamedTuple):
-    """Where a fault gets at a valve.
+    """The point at which a fault acts on a valve.
 
     Attributes:
         command: the way of the spool's set-point [m].
@@ -54,7 +54,7 @@ class SpoolPoint(NamedTuple):
 
 
 class SupplyPoint(NamedTuple):
-    """Where a fault gets at the supply of an axis, or at one that axes share.
+    """The point at which a fault acts on the supply of an axis, or on one that axes share.
 
     Attributes:
         plant: of the axis; the supply that is shared.
@@ -66,7 +66,7 @@ class SupplyPoint(NamedTuple):
 
 
 class DefectPoint(NamedTuple):
-    """Where a fault gets at the plant of an axis, or at a supply that axes share.
+    """The point at which a fault acts on the plant of an axis, or on a supply that axes share.
 
     Attributes:
         plant: of the axis; the supply that is shared.
@@ -192,7 +192,7 @@ class Growth:
 
     @property
     def is_full(self) -> bool:
-        """Whether it grows no more."""
+        """True if it has grown to its full size."""
         return self._passed > self._ticks
 
     def next(self) -> float:

@@ -7,7 +7,7 @@ from hil_bench.devices.faults.kinds import FaultKind
 
 
 class Effect(Protocol):
-    """What a fault does."""
+    """The effect of a fault."""
 
     def begin(self, now: int) -> None:
         """Make it so, at `now` [ns]."""

@@ -86,7 +86,7 @@ _MOST_FRAMES = 1000
 
 
 class Which(When, total=False):
-    """Which frames of a node a fault meets, and when.
+    """The frames of a node that a fault meets, and the times.
 
     Attributes:
         direction: "sent", "received" or "both", seen from the node.

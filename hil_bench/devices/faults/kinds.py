@@ -7,7 +7,7 @@ from typing import Final
 
 
 class FaultKind(StrEnum):
-    """What goes wrong; each is a verb of `hil_bench.devices.faults.faults.Faults`."""
+    """The kinds of fault; each is a verb of `hil_bench.devices.faults.faults.Faults`."""
 
     FREEZE = "freeze"
     OFFSET = "offset"
@@ -114,7 +114,7 @@ LEAKS: Final[Mapping[LeakPath, str]] = MappingProxyType(
 
 
 class BrokenReading(StrEnum):
-    """What a sensor reads behind a broken wire."""
+    """The reading of a sensor behind a broken wire."""
 
     NOTHING = "nothing"
     LOW = "low"
@@ -122,7 +122,7 @@ class BrokenReading(StrEnum):
 
 
 class FaultDirection(StrEnum):
-    """Which frames of a node a fault meets."""
+    """The direction of the frames that a fault meets."""
 
     BOTH = "both"
     SENT = "sent"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Passage(NamedTuple):
-    """How a frame gets through.
+    """The passage of a frame: the frame and its delay.
 
     Attributes:
         frame: what arrives.
@@ -29,7 +29,7 @@ Rule = Callable[[Frame], Passage | None]
 
 
 class Meeting(NamedTuple):
-    """Which frames a rule meets.
+    """The frames that a rule meets.
 
     Attributes:
         rule: what happens to them.
@@ -42,7 +42,7 @@ class Meeting(NamedTuple):
     can_id: int | None = None
 
     def concerns(self, frame: Frame, direction: FaultDirection) -> bool:
-        """Whether the rule meets a frame that goes in this direction."""
+        """Return True if the rule meets a frame that goes in this direction."""
         return self.direction in {FaultDirection.BOTH, direction} and self.can_id in {
             None,
             frame.can_id,
@@ -50,7 +50,7 @@ class Meeting(NamedTuple):
 
 
 class Receiver(Protocol):
-    """What is at the end of a line."""
+    """The receiver at the end of a line."""
 
     def receive(self, frame: Frame, now: int) -> None:
         """Take a frame from the bus at `now` [ns]."""
@@ -74,7 +74,7 @@ class Line:
         self._number = 0  # of late frames: those of one time keep their order
 
     def sender(self, emit: Emit) -> Emit:
-        """Return what takes the frames that the node sends; `emit` gets those not lost or late."""
+        """Return a callable that sends the node's frames; `emit` gets those not lost or late."""
 
         def send(frame: Frame) -> None:
             passed = self._pass(frame, FaultDirection.SENT, self._now)
@@ -89,7 +89,7 @@ class Line:
             emit(frame)
 
     def guard(self, handle: Handler) -> Handler:
-        """Return what takes received frames in place of a handler of the node."""
+        """Wrap a handler of the node so that received frames pass the line first."""
 
         def take(frame: Frame, now: int) -> None:
             passed = self._pass(frame, FaultDirection.RECEIVED, now)
@@ -105,7 +105,7 @@ class Line:
             self._node.receive(frame, now)
 
     def _pass(self, frame: Frame, direction: FaultDirection, now: int) -> Frame | None:
-        """Return what gets through at once; what is late waits."""
+        """Return the frame that passes at once; a late one waits."""
         late = 0
         for meeting in self.meetings:
             if meeting.concerns(frame, direction):
@@ -201,7 +201,7 @@ Babble = Callable[[Emit], None]
 
 
 def babble(can_id: int, count: int, bus: int = 0) -> Babble:
-    """Return what sends `count` frames of eight bytes each tick, on the bus of that number."""
+    """Return a callable that sends `count` frames of eight bytes each tick on a numbered bus."""
     data = bytes.fromhex("5555555555555555")
     frames = (Frame(can_id, data, is_extended=can_id > _HIGHEST_STANDARD, bus=bus),) * count
 

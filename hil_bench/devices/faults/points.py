@@ -1,4 +1,4 @@
-"""What of a bench may have faults."""
+"""The points of a bench that may have faults."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from hil_bench.devices.faults.wire_point import WirePoint
 
 @dataclass(frozen=True, slots=True)
 class FaultPoints:
-    """What of a bench may have faults, by name.
+    """The points of a bench that may have faults, by name.
 
     Attributes:
         sensors: nodes that measure.

@@ -61,7 +61,7 @@ class FaultSchedule:
         return tuple(fault for fault in self._faults if fault.is_active)
 
     def events_since(self, last: FaultEvent | None) -> list[FaultEvent]:
-        """Return what began or ended after an event, oldest first; None for all that is kept."""
+        """Return the events after `last`, oldest first; all that are kept where it is None."""
         newest = takewhile(lambda event: event is not last, reversed(self.events))
         return list(newest)[::-1]
 

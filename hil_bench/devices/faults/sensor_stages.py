@@ -1,4 +1,4 @@
-"""What a fault makes of what a sensor measures: of the value, and of its rate of change."""
+"""Effects of faults on a sensor's value and on its rate of change."""
 
 import math
 from typing import Protocol
@@ -12,10 +12,10 @@ class SensorStage(Protocol):
     """One fault of one sensor."""
 
     def value(self, value: float) -> float:
-        """Return what is measured in place of `value`; called once a tick."""
+        """Return the measured value in place of `value`; called once a tick."""
 
     def rate(self, rate: float) -> float:
-        """Return what is measured in place of the rate of change; called after `value`."""
+        """Return the measured rate of change in place of `rate`; called after `value`."""
 
 
 class Frozen:
@@ -110,7 +110,7 @@ class Lag:
         self._low_pass.settle(start or 0.0)
 
     def follow(self, value: float) -> float:
-        """Return what has come through."""
+        """Return the value behind the low-pass."""
         if not math.isfinite(value):
             return value
         if not self._is_settled:

@@ -1,4 +1,4 @@
-"""What a signal passes on its way, in stages that come and go."""
+"""The path of a signal through stages that come and go."""
 
 from collections.abc import Callable, Iterable
 

@@ -1,4 +1,4 @@
-"""What a defect makes of the set-point of a spool."""
+"""Effects of defects on the set-point of a spool."""
 
 from hil_bench.devices.faults.effects import Growth
 
@@ -15,7 +15,7 @@ class Bound:
         self._band, self._position = band, position
 
     def follow(self, setpoint: float) -> float:
-        """Return where the spool goes [m] for a set-point [m]."""
+        """Return the position of the spool [m] for a set-point [m]."""
         if abs(setpoint - self._position) > self._band.next():
             self._position = setpoint
         return self._position
@@ -33,6 +33,6 @@ class Weak:
         self._loss, self._full = loss, full
 
     def follow(self, setpoint: float) -> float:
-        """Return where the spool goes [m] for a set-point [m]."""
+        """Return the position of the spool [m] for a set-point [m]."""
         reach = self._full * (1.0 - self._loss.next())
         return min(max(setpoint, -reach), reach)

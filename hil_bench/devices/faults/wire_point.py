@@ -1,4 +1,4 @@
-"""Where a fault gets at a node whose bus is of copper."""
+"""The point at which faults act on a node whose bus is of copper."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -10,7 +10,7 @@ Disturbance = Callable[[Frame], float | None]
 
 
 class WirePoint(Protocol):
-    """Where a fault gets at a node on a bus of copper; all times in ns."""
+    """The point at which a fault acts on a node on a bus of copper; all times in ns."""
 
     def disturb(self, rule: Disturbance, *, is_sent: bool) -> None:
         """Have a rule disturb what the node sends, or what it reads."""

@@ -25,7 +25,7 @@ Claim = Callable[[int], None]
 
 
 class ClaimState(StrEnum):
-    """How far a device is."""
+    """The state of a device's address claim."""
 
     OFF = "off"
     CLAIMING = "claiming"

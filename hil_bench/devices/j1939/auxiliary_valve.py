@@ -102,7 +102,7 @@ class AuxiliaryValve:
 
     @property
     def state(self) -> ValveState:
-        """What the spool does."""
+        """The state of the spool."""
         if self._shown != self._shown:
             return ValveState.ERROR
         if abs(self._shown) < _NEUTRAL:
@@ -121,12 +121,12 @@ class AuxiliaryValve:
 
     @property
     def setpoint(self) -> float:
-        """What it is commanded, as a part of the full opening."""
+        """The commanded set-point, as a part of the full opening."""
         return self._share
 
     @property
     def flow(self) -> float:
-        """What it says that flows, as a part of the full flow; NaN for an error."""
+        """The reported flow, as a part of the full flow; NaN for an error."""
         return self._shown
 
     def publish(self, spool_position: float, now: int) -> None:  # noqa: ARG002 - it shows it later

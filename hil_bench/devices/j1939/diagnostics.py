@@ -29,7 +29,7 @@ class Lamp(IntEnum):
 
 
 class TroubleCode(NamedTuple):
-    """What is wrong.
+    """A diagnostic trouble code.
 
     Attributes:
         spn: number of the parameter, 0 to 524287.

@@ -53,7 +53,7 @@ Make = Callable[[], bytes]
 
 
 class Answer(IntEnum):
-    """What an acknowledgement says."""
+    """The answer of an acknowledgement."""
 
     DONE = 0
     REFUSED = 1
@@ -122,7 +122,7 @@ class Ecu:
 
     @property
     def state(self) -> ClaimState:
-        """How far its address claim is."""
+        """The state of the address claim."""
         return self.claim.state
 
     def start(self, now: int) -> None:

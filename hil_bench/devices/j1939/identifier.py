@@ -30,7 +30,7 @@ _TO_ALL: Final = 240
 
 
 class Identifier(NamedTuple):
-    """What a 29-bit identifier says.
+    """The fields of a 29-bit identifier.
 
     Attributes:
         priority: 0, the highest, to 7.
@@ -60,5 +60,5 @@ def join(priority: int, group: int, source: int, destination: int = GLOBAL) -> i
 
 
 def is_to_all(group: int) -> bool:
-    """Return whether a parameter group is sent to all (PDU 2)."""
+    """Return True if a parameter group is sent to all (PDU 2)."""
     return (group >> 8 & 0xFF) >= _TO_ALL

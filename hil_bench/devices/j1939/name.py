@@ -6,7 +6,7 @@ NAME_BYTES: Final = 8
 
 
 class Name(NamedTuple):
-    """What a device is, of whom, and which one; the smaller number wins an address.
+    """The NAME of a device: function, manufacturer, identity; the smaller one wins an address.
 
     Attributes:
         identity: serial number of the manufacturer, 21 bits.

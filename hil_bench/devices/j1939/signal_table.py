@@ -13,7 +13,7 @@ _LEAST_BYTES: Final = 8
 
 
 class Show(StrEnum):
-    """What a signal shows of its value, as the messages of joysticks have it."""
+    """The part of its value that a signal shows, as the messages of joysticks have it."""
 
     VALUE = "value"
     SIZE = "size"
@@ -23,7 +23,7 @@ class Show(StrEnum):
 
 
 class Indication(StrEnum):
-    """What stands in a signal in place of a value."""
+    """An indicator in place of a signal's value."""
 
     ERROR = "error"
     NOT_AVAILABLE = "not_available"
@@ -61,14 +61,14 @@ class SentSignal:
 
     @property
     def is_error(self) -> bool:
-        """Whether it shows the error indicator."""
+        """True if the signal shows the error indicator."""
         if self.indications:
             return self.indications[-1] is Indication.ERROR
         return math.isnan(self.value)
 
     @property
     def shown(self) -> float:
-        """What it tells: the value, of a direction 0 or 1; NaN where it shows no value."""
+        """The value shown, of a direction 0 or 1; NaN where it shows no value."""
         if self.indications or math.isnan(self.value):
             return math.nan
         if self.show is Show.SIZE:

@@ -25,7 +25,7 @@ class Transport:
 
     @property
     def counters(self) -> TransportCounters:
-        """What has happened so far."""
+        """The counters so far."""
         return self._line.counters
 
     @property

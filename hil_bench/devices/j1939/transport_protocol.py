@@ -1,4 +1,4 @@
-"""What both ways of the transport protocol of SAE J1939-21 have in common: sizes, times, words."""
+"""Common parts of both ways of the transport protocol of SAE J1939-21: sizes, times, words."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -59,7 +59,7 @@ class AbortReason(IntEnum):
 
 @dataclass(slots=True)
 class TransportCounters:
-    """What has happened to sessions.
+    """The counters of transport sessions.
 
     Attributes:
         received: whole messages.
@@ -103,6 +103,6 @@ class Line:
 
 
 def fits(group: int, size: int, packets: int) -> bool:
-    """Return whether an announcement is one of a message that can be."""
+    """Return True if an announcement is that of a possible message."""
     is_possible = LEAST_BYTES <= size <= MOST_BYTES and group <= HIGHEST_GROUP
     return is_possible and packets == -(-size // PACKET_BYTES)

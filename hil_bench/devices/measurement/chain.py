@@ -133,7 +133,7 @@ def element_stages(parameters: ChainParameters, tick: float) -> tuple[Stage, ...
 
 
 def low_pass(parameters: ChainParameters, tick: float) -> LowPass:
-    """Return what limits the bandwidth."""
+    """Return the low-pass that limits the bandwidth."""
     if not parameters.bandwidth:
         return Unlimited(tick)
     if parameters.order == 1:

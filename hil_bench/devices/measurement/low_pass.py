@@ -15,7 +15,7 @@ Transition = tuple[float, float, float, float]
 
 
 class LowPass(Protocol):
-    """What limits the bandwidth of a signal."""
+    """A low-pass, which limits the bandwidth of a signal."""
 
     def settle(self, value: float) -> None:
         """Begin as if `value` had been the input for ever."""

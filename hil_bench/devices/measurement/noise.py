@@ -23,7 +23,7 @@ def random_stream(seed: int, *names: str) -> "Generator":
 
 
 def normal_numbers(stream: "Generator") -> Draw:
-    """Return what draws from the stream; the numbers are those of single draws."""
+    """Return a callable that draws from the stream; the numbers are those of single draws."""
     return _normal_numbers(stream).__next__
 
 

@@ -1,4 +1,4 @@
-"""What a measuring chain does to a quantity: data-sheet figures in SI, all of them off by default.
+"""Parameters of a measuring chain: data-sheet figures in SI, all of them off by default.
 
 The quantity's own unit, Pa or m, is written [q].
 """
@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class OverRange(StrEnum):
-    """What a chain gives beyond its range."""
+    """The output of a chain beyond its range."""
 
     SATURATE = "saturate"
     INVALID = "invalid"
@@ -62,7 +62,7 @@ class ChainParameters:
 
     @property
     def is_ideal(self) -> bool:
-        """Whether every stage is off: what is shown is the quantity."""
+        """True if every stage is off: the quantity is shown unchanged."""
         return not self.has_temperature and not (
             self.hysteresis
             or self.offset_error
@@ -79,5 +79,5 @@ class ChainParameters:
 
     @property
     def has_temperature(self) -> bool:
-        """Whether temperature changes anything."""
+        """True if temperature changes the measurement."""
         return bool(self.temperature and (self.offset_drift or self.gain_drift))

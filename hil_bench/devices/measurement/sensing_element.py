@@ -15,7 +15,7 @@ class Hysteresis:
         self._value: float | None = None
 
     def follow(self, quantity: float) -> float:
-        """Return what the element shows; at first it is in the middle of the loop."""
+        """Return the output of the element; at first it is in the middle of the loop."""
         if self._value is None:
             self._value = quantity
         elif quantity - self._value > self._reach:

@@ -1,1 +1,1 @@
-"""What went wrong on a bus: causes first, each with its frames and its clause."""
+"""Diagnosis of a bus log: causes first, each with its frames and its clause."""

@@ -34,7 +34,7 @@ class _Jump:
 
 @dataclass(slots=True)
 class _Count:
-    """What the counter of one PDO did."""
+    """The course of one PDO's counter."""
 
     owner: PdoOwner
     last: int | None = None

@@ -20,7 +20,7 @@ _ORDER = {cause: number for number, cause in enumerate(Cause)}
 
 
 class Explanation(NamedTuple):
-    """What a log shows.
+    """The explanation of a log.
 
     Attributes:
         findings: what is wrong, causes before what they lead to.
@@ -43,7 +43,7 @@ def explain(
     bitrate: int,
     ecus: Iterable[KnownEcu] = (),
 ) -> Explanation:
-    """Return what is wrong in a log.
+    """Explain a log: find its faults and their causes.
 
     Args:
         frames: of one bus, in the order of time.

@@ -1,4 +1,4 @@
-"""What was found in a log, and what a watch is that finds it."""
+"""A finding in a log, and the interface of a watch that finds it."""
 
 from collections.abc import Iterator
 from enum import Enum
@@ -11,7 +11,7 @@ EVIDENCE = 3
 
 
 class Cause(Enum):
-    """What may be wrong, in the order in which an expert looks, with its clause.
+    """The possible causes, in the order in which an expert looks, each with its clause.
 
     What may lead to others comes before them: a node that is not there loses heartbeats, answers
     and PDOs, so its absence is what matters.

@@ -1,4 +1,4 @@
-"""What goes wrong on J1939: addresses, transfers, requests, missing messages, trouble codes."""
+"""Faults on J1939: addresses, transfers, requests, missing messages, trouble codes."""
 
 from collections import deque
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Who is there: boot-up, node-ID clashes, restarts, states."""
+"""Presence of nodes: boot-up, node-ID clashes, restarts, states."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ _FEWEST = 4
 
 @dataclass(slots=True)
 class _Life:
-    """What was seen of one node."""
+    """The observations of one node."""
 
     node: KnownNode
     is_heard: bool = False
@@ -108,7 +108,7 @@ class Presence:
         return self._lives[key]
 
     def _is_from(self, sight: Sight) -> bool:
-        """Return whether a node has sent this itself."""
+        """Return True if a node has sent the frame itself."""
         if sight.frame.is_remote:
             return False
         if sight.service is Service.PDO:
@@ -205,7 +205,7 @@ class Presence:
             yield Finding(Cause.NOT_STARTED, name, since.now, text, (since,))
 
     def _is_left(self, life: _Life, end: int) -> bool:
-        """Return whether a node was forgotten while others were started or commanded."""
+        """Return True if a node was left out while others were started or commanded."""
         is_used = self._has_started or self._has_commands
         is_late = bool(life.boots) and end - life.boots[-1].now > _PATIENCE
         return is_used and is_late and not life.is_started and life.commanded is None

@@ -255,7 +255,7 @@ class ProcessData:
                     yield Finding(Cause.ABSENT_PRODUCER, node.name, begin, text)
 
     def _waits(self, owner: PdoOwner, duration: int) -> bool:
-        """Return whether nobody sends an RPDO that was given a sender or a time-out.
+        """Return True if an RPDO that was given a sender or a time-out has no sender.
 
         Args:
             owner: the RPDO.

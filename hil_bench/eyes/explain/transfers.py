@@ -74,7 +74,7 @@ class Transfers:
         return "" if sight.transfer is None else transfer_title(node, sight.transfer)
 
     def _difference(self, sight: Sight, transfer: Transfer) -> str:
-        """Return what an answer says else than the EDS; empty for nothing."""
+        """Return the difference of an answer from the EDS; empty where they agree."""
         node = self._decoder.nodes.get((sight.frame.bus, sight.node_id or 0))
         if node is None or not node.has_eds or transfer.way is not Way.UPLOAD:
             return ""

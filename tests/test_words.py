@@ -1,0 +1,73 @@
+"""Check that docstrings open with what a thing is or does, not with a question word."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+QUESTION = re.compile(
+    r"(What|Whether|Which|Who|Whose|Where|How|Have it|"
+    r"Returns? (what|whether|which|how|who|whose|where))\b"
+)
+NOT_YET = {
+    "drivers",
+    "hil_bench/kinds",
+    "hil_bench/machine",
+    "hil_bench/outside",
+    "hil_bench/panel",
+    "hil_bench/plants",
+    "hil_bench/pytest_plugin",
+    "hil_bench/scenario",
+    "hil_bench/session",
+}
+
+
+def packages() -> Iterator[str]:
+    """Yield the top-level packages, and the modules beside them as one."""
+    yield from (".ci", "benchmarks", "device_profiles", "drivers", "examples", "hil_bench")
+    for path in sorted((ROOT / "hil_bench").iterdir()):
+        if (path / "__init__.py").exists():
+            yield f"hil_bench/{path.name}"
+
+
+def files(package: str) -> Iterator[Path]:
+    """Yield the Python files of a package; of hil_bench only the modules beside its packages."""
+    folder = ROOT / package
+    yield from folder.glob("*.py") if package == "hil_bench" else folder.rglob("*.py")
+
+
+def questions(source: str) -> Iterator[str]:
+    """Yield line and opening of each docstring that opens with a question word."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text and QUESTION.match(text):
+                yield f"{node.body[0].lineno}: {text.splitlines()[0]}"
+
+
+@pytest.mark.parametrize("package", [name for name in packages() if name not in NOT_YET])
+def test_docstrings_open_with_what_a_thing_is_or_does(package: str) -> None:
+    """No docstring of the package opens with a question word."""
+    found = [
+        f"{path.relative_to(ROOT)}:{question}"
+        for path in files(package)
+        for question in questions(path.read_text(encoding="utf-8"))
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "text", ["What it does.", "Whether it is.", "Return which is.", "Have it done.", "How it goes."]
+)
+def test_question_is_found(text: str) -> None:
+    """The check sees the question words in functions, classes and modules."""
+    source = f'"""{text}"""\nclass A:\n    """{text}"""\ndef f():\n    """{text}"""\n'
+    assert len(list(questions(source))) == 3  # one each
+
+
+def test_statement_is_no_question() -> None:
+    """The check leaves statements alone, and question words inside them."""
+    assert not list(questions('"""Return the place where it is; Whatever."""\n'))

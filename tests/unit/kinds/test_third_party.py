@@ -1,7 +1,10 @@
 """A third party's device and plant (examples/plugin) on the bench, by entry points alone."""
 
+import ast
 import importlib
+import inspect
 import math
+import re
 import struct
 import subprocess
 import sys
@@ -353,3 +356,33 @@ def test_the_package_of_the_example_runs_where_pip_has_put_it(tmp_path):
     rows = read_recording(recording)
     assert rows["rig.position"][-1] == pytest.approx(swing(0.1), abs=0.2e-3)
     assert rows["joystick.x.measured"][-1] == pytest.approx(deflection(0.05), abs=0.01)
+
+
+def contract(cls):
+    """Return the public face of a class as its source has it, without texts and bodies."""
+    (node,) = ast.parse(inspect.getsource(cls)).body
+    node.body = [each for each in node.body if is_public(each)]
+    for each in node.body:
+        if isinstance(each, ast.FunctionDef):
+            each.body = [ast.Expr(ast.Constant(...))]
+    return ast.dump(node)
+
+
+def is_public(each):
+    if isinstance(each, ast.FunctionDef):
+        return each.name == "__init__" or not each.name.startswith("_")
+    return isinstance(each, ast.AnnAssign)
+
+
+def test_the_document_has_the_signatures_of_the_code():
+    text = (PLUGIN.parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    named = {}
+    for block in re.findall(r"```python\n(# hil_bench.*?)```", text, re.DOTALL):
+        for part in block.split("# hil_bench.")[1:]:
+            module, _, source = part.partition("\n")
+            (node,) = ast.parse(source).body
+            named[node.name] = f"hil_bench.{module}", ast.dump(node)
+    assert {"Key", "Quantity", "Measurement", "QuantitySource", "Fitting"} <= set(named)
+    assert {"AxisConfig", "DeviceKind", "PlantKind"} <= set(named)
+    for name, (module, told) in named.items():
+        assert told == contract(getattr(importlib.import_module(module), name)), name

@@ -377,7 +377,7 @@ def is_public(each):
 def test_the_document_has_the_signatures_of_the_code():
     text = (PLUGIN.parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
     named = {}
-    for block in re.findall(r"```python\n(# hil_bench.*?)```", text, re.DOTALL):
+    for block in re.findall(r"```pyi\n(# hil_bench.*?)```", text, re.DOTALL):
         for part in block.split("# hil_bench.")[1:]:
             module, _, source = part.partition("\n")
             (node,) = ast.parse(source).body

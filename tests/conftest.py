@@ -1,12 +1,15 @@
 """How tests run: whatever time they take, since a loaded machine proves nothing."""
 
 import gc
+import importlib
 import logging
 import os
 import sys
+import tomllib
 
 import pytest
 from hypothesis import HealthCheck, settings
+from support.distribution import PLUGIN, declare
 from support.patience import LIMIT
 from support.slow_tests import pytest_collection_modifyitems, pytest_runtest_protocol  # noqa: F401
 
@@ -65,3 +68,30 @@ def _own_log_handlers():
     yield
     logging.root.setLevel(LEVEL)
     logging.root.handlers[:] = [handler for handler in logging.root.handlers if handler in before]
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder in which distributions may be installed for one test."""
+    # Not above: the tests of the CANopen device run where nothing else of the bench is.
+    from hil_bench.kinds.registry import KINDS  # noqa: PLC0415 - see above
+    from hil_bench.plants.registry import PLANTS  # noqa: PLC0415
+
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    for registry in (KINDS, PLANTS):
+        monkeypatch.setattr(registry, "_loaded", {})
+    yield folder
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", "")).startswith(str(folder)):
+            del sys.modules[name]
+
+
+@pytest.fixture
+def spring_rig(site):
+    """The package of examples/plugin, installed."""
+    project = tomllib.loads((PLUGIN / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (site / "spring_rig").symlink_to(PLUGIN / "spring_rig")
+    declare(site, project["name"], project["version"], project["entry-points"])
+    importlib.invalidate_caches()

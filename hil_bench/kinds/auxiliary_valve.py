@@ -17,8 +17,12 @@ from hil_bench.devices.j1939.auxiliary_valve import (
 from hil_bench.devices.j1939.ecu import Ecu
 from hil_bench.devices.j1939.values import EcuValue
 from hil_bench.kinds.ecu import EcuConfig, EcuFitting, EcuKind, EcuMessage
-from hil_bench.kinds.kind import require_quantities
-from hil_bench.kinds.spool_command import FULL_OPENING
+from hil_bench.kinds.spool_command import (
+    FULL_OPENING,
+    check_command,
+    resolve_opening,
+    scale_of,
+)
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.plants.quantity import Quantity
@@ -38,13 +42,13 @@ class AuxiliaryValveConfig(EcuConfig):
     Attributes:
         axis: the axis whose spool it moves.
         number: of the valve, 0 to 15.
-        full_opening: spool position of 100 % [m].
+        full_opening: spool position of 100 % [m]; None where the plant's command is no length.
         timeout: longest time between two commands [ns]; 0 for any.
     """
 
     axis: str
     number: int
-    full_opening: float
+    full_opening: float | None
     timeout: int
 
 
@@ -61,16 +65,12 @@ class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
     has_axis = True
 
     def check(self, table: str, device: Settings, axis: AxisSettings, problems: Problems) -> None:
-        """Note a plant without a spool."""
-        names = ("spool_setpoint", "spool_position")
-        require_quantities(problems.place(table, "axis"), names, axis, problems)
+        """Note a plant that no valve commands."""
+        check_command(table, device, axis, problems)
 
     def resolve(self, device: Settings, axis: AxisSettings) -> None:
-        """Take the full opening from the orifices where the table does not give it."""
-        opening = device[FULL_OPENING.name]
-        if opening.value is None:
-            full = axis.kind.full_scale(axis.settings)
-            device[FULL_OPENING.name] = opening._replace(value=full)
+        """Take the full opening from the plant where the table does not give it."""
+        resolve_opening(device, axis)
 
     def messages(self, config: AuxiliaryValveConfig) -> tuple[EcuMessage, ...]:
         """Return the command and the flow (ISO 11783-7)."""
@@ -84,14 +84,13 @@ class AuxiliaryValveKind(EcuKind[AuxiliaryValveConfig]):
         return config.axis
 
     def full_scales(self, config: AuxiliaryValveConfig) -> Mapping[str, float]:
-        """Return the full opening [m]."""
-        return {config.axis: config.full_opening}
+        """Return the full opening [m], where there is one."""
+        return scale_of(config.axis, config.full_opening)
 
     def fit(self, config: AuxiliaryValveConfig, ecu: Ecu, surroundings: Surroundings) -> EcuFitting:
         """Build the valve driver."""
-        device = AuxiliaryValve(
-            ecu, config.number, full_opening=config.full_opening, timeout=config.timeout
-        )
+        full = surroundings.full_scales[config.axis]
+        device = AuxiliaryValve(ecu, config.number, full_opening=full, timeout=config.timeout)
         flow = Measurement(device.show, FLOW, name=f"{config.name}.{FLOW.name}")
         fitting = Fitting(
             drives=(Drive(config.name, config.axis, device),),

@@ -58,7 +58,7 @@ class DriveKind(SpoolKind[DriveConfig]):
     def fit(self, config: DriveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the drive with its encoder."""
         axis = str(config.axis)
-        device = DriveDevice(node, config.full_opening, config.full_speed)
+        device = DriveDevice(node, surroundings.full_scales[axis], config.full_speed)
         by_name = surroundings.axes[axis].kind.by_name
         rate = Rate("speed", by_name[_SPEED])
         encoder = Measurement(device.measure, by_name[_ANGLE], name=config.name, rate=rate)

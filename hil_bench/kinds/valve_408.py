@@ -12,16 +12,15 @@ from hil_bench.config.values import describe, number, text
 from hil_bench.devices.axis import Drive, Fitting, Measurement, Rate
 from hil_bench.devices.quantities import valve_quantities
 from hil_bench.devices.valve_408 import ValveDevice
-from hil_bench.kinds.kind import require_quantities
 from hil_bench.kinds.pressure_404 import check_pressure
-from hil_bench.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind
+from hil_bench.kinds.spool_command import FULL_OPENING, SpoolConfig, SpoolKind, check_command
 from hil_bench.kinds.surroundings import Surroundings
 from hil_bench.plants.kind import AxisSettings
 from hil_bench.units import BAR
 
 _PASCAL, _PRESSURE = "Pa", "pressure_source"
 _METRE, _POSITION, _SPEED = "m", "position_source", "speed"
-_COMMANDS, _SHOWS = "spool_setpoint", "spool_position"
+_SHOWS = "spool_position"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +55,8 @@ class ValveKind(SpoolKind[ValveConfig]):
     driver = "hil_drivers:ProportionalValve"
 
     def check(self, table: str, node: Settings, axis: AxisSettings, problems: Problems) -> None:
-        """Note a plant without a spool."""
-        require_quantities(problems.place(table, "axis"), (_COMMANDS, _SHOWS), axis, problems)
+        """Note a plant that no valve commands."""
+        check_command(table, node, axis, problems)
         if node[_PRESSURE].value is not None:
             check_pressure(table, _PRESSURE, node, axis, problems)
         if node[_POSITION].value is not None:
@@ -76,8 +75,8 @@ class ValveKind(SpoolKind[ValveConfig]):
 
     def fit(self, config: ValveConfig, node: Node, surroundings: Surroundings) -> Fitting:
         """Build the valve."""
-        device = ValveDevice(node, config.full_opening)
         axis = str(config.axis)
+        device = ValveDevice(node, surroundings.full_scales[axis])
         kind = surroundings.axes[axis].kind
         sensors: list[tuple[str, Measurement]] = []
         if config.pressure_source is not None:

@@ -200,6 +200,11 @@ class PlantKind(ABC, Generic[AxisT]):
         """The quantity that a device may command."""
         return next(quantity for quantity in self.quantities if quantity.output is None)
 
+    @property
+    def takes_valve(self) -> bool:
+        """Whether a valve may command it: by a ratio, or by a length as that of a spool."""
+        return self.command.unit in {"-", "m"}
+
     @cached_property
     def outputs(self) -> Sequence[Quantity]:
         """The quantities that a device may show."""

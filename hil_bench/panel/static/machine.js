@@ -1,8 +1,9 @@
-// The machine: cylinder, valve and supply as a drawing that moves; and sensors to break beside it.
+// The machine: cylinder, valve and supply as a drawing that moves, of any other plant a table of its
+// quantities; and sensors to break beside it.
 
 import { button, colour, el, select, setText, svg } from "./dom.js";
 import { Plots } from "./plots.js";
-import { valueText } from "./units.js";
+import { shown, valueText } from "./units.js";
 
 const LEFT = 150; // inner end of the barrel
 const TOP = 60;
@@ -39,7 +40,7 @@ export class MachineView {
   }
 
   begin(hello) {
-    const names = Object.keys(hello.machines ?? {}).filter((name) => "half_stroke_m" in hello.machines[name]);
+    const names = Object.keys(hello.machines ?? {});
     this.axes.replaceChildren(...names.map((name) => el("option", { value: name }, name)));
     this.axes.hidden = names.length < 2;
     this.choose(names[0] ?? "");
@@ -54,21 +55,50 @@ export class MachineView {
     this.axis = axis;
     this.machine = this.model.hello.machines?.[axis];
     if (!this.machine) {
-      this.drawing.replaceChildren("This bench has no cylinder to draw; see the scope.");
+      this.drawing.replaceChildren("This bench has no plant to show; see the scope.");
       this.sensors.replaceChildren();
       this.plots.choose([]);
       return;
     }
     this.build();
     this.offer();
-    const names = ["position", "spool_setpoint", "spool_position"].map((name) => `${axis}.${name}`);
     const measured = this.nodes().map((node) => `${node}.measured`);
+    if (!this.isDrawn) {
+      this.plots.choose([...this.quantities(), ...measured]);
+      return;
+    }
+    const names = ["position", "spool_setpoint", "spool_position"].map((name) => `${axis}.${name}`);
     this.plots.choose([...names, ...measured].filter((name) => this.model.unit(name) === "m" || name.includes("spool")));
+  }
+
+  get isDrawn() {
+    return "half_stroke_m" in this.machine;
+  }
+
+  // Return the channels of the plant itself.
+  quantities() {
+    return this.model.store.channels.map(({ name }) => name).filter((name) => name.startsWith(`${this.axis}.`) && !name.slice(this.axis.length + 1).includes("."));
   }
 
   nodes() {
     const { devices, fault_targets: targets } = this.model.hello;
-    return (targets?.sensors ?? []).filter((name) => devices?.[name]?.axis === this.axis);
+    const sensors = targets?.sensors ?? [];
+    if (this.isDrawn) return sensors.filter((name) => devices?.[name]?.axis === this.axis);
+    // Beside them the signals of devices that belong to no axis, such as objects bound to the plant.
+    return sensors.filter((name) => [this.axis, null].includes(devices?.[this.node(name)]?.axis ?? null));
+  }
+
+  // Return the node of a fault target such as NODE.SIGNAL.
+  node(target) {
+    const names = Object.keys(this.model.hello.devices ?? {});
+    return names.find((name) => target === name || target.startsWith(`${name}.`)) ?? target;
+  }
+
+  // Return what else of the axis may have faults: the plant itself and what commands it.
+  others() {
+    const { devices, fault_targets: targets } = this.model.hello;
+    const valves = (targets?.valves ?? []).filter((name) => devices?.[this.node(name)]?.axis === this.axis);
+    return [...(targets?.plants ?? []).filter((name) => name === this.axis), ...valves];
   }
 
   offer() {
@@ -76,8 +106,10 @@ export class MachineView {
       el("div", { class: "row" }, el("strong", {}, node),
         button("broken", () => this.fault("break_wire", node), { "aria-label": `broken: ${node}` }),
         button("frozen", () => this.fault("freeze", node), { "aria-label": `frozen: ${node}` }),
-        button("silent", () => this.fault("silence", node), { "aria-label": `silent: ${node}` })));
-    this.sensors.replaceChildren(...rows);
+        button("silent", () => this.fault("silence", this.node(node)), { "aria-label": `silent: ${node}` })));
+    const others = this.isDrawn ? [] : this.others();
+    const more = others.length ? [el("p", { class: "quiet" }, `Faults of ${others.join(", ")}: under Faults.`)] : [];
+    this.sensors.replaceChildren(...rows, ...more);
   }
 
   fault(kind, target) {
@@ -94,6 +126,26 @@ export class MachineView {
   }
 
   build() {
+    this.parts = null;
+    if (this.isDrawn) this.buildDrawing();
+    else this.buildTable();
+  }
+
+  buildTable() {
+    this.rows = this.quantities().map((name) => ({ name, unit: this.model.unit(name), value: el("td", { class: "figure" }) }));
+    const head = ["quantity", "value", "unit"].map((text) => el("th", { scope: "col" }, text));
+    this.drawing.replaceChildren(
+      el("table", { "aria-label": `quantities of ${this.axis}` },
+        el("thead", {}, el("tr", {}, ...head)),
+        el("tbody", {}, ...this.rows.map(({ name, unit, value }) =>
+          el("tr", {}, el("th", { scope: "row" }, name), value, el("td", {}, shown(unit).symbol))))));
+  }
+
+  drawTable() {
+    for (const { name, unit, value } of this.rows) setText(value, valueText(this.model.store.latest(name), unit));
+  }
+
+  buildDrawing() {
     const text = (x, y, anchor = "middle", kind = "") => svg("text", { x, y, "text-anchor": anchor, class: kind });
     const narrow = this.narrow.matches;
     this.shape = narrow ? NARROW : WIDE;
@@ -157,7 +209,12 @@ export class MachineView {
     const { last } = this.model.store;
     const begin = Math.max(0, last - SPAN);
     this.plots.show(begin, begin + SPAN, last);
-    if (!this.machine || !this.parts) return;
+    if (!this.machine) return;
+    if (this.isDrawn) this.drawMachine();
+    else this.drawTable();
+  }
+
+  drawMachine() {
     const value = (name) => this.model.store.latest(`${this.axis}.${name}`);
     const [position, speed, pa, pb] = ["position", "speed", "P_A", "P_B"].map(value);
     const spool = value("spool_position");

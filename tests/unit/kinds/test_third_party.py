@@ -1,7 +1,10 @@
 """A third party's device and plant (examples/plugin) on the bench, by entry points alone."""
 
+import ast
 import importlib
+import inspect
 import math
+import re
 import struct
 import subprocess
 import sys
@@ -18,6 +21,7 @@ from hil_bench.kinds.registry import KINDS
 from hil_bench.outside.recording.files import read_recording
 from hil_bench.plants.registry import PLANTS
 from hil_bench.session.virtual_bench import VirtualBench
+from hil_bench.units import METRE
 from hil_drivers import Network, PositionSensor
 from hil_drivers.modbus.client import ModbusClient
 from hil_drivers.modbus.framing import TcpFraming
@@ -26,21 +30,18 @@ BENCH = PLUGIN / "bench.toml"
 
 
 @pytest.fixture
-def rig(site):
-    """The example's bench, with its package installed."""
-    package = PLUGIN / "spring_rig"
-    (site / "spring_rig").symlink_to(package)
-    declare(
-        site,
-        "spring-rig",
-        "1.0",
-        {
-            KINDS.group: {"joystick": "spring_rig.joystick:JOYSTICK"},
-            PLANTS.group: {"mass_on_spring": "spring_rig.mass_on_spring:MASS_ON_SPRING"},
-        },
-    )
-    importlib.invalidate_caches()
+def rig(spring_rig):  # noqa: ARG001 - its kinds are there
+    """The example's bench."""
     with VirtualBench(load_config(BENCH)) as bench:
+        yield bench
+
+
+@pytest.fixture
+def vessel(spring_rig):  # noqa: ARG001 - its plant is there
+    """The example's bench of a vessel that a valve fills, with the valve active and closed."""
+    with VirtualBench(load_config(PLUGIN / "vessel.toml")) as bench:
+        start(bench)
+        command(bench, 0)
         yield bench
 
 
@@ -62,6 +63,68 @@ def start(bench):
 
 def send(bench, can_id, data):
     bench.bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+
+def command(bench, percent):
+    """Command the valve by way of HOLD to ACTIVE, at a part of its reference 0x6311.01 = 16384."""
+    for word in (0x0003, 0x0007):
+        send(bench, 0x201, struct.pack("<Hh", word, percent * 16384 // 100))
+        bench.run(2e-3)
+
+
+def rise(bench, time=0.1):
+    """Return by how much the pressure rises in a time [Pa]."""
+    before = bench.values["vessel.pressure"]
+    bench.run(time)
+    return bench.values["vessel.pressure"] - before
+
+
+def test_a_valve_commands_the_foreign_plant_by_a_ratio(vessel):
+    assert rise(vessel) == 0.0
+    command(vessel, 50)
+    assert vessel.values["vessel.opening_setpoint"] == 0.5
+    # 6 l/min = 100 cm³/s at the full opening, into 1 cm³/bar: half of it brings 50 bar/s.
+    assert rise(vessel) == pytest.approx(5e5)
+    assert vessel.nodes["valve"]["0x6301.01"] == 8192  # the opening follows at once
+    assert vessel.values["pressure.measured"] == vessel.values["vessel.pressure"]
+    with vessel.faults.invert("valve"):
+        vessel.run(2e-3)
+        assert rise(vessel) == pytest.approx(-5e5)
+
+
+def test_influence_and_defect_of_the_foreign_plant(vessel):
+    act = vessel.session.bench.axes[0].plant.influence
+    act("load_flow", 10e-6)  # 10 cm³/s out of 1 cm³/bar
+    assert rise(vessel) == pytest.approx(-1e5)
+    act("load_flow", 0.0)
+    pressure = vessel.values["vessel.pressure"]
+    conductance = 5e-12  # with C = 1e-11 m³/Pa, P falls as exp(-0.5 t / s)
+    with vessel.faults.leak("vessel", conductance):
+        fall = rise(vessel)
+    # Euler's steps of 50 us differ from that by 2.5e-5 of the fall.
+    assert fall == pytest.approx(pressure * math.expm1(-0.05), rel=1e-4)
+
+
+@pytest.mark.usefixtures("spring_rig")
+def test_a_full_opening_is_refused_where_the_command_is_no_length(tmp_path):
+    path = tmp_path / "bench.toml"
+    path.write_text(
+        '[plant.vessel]\nkind = "vessel"\n'
+        '[nodes.v]\nprofile = "valve_408"\nnode_id = 1\nfull_opening_mm = 1.0\n'
+    )
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    wrong = "nodes.v.full_opening_mm: a vessel is commanded in -; leave the key out"
+    assert str(caught.value) == f"{path}:{wrong}"
+
+
+@pytest.mark.usefixtures("spring_rig")
+def test_a_length_in_another_unit_is_the_full_opening(monkeypatch):
+    vessel = PLANTS.find("vessel")
+    monkeypatch.setattr(type(vessel), "command_unit", METRE)
+    monkeypatch.setattr(type(vessel), "full_scale", lambda *_: 2e-3)
+    config = load_config(PLUGIN / "vessel.toml")
+    assert config.full_scale(config.axes[0]) == pytest.approx(2e-3)
 
 
 def test_device_and_plant_are_recorded_with_units(rig):
@@ -157,7 +220,7 @@ def test_what_does_not_go_with_the_plant_is_told(tmp_path):
     assert [line.removeprefix(f"{path}:") for line in str(caught.value).splitlines()] == [
         "plant.rig.mass_kgg: unknown key; the nearest known key is mass_kg",
         (
-            "nodes.v.axis: the plant is a mass_on_spring and has no spool_setpoint; "
+            "nodes.v.axis: the plant is a mass_on_spring, commanded in N, and no valve does so; "
             "give the node another profile or another axis"
         ),
         'nodes.p.source: "P_A" is unknown; a mass_on_spring has no pressure',
@@ -293,3 +356,33 @@ def test_the_package_of_the_example_runs_where_pip_has_put_it(tmp_path):
     rows = read_recording(recording)
     assert rows["rig.position"][-1] == pytest.approx(swing(0.1), abs=0.2e-3)
     assert rows["joystick.x.measured"][-1] == pytest.approx(deflection(0.05), abs=0.01)
+
+
+def contract(cls):
+    """Return the public face of a class as its source has it, without texts and bodies."""
+    (node,) = ast.parse(inspect.getsource(cls)).body
+    node.body = [each for each in node.body if is_public(each)]
+    for each in node.body:
+        if isinstance(each, ast.FunctionDef):
+            each.body = [ast.Expr(ast.Constant(...))]
+    return ast.dump(node)
+
+
+def is_public(each):
+    if isinstance(each, ast.FunctionDef):
+        return each.name == "__init__" or not each.name.startswith("_")
+    return isinstance(each, ast.AnnAssign)
+
+
+def test_the_document_has_the_signatures_of_the_code():
+    text = (PLUGIN.parents[1] / "docs" / "plugins.md").read_text(encoding="utf-8")
+    named = {}
+    for block in re.findall(r"```pyi\n(# hil_bench.*?)```", text, re.DOTALL):
+        for part in block.split("# hil_bench.")[1:]:
+            module, _, source = part.partition("\n")
+            (node,) = ast.parse(source).body
+            named[node.name] = f"hil_bench.{module}", ast.dump(node)
+    assert {"Key", "Quantity", "Measurement", "QuantitySource", "Fitting"} <= set(named)
+    assert {"AxisConfig", "DeviceKind", "PlantKind"} <= set(named)
+    for name, (module, told) in named.items():
+        assert told == contract(getattr(importlib.import_module(module), name)), name

@@ -158,6 +158,11 @@ class CylinderConfig(AxisConfig):
     is_fed: bool = False
 
     @property
+    def has_own_unit(self) -> bool:
+        """True where a supply unit of its own feeds it."""
+        return self.options.supply is not None and not self.is_fed
+
+    @property
     def cylinder(self) -> "CylinderConfig":
         """What the axis is to the equations: itself."""
         return self

@@ -25,6 +25,7 @@ from hil_bench.plants.hydraulic_cylinder.quantities import (
     LOAD,
     P_A,
     P_B,
+    P_S,
     POSITION,
     SPEED,
     SPOOL_POSITION,
@@ -112,8 +113,13 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
         self.defects = replace(self.defects, **{name: amount})
 
 
-def at_valve(model: FullOrderPlant) -> tuple[float, ...]:
-    """Return the pressures at the valve's ends of the lines that a model has [Pa]."""
+def seen_besides(model: FullOrderPlant, *, has_own_unit: bool) -> tuple[float, ...]:
+    """Return the pressures at the valve's ends of lines, and of a supply unit of its own [Pa]."""
+    seen = _at_valve(model) if model.options.has_lines else ()
+    return (*seen, model.supply_pressure) if has_own_unit else seen
+
+
+def _at_valve(model: FullOrderPlant) -> tuple[float, ...]:
     at_a, at_b = model.valve_pressures
     options = model.options
     if options.line_a is not None and options.line_b is not None:
@@ -121,22 +127,24 @@ def at_valve(model: FullOrderPlant) -> tuple[float, ...]:
     return (at_a if options.line_a is not None else at_b,)
 
 
-class LinedCylinder:
-    """The full-order model with lines, which shows the pressures at the valve too.
+class ExtendedCylinder:
+    """The full-order model with lines or a supply unit, which shows their pressures too.
 
     Args:
         model: it.
+        has_own_unit: whether its supply unit is its own.
 
     Attributes:
         model: as passed in.
     """
 
-    def __init__(self, model: FullOrderCylinder) -> None:
+    def __init__(self, model: FullOrderCylinder, *, has_own_unit: bool) -> None:
         self.model = model
+        self._has_own_unit = has_own_unit
 
     @property
     def output(self) -> Sequence[float]:
-        """The model's output and the pressures at the valve's ends of the lines [Pa]."""
+        """The model's output, the pressures at the valve's ends of lines and of the unit [Pa]."""
         return self._see(self.model.output)
 
     def drive(self, command: float, steps: int) -> Sequence[float]:
@@ -146,13 +154,15 @@ class LinedCylinder:
     def go_to(self, values: Mapping[str, float]) -> None:
         """Go on from other values; the waves in the lines go on as they are."""
         self.model.go_to(values)
+        if self._has_own_unit and P_S in values:
+            self.model.supply_pressure = max(values[P_S], self.model.parameters.P_T)
 
     def influence(self, name: str, value: float | None) -> None:
         """Set what acts on the model."""
         self.model.influence(name, value)
 
     def _see(self, seen: Sequence[float]) -> Sequence[float]:
-        return (*seen, *at_valve(self.model))
+        return (*seen, *seen_besides(self.model, has_own_unit=self._has_own_unit))
 
 
 class ReducedOrderCylinder(ReducedOrderPlant, _Cylinder):
@@ -181,7 +191,9 @@ def build_cylinder(
         position, speed, pressure_a, pressure_b, spool = (start[name] for name in names)
         state = PlantState(position, speed, pressure_a, pressure_b, spool, 0.0)
     model = FullOrderCylinder(parameters, options=options, solver=axis.solver, dt=dt, state=state)
-    return LinedCylinder(model) if options.has_lines else model
+    if not (options.has_lines or axis.has_own_unit):
+        return model
+    return ExtendedCylinder(model, has_own_unit=axis.has_own_unit)
 
 
 def _within(low: float, value: float, high: float) -> float:

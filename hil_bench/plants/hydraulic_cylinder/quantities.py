@@ -75,7 +75,7 @@ def with_lines(quantities: Sequence[Quantity], sides: str) -> tuple[Quantity, ..
 
 
 P_S: Final = "P_S"
-"""Pressure of a supply that several axes share [Pa]."""
+"""Pressure of a supply unit, an axis' own or shared [Pa]."""
 Q_S: Final = "Q_S"
 """What an axis draws from it, on average over a tick [m³/s]."""
 
@@ -85,6 +85,11 @@ T_OIL: Final = "T_oil"
 
 FILTER_DROP: Final = "filter_drop"
 """Pressure drop over the supply's filter, as its clogging indicator has it [Pa]."""
+
+
+def with_own_unit(quantities: Sequence[Quantity]) -> tuple[Quantity, ...]:
+    """Return the quantities of a plant with a supply unit of its own, whose pressure comes last."""
+    return (*quantities, Quantity(P_S, "Pa", _after(quantities)))
 
 
 def with_supply(quantities: Sequence[Quantity], *, has_filter: bool) -> tuple[Quantity, ...]:

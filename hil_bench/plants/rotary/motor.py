@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder, at_valve
+from hil_bench.plants.hydraulic_cylinder.cylinder import FullOrderCylinder, seen_besides
 from hil_bench.plants.hydraulic_cylinder.model.state import balanced_state
-from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, SPOOL_POSITION
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, P_S, SPOOL_POSITION
 from hil_bench.plants.rotary.configuration import RotaryConfig
 from hil_bench.plants.rotary.quantities import ANGLE, LOAD, SPEED
 
@@ -45,7 +45,7 @@ class HydraulicMotor:
         self.model = FullOrderCylinder(
             parameters, options=options, solver=cylinder.solver, dt=dt, state=state
         )
-        self._has_lines = options.has_lines
+        self._has_own_unit = cylinder.has_own_unit
         self._output = self._see(self.model.output)
         if start:
             self.go_to(start)
@@ -65,6 +65,8 @@ class HydraulicMotor:
         r, model = self._lever, self.model
         x = values[ANGLE.name] * r if ANGLE.name in values else model.state.x
         model.go_to({name: values[name] for name in (P_A, P_B) if name in values})
+        if self._has_own_unit and P_S in values:
+            model.supply_pressure = max(values[P_S], model.parameters.P_T)
         state = model.state._replace(x=x)
         if SPEED.name in values:
             state = state._replace(v=min(max(values[SPEED.name], -_FASTEST), _FASTEST) * r)
@@ -84,4 +86,4 @@ class HydraulicMotor:
         r = self._lever
         torque = (pressure_a - pressure_b) * self._displacement
         output = x / r, v / r, pressure_a, pressure_b, nu, torque, flow_a, flow_b
-        return (*output, *at_valve(self.model)) if self._has_lines else output
+        return (*output, *seen_besides(self.model, has_own_unit=self._has_own_unit))

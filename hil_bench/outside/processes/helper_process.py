@@ -64,7 +64,7 @@ class HelperProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it runs."""
+        """Return True if it runs."""
         return self.pid is not None and self._process.is_alive()
 
     def fileno(self) -> int:

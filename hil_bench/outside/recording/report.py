@@ -64,7 +64,7 @@ class RecordingReport:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all is there that was to be recorded."""
+        """Return True if all is there that was to be recorded."""
         return not (self.lost or self.problems)
 
 

@@ -208,7 +208,7 @@ class _Client:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something waits to be sent to it."""
+        """Return True if something waits to be sent to it."""
         return bool(self._unsent)
 
     def read(self, *, is_full: bool) -> list[Frame]:

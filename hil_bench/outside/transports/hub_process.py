@@ -50,7 +50,7 @@ class HubProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return True if the process runs."""
         return self._child.alive
 
     def __enter__(self) -> Self:

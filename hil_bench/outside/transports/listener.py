@@ -103,7 +103,7 @@ def loss_words(losses: Mapping[str, int]) -> list[str]:
 
 
 def is_closed_by_peer(own: socket.socket) -> bool:
-    """Return whether the other side of a connection has closed it, and all it sent was read."""
+    """Return True if the other side of a connection has closed it, and all it sent was read."""
     return bool(select.select([own], [], [], 0.0)[0]) and not own.recv(1, socket.MSG_PEEK)
 
 

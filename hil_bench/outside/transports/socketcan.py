@@ -153,7 +153,7 @@ class SocketCanTransport:
 
     @property
     def has_exact_wait(self) -> bool:
-        """Whether the socket is one that `select` takes."""
+        """Return True if the socket is one that `select` takes."""
         return has_exact_wait(self._socket)
 
     def fileno(self) -> int:

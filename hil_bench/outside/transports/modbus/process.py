@@ -86,7 +86,7 @@ class ModbusProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return True if the process runs."""
         return self._child.alive
 
     @property

@@ -16,7 +16,7 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """What one file of a recording holds.
+    """The content of one file of a recording, counted.
 
     Attributes:
         path: the file.
@@ -35,7 +35,7 @@ class FileReport:
 
 @dataclass(slots=True)
 class RecordingReport:
-    """What a recording holds.
+    """The content of a recording, counted.
 
     Attributes:
         files: each file.

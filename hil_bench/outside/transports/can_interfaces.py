@@ -82,7 +82,7 @@ def _ask(name: str, request: int) -> int:
 
 
 def _link_details(name: str) -> dict[str, Any]:
-    """Return what iproute2 says of the kind of a link; empty where it says nothing."""
+    """Return the details of a link from iproute2; empty where it gives no details."""
     program = shutil.which("ip")
     if program is None:
         return {}

@@ -82,7 +82,7 @@ class HubTransport:
             self._lose(self._link)
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, at most `limit` frames, without waiting."""
+        """Return at most `limit` frames that have arrived, without waiting."""
         link = self._link
         if link is None:
             return []
@@ -133,7 +133,7 @@ class HubTransport:
         """Leave all frames through: a hub has no filters."""
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far."""
+        """Return the counters so far."""
         return replace(self._counters, is_down=self.is_down)
 
     def close(self) -> None:

@@ -108,7 +108,7 @@ def is_closed_by_peer(own: socket.socket) -> bool:
 
 
 def dropped_by_kernel(own: socket.socket) -> int:
-    """Return how many messages the kernel dropped before this socket; 0 where it does not say."""
+    """Count the messages that the kernel dropped before this socket; 0 where it does not say."""
     try:
         counts = own.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size)
     except OSError:

@@ -201,7 +201,7 @@ def _is_well_formed(pdu: bytes) -> bool:
 
 
 def _is_list(pdu: bytes, end: int) -> bool:
-    """Whether a count that ends at `end`, a byte count and the values behind it fit together."""
+    """Return True if a count that ends at `end`, a byte count and the values after it agree."""
     if len(pdu) <= end or len(pdu) != end + 1 + pdu[end]:
         return False
     count = int.from_bytes(pdu[end - 2 : end], "big")

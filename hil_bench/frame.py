@@ -20,7 +20,7 @@ def address_of(can_id: int, bus: int) -> int:
 
 
 def is_error_frame(frame: Frame) -> bool:
-    """Return True if a frame is what an adapter reports of an error."""
+    """Return whether a frame is what an adapter reports of an error."""
     return frame.can_id >= ERROR_FLAG and not frame.is_extended
 
 

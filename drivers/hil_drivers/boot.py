@@ -111,7 +111,7 @@ class NetworkManager:
 
     @property
     def is_started(self) -> bool:
-        """Whether every mandatory slave takes part."""
+        """Return True if every mandatory slave takes part."""
         return all(
             slave.node_id in self.results and self.results[slave.node_id].is_up
             for slave in self.slaves.values()
@@ -287,7 +287,7 @@ class NetworkManager:
         return Configured.WRITTEN
 
     def _is_configured(self, slave: Slave, node: Node) -> bool:
-        """Return whether the slave says by its 0x1020 that it has this configuration already."""
+        """Return True if the slave says by its 0x1020 that it has this configuration already."""
         if not (slave.date or slave.time):
             return False
         try:

@@ -131,7 +131,7 @@ class BootResult:
 
     @property
     def is_up(self) -> bool:
-        """Whether the slave takes part: it is booted, or was OPERATIONAL already."""
+        """Return True if the slave takes part: it is booted, or was OPERATIONAL already."""
         return self.error in {None, BootError.L}
 
     def __str__(self) -> str:

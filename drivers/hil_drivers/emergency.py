@@ -35,7 +35,7 @@ class Emergency(NamedTuple):
 
     @property
     def is_reset(self) -> bool:
-        """Whether this message says that an error has gone."""
+        """Return True if this message says that an error has gone."""
         return self.code < 0x0100
 
     @property

@@ -64,7 +64,7 @@ class Encoder(Sensor):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid: it has no emergency that is active."""
+        """Return True if the device reports a valid value: it has no active emergency."""
         return self.node.active_emergency is None
 
     def _read_count(self, index: int, subindex: int = 0, meaning: str = "") -> int:

@@ -72,7 +72,7 @@ class PressureSource(PolledDevice, Protocol):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """Return True if the device says that its value is valid."""
 
     @property
     def reading(self) -> Reading:
@@ -92,7 +92,7 @@ class PositionSource(PolledDevice, Protocol):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """Return True if the device says that its value is valid."""
 
     @property
     def reading(self) -> Reading:

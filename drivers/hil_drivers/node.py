@@ -187,7 +187,7 @@ class Node(canopen.RemoteNode):
         return variable
 
     def has(self, index: int, subindex: int = 0) -> bool:
-        """Return whether the EDS has an object."""
+        """Return True if the EDS has an object."""
         variable = self.object_dictionary.get_variable(index, subindex)
         return variable is not None and variable.subindex == subindex
 

@@ -70,7 +70,7 @@ class _Channel(Sensor):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """Return True if the device says that its value is valid."""
         return self._is_valid(self._value(self._process_value))
 
     def _is_valid(self, value: float) -> bool:

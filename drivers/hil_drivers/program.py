@@ -59,7 +59,7 @@ class ProgramState:
 
     @property
     def is_busy(self) -> bool:
-        """Whether the device flashes or clears."""
+        """Return True if the device flashes or clears."""
         return bool(self.status is not None and self.status & 1)
 
     @property

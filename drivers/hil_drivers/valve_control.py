@@ -170,7 +170,7 @@ class ValveControl(ABC):
 
     @abstractmethod
     def _has_error(self) -> bool:
-        """Return whether the device tells an error, so that NOT_READY is a fault state."""
+        """Return True if the device tells an error, so that NOT_READY is a fault state."""
 
     @abstractmethod
     def _fault(self, state: ValveState) -> DeviceFaultError:

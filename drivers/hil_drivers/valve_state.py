@@ -34,7 +34,7 @@ class ValveState(IntEnum):
 
     @property
     def is_fault(self) -> bool:
-        """Whether this is certainly a fault state; NOT_READY may be one too."""
+        """Return True if this is certainly a fault state; NOT_READY may be one too."""
         return self in {self.FAULT_REACTION, self.FAULT_HOLD, self.FAULT_DISABLED}
 
     @property

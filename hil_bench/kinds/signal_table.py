@@ -109,7 +109,7 @@ class SentConfig:
 
     @property
     def is_input(self) -> bool:
-        """Whether a test sets it."""
+        """Return True if a test sets it."""
         return self.course is None and self.follow is None and self.axis is None
 
 

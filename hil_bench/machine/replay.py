@@ -44,7 +44,7 @@ class FrameDirection(StrEnum):
     ALL = "all"
 
     def includes(self, logged: LoggedFrame) -> bool:
-        """Return whether a frame is meant."""
+        """Return True if a frame is meant."""
         return self is FrameDirection.ALL or (self is FrameDirection.RECEIVED) == logged.is_received
 
 
@@ -118,7 +118,7 @@ class SignalDeviation:
 
     @property
     def is_within(self) -> bool:
-        """Whether it is right, or not judged."""
+        """Return True if it is right, or not judged."""
         return self.tolerance is None or self.maximum <= self.tolerance
 
 

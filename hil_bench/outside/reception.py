@@ -37,7 +37,7 @@ Guest = TypeVar("Guest", bound=Hashable)
 
 
 class Capacity(NamedTuple):
-    """How many connections a server may have.
+    """The number of connections that a server may have.
 
     Attributes:
         seats: of those that have said what they are there for.
@@ -162,7 +162,7 @@ def lengthen_queues(server: asyncio.Server) -> None:
 
 
 def _most_files() -> int:
-    """Return how many files this process may open."""
+    """Return the number of files that this process may open."""
     try:
         import resource  # noqa: PLC0415 - Windows has none
     except ImportError:

@@ -97,7 +97,7 @@ class Panel:
             return Response(status_code=400)
 
     async def _has_secret(self, browser: WebSocket) -> bool:
-        """Return whether the first message is the secret."""
+        """Return True if the first message is the secret."""
         try:
             async with asyncio.timeout(KNOCK_TIME):
                 text = await _hear(browser)

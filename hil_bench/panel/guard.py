@@ -47,7 +47,7 @@ class Secret:
         self._digest = text.encode()
 
     def fits(self, text: object) -> bool:
-        """Return whether a text is the secret, in a time that does not tell how much of it fits."""
+        """Return True if a text is the secret, in a time that does not tell how much of it fits."""
         return isinstance(text, str) and hmac.compare_digest(
             text.encode(errors="replace"), self._digest
         )
@@ -83,11 +83,11 @@ class Guard:
             await self._app(scope, receive, _with_headers(send))
 
     def _is_host(self, given: list[bytes]) -> bool:
-        """Return whether the one name of the host is ours."""
+        """Return True if the one name of the host is ours."""
         return len(given) == 1 and self._is_ours(f"//{given[0].decode('latin-1')}")
 
     def _is_origin(self, scope: Scope, headers: dict[bytes, list[bytes]]) -> bool:
-        """Return whether it comes from our page; what is no mere look must say so."""
+        """Return True if it comes from our page; what is no mere look must say so."""
         given = headers.get(b"origin", [])
         if not given:
             return bool(scope["type"] == "http" and scope["method"] != "POST")
@@ -107,14 +107,14 @@ class Guard:
 
 
 def _is_allowed(scope: Scope) -> bool:
-    """Return whether its method is one that its path takes."""
+    """Return True if its method is one that its path takes."""
     if scope["type"] != "http":
         return True
     return scope["method"] in ({"POST"} if scope["path"] == EXPORT else {"GET", "HEAD"})
 
 
 def _is_of_machine(host: str) -> bool:
-    """Return whether a host is a number, which nobody can make to mean us, or our own name."""
+    """Return True if a host is a number, which nobody can make to mean us, or our own name."""
     try:
         ipaddress.ip_address(host)
     except ValueError:

@@ -53,7 +53,7 @@ class Viewer:
 
     @property
     def is_slow(self) -> bool:
-        """Whether it has to read before it gets more."""
+        """Return True if it has to read before it gets more."""
         return self._size > MOST_UNREAD
 
     async def pump(self) -> None:

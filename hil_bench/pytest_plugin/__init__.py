@@ -237,7 +237,7 @@ def bench(
 
 @pytest.fixture(scope="session")
 def hil_realtime(pytestconfig: pytest.Config) -> bool:
-    """Whether bench time passes with the clock: --hil-realtime, or a physical bus."""
+    """Return True if bench time passes with the clock: --hil-realtime, or a physical bus."""
     return is_on(pytestconfig, "realtime") or option(pytestconfig, "interface") is not None
 
 

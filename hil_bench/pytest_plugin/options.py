@@ -87,7 +87,7 @@ def positive_option(config: pytest.Config, name: str) -> float | None:
 
 
 def is_on(config: pytest.Config, name: str) -> bool:
-    """Return whether a switch is on, by option or by ini key."""
+    """Return True if a switch is on, by option or by ini key."""
     return bool(config.getoption(_key(name)) or config.getini(_key(name)))
 
 

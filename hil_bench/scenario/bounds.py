@@ -32,7 +32,7 @@ class Bounds(NamedTuple):
 
     @property
     def is_exact(self) -> bool:
-        """Whether both bounds are the same."""
+        """Return True if both bounds are the same."""
         return self.high is self.low
 
     def cut(self, start: int, end: int | None = None) -> "Bounds":

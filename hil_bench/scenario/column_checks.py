@@ -42,7 +42,7 @@ def check_columns(requirements: Iterable[Requirement], recording: Recording, sou
 
 
 def _is_one(symbol: str) -> bool:
-    """Return whether a unit is that of a plain number, as in ``1``."""
+    """Return True if a unit is that of a plain number, as in ``1``."""
     unit = read_unit(symbol)
     return unit is not None and (unit.symbol, unit.factor) == (ONE.symbol, 1.0)
 

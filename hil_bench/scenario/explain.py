@@ -45,7 +45,7 @@ class Log:
         return self._whole[id(node)]
 
     def has(self, node: Condition) -> bool:
-        """Whether the margins of a condition are kept: it is inside the outermost ones."""
+        """Return True if the margins of a condition are kept: it is inside the outermost ones."""
         return id(node) in self._parts
 
 
@@ -159,7 +159,7 @@ class Explainer:
         return self.find(*cause)
 
     def _may_come_later(self, node: nodes.Until | nodes.Since, tick: int) -> bool:
-        """Return whether the goal has a window that reaches behind the run, where it may be true.
+        """Return True if the goal has a window that reaches behind the run, where it may be true.
 
         Then it is not the goal that fails, but what has to hold until it comes.
         """

@@ -84,12 +84,12 @@ class Monitor:
 
     @property
     def is_failed(self) -> bool:
-        """Whether nothing can make the requirement hold any more."""
+        """Return True if nothing can make the requirement hold any more."""
         return self.margin[1] < 0.0
 
     @property
     def is_met(self) -> bool:
-        """Whether nothing can violate the requirement any more."""
+        """Return True if nothing can violate the requirement any more."""
         return self.margin[0] > 0.0
 
     def push(self, columns: Mapping[str, Floats], count: int) -> None:

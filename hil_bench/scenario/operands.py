@@ -24,7 +24,7 @@ class MeasuredValue(NamedTuple):
 
     @property
     def is_constant(self) -> bool:
-        """Whether no signal is in it."""
+        """Return True if no signal is in it."""
         return isinstance(self.node, Number)
 
     @property
@@ -34,7 +34,7 @@ class MeasuredValue(NamedTuple):
 
     @property
     def fits_all(self) -> bool:
-        """Whether it needs no unit: 0 is 0 in each."""
+        """Return True if it needs no unit: 0 is 0 in each."""
         return self.node_value == 0.0 and not self.symbol and self.dimension == NUMBER
 
     @property

@@ -99,7 +99,7 @@ def common_dimension(one: MeasuredValue, other: MeasuredValue, what: str) -> Dim
 
 
 def _is_foreign(signal: MeasuredValue, number: MeasuredValue) -> bool:
-    """Return whether a plain number meets a signal in a unit that the language does not know."""
+    """Return True if a plain number meets a signal in a unit that the language does not know."""
     bases = {base for base, _ in signal.dimension}
     is_plain = number.is_constant and number.dimension == NUMBER and not number.symbol
     return is_plain and not bases <= _KNOWN_BASES

@@ -26,7 +26,7 @@ def breadth(node: Condition) -> int:
 
 
 def has_duration(node: Condition) -> bool:
-    """Return whether the ticks at which a condition is false add up to a time.
+    """Return True if the ticks at which a condition is false add up to a time.
 
     Those of an edge, an event or a window ahead are instants at which something else begins.
     """
@@ -77,7 +77,7 @@ def parts_of(node: Condition) -> tuple[Condition, ...]:
 
 
 def survives_a_cut(node: Condition) -> bool:
-    """Return whether any run that fulfils a condition fulfils it as well where it ends earlier.
+    """Return True if any run that fulfils a condition fulfils it as well where it ends earlier.
 
     The earlier end is not before the condition's reach. An `eventually` without an end would fail
     there, a trigger might be missing, and a window in an `always` without an end would be open.
@@ -97,7 +97,7 @@ def survives_a_cut(node: Condition) -> bool:
 
 
 def _looks_ahead(node: Condition) -> bool:
-    """Return whether a condition depends on later ticks, or on a trigger."""
+    """Return True if a condition depends on later ticks, or on a trigger."""
     is_ahead = isinstance(node, nodes.Always | nodes.Eventually | nodes.Until | nodes.Implies)
     return is_ahead or any(map(_looks_ahead, parts_of(node)))
 

@@ -36,7 +36,7 @@ class RegisterTarget(NamedTuple):
 
     @property
     def is_writable(self) -> bool:
-        """Whether clients may write it."""
+        """Return True if clients may write it."""
         return self.unit.may_write(self.entry.register)
 
     def check_writable(self) -> None:

@@ -272,7 +272,7 @@ def bound_objects(node: NodeConfig) -> set[tuple[int, int]]:
 
 
 def is_number(data_type: DataType) -> bool:
-    """Return whether an object of this type holds a number."""
+    """Return True if an object of this type holds a number."""
     return isinstance(data_type, BooleanType | IntegerType | RealType)
 
 

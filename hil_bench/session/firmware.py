@@ -184,7 +184,7 @@ class Firmware:
 
     @property
     def is_running(self) -> bool:
-        """Whether it runs."""
+        """Return True if it runs."""
         return self.process.poll() is None
 
     @property

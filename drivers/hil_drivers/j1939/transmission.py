@@ -62,7 +62,7 @@ class Transfer:
 
     @property
     def is_sending(self) -> bool:
-        """Whether packets may go, and nothing is waited for."""
+        """Return True if packets may go, and nothing is waited for."""
         return self.following <= self.last
 
     def __str__(self) -> str:
@@ -84,7 +84,7 @@ class Transmission:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a message is on its way."""
+        """Return True if a message is on its way."""
         return bool(self._transfers)
 
     def begin(self, group: int, data: bytes, destination: int, now: float) -> Transfer:

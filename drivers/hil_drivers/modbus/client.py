@@ -87,7 +87,7 @@ class ModbusClient:
             self.link.wait(remaining)
 
     def wait_for(self, condition: Callable[[], bool], timeout: float) -> bool:  # noqa: ARG002
-        """Return whether `condition` holds: nothing comes by itself, so waiting would not help."""
+        """Return True if `condition` holds: nothing comes by itself, so waiting would not help."""
         return condition()
 
     def close(self) -> None:

@@ -29,7 +29,7 @@ class PressureSensor(ModbusDevice):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """Return True if the device says that its value is valid."""
         return self._is_valid(self._value(self._pressure))
 
     @property

@@ -55,7 +55,7 @@ class RotarySensor(ModbusDevice):
 
     @property
     def is_valid(self) -> bool:
-        """Whether the device says that its value is valid."""
+        """Return True if the device says that its value is valid."""
         return self._alarms is None or not self._value(self._alarms)
 
     @property

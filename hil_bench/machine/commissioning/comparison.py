@@ -182,7 +182,7 @@ def _variables(node: Node) -> Iterator[ODVariable]:
 
 
 def _is_setting(variable: ODVariable) -> bool:
-    """Whether it is a number that is read and written, and stands for no command."""
+    """Return True if it is a number that is read and written, and stands for no command."""
     return (
         variable.access_type in {"rw", "rwr", "rww"}
         and variable.data_type in _NUMBERS

@@ -50,7 +50,7 @@ class BorrowedSetting:
 
     @property
     def has_changed(self) -> bool:
-        """Whether it held something else meanwhile."""
+        """Return True if it held something else meanwhile."""
         return self.before != self.during
 
     def text(self, raw: bytes) -> str:

@@ -50,7 +50,7 @@ class Measure:
 
     @property
     def is_judged(self) -> bool:
-        """Whether it has limits."""
+        """Return True if it has limits."""
         return self.low > -math.inf or self.high < math.inf
 
     @property

@@ -47,7 +47,7 @@ class StepKind(StrEnum):
 
     @property
     def moves(self) -> bool:
-        """Whether the valve is opened."""
+        """Return True if the valve is opened."""
         return self not in {StepKind.COMMUNICATION, StepKind.SENSORS}
 
 

@@ -125,7 +125,7 @@ def communication(procedure: Procedure, step: Step) -> StepResult:
 
 
 def _is_mapping(difference: Difference) -> bool:
-    """Whether it is one of what a PDO carries."""
+    """Return True if it is one of what a PDO carries."""
     return difference.key is not None and any(difference.key[0] in block for block in MAPPING)
 
 

@@ -302,7 +302,7 @@ class Rig:
         return self._count_boot_ups() != self._boot_ups
 
     def _says_closed(self) -> bool:
-        """Whether the valve is in a state in which its spool follows nobody."""
+        """Return True if the valve is in a state in which its spool follows nobody."""
         try:
             return self.valve.read_state() in _CLOSED
         except DriverError:

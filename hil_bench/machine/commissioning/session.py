@@ -85,7 +85,7 @@ class Commissioning:
 
     @property
     def passed(self) -> bool:
-        """Whether every step has."""
+        """Return True if every step has."""
         return all(result.verdict is Verdict.PASSED for result in self.results)
 
     @property

@@ -221,11 +221,11 @@ class DeviceUnderTest:
         return arrival.frame.data
 
     def is_error_control(self, frame: Frame) -> bool:
-        """Whether a frame is the device's heartbeat, boot-up or answer to node guarding."""
+        """Return True if a frame is the device's heartbeat, boot-up or answer to node guarding."""
         return is_data(frame, _ERROR_CONTROL + self.node_id)
 
     def is_emergency(self, frame: Frame) -> bool:
-        """Whether a frame is the device's EMCY, by the predefined connection set."""
+        """Return True if a frame is the device's EMCY, by the predefined connection set."""
         return is_data(frame, _EMERGENCY + self.node_id)
 
     @cached_property
@@ -255,7 +255,7 @@ class DeviceUnderTest:
 
 
 def is_data(frame: Frame, can_id: int) -> bool:
-    """Whether a frame is a data frame with this 11-bit identifier."""
+    """Return True if a frame is a data frame with this 11-bit identifier."""
     return frame.can_id == can_id and not frame.is_extended and not frame.is_remote
 
 

@@ -155,7 +155,7 @@ def _configuring(dut: DeviceUnderTest, address: tuple[int, ...]) -> Iterator[Non
 
 
 def _is_found(dut: DeviceUnderTest, address: tuple[int, ...]) -> bool:
-    """Return whether the device at an LSS address takes part in the fastscan that has begun.
+    """Return True if the device at an LSS address takes part in the fastscan that has begun.
 
     All bits of the four numbers are asked for. The last step asks for the same number next, so that
     nobody is switched to CONFIGURATION.
@@ -200,7 +200,7 @@ def _check_available(dut: DeviceUnderTest, address: tuple[int, ...]) -> None:
 
 
 def _is_available(dut: DeviceUnderTest, address: tuple[int, ...]) -> bool:
-    """Whether the device answers to its own address by any service."""
+    """Return True if the device answers to its own address by any service."""
     _wait(dut)
     _send_address(dut, address)
     selected = _answer(dut)

@@ -173,7 +173,7 @@ def _expect_default(dut: DeviceUnderTest, index: int, subindex: int = 0) -> str:
 
 
 def _is_doubtful(dut: DeviceUnderTest, variable: Variable) -> bool:
-    """Whether the EDS has a finding about an entry, whose default then may be ours."""
+    """Return True if the EDS has a finding about an entry, whose default then may be ours."""
     sections = {f"{variable.index:04X}sub{variable.subindex:X}".lower()}
     if variable.subindex == 0:
         sections.add(f"{variable.index:04X}".lower())

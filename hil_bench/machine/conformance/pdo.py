@@ -63,7 +63,7 @@ class Pdo:
         return (sum(entry.bits for entry in self.entries) + 7) // 8
 
     def matches(self, frame: Frame) -> bool:
-        """Whether a frame is this PDO."""
+        """Return True if a frame is this PDO."""
         return is_data(frame, self.can_id)
 
     @contextlib.contextmanager

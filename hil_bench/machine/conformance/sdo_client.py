@@ -261,7 +261,7 @@ def segments(raw: bytes) -> list[bytes]:
 
 
 def _names_object(request: bytes) -> bool:
-    """Whether a request is the first of a transfer: it names the transfer's object."""
+    """Return True if a request is the first of a transfer: it names the transfer's object."""
     if len(request) != 8:
         return False
     specifier, subcommand = request[0] >> 5, request[0] & 3

@@ -227,7 +227,7 @@ def find_vague(record: AxisRecord, unknowns: Unknowns, fit: Fit) -> list[str]:
 
 
 def _opens_fully(record: AxisRecord, parameters: PlantParameters) -> bool:
-    """Return whether the spool passes the full opening where the record is fitted."""
+    """Return True if the spool passes the full opening where the record is fitted."""
     spool = recorded_spool(parameters, record)[:, 0]
     reach = max(float(np.abs(spool[rows.start : rows.stop]).max()) for rows in record.fitted)
     return reach > parameters.alpha + parameters.beta

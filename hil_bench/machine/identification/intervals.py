@@ -47,7 +47,7 @@ def find_intervals(
 
 
 def _is_bent(covariance: Values, number: int, name: str) -> bool:
-    """Return whether a variable is a logarithm, uncertain, and entangled with others."""
+    """Return True if a variable is a logarithm, uncertain, and entangled with others."""
     deviations = np.sqrt(np.diag(covariance))
     correlations = np.abs(covariance[number] / deviations / deviations[number])
     correlations[number] = 0.0

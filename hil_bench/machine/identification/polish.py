@@ -78,7 +78,7 @@ class Optimum:
 
     @property
     def is_reached(self) -> bool:
-        """Whether gradient and gain are as good as zero."""
+        """Return True if gradient and gain are as good as zero."""
         return bool(self.decrement <= REACHED and self.gain <= GAINED)
 
 

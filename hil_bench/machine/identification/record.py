@@ -166,7 +166,7 @@ class AxisRecord:
 
     @property
     def moves_both_ways(self) -> bool:
-        """Whether the piston goes each way for a twentieth of all its way, and more than noise."""
+        """Return True if the piston goes each way by a twentieth of its way and more than noise."""
         ways = [
             np.diff(self.measured[part.start : part.stop : _PACE, 0]) for part in self.stretches
         ]

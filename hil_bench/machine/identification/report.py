@@ -196,7 +196,7 @@ def find_misses(found: Identification) -> list[str]:
 
 
 def is_explained(found: Identification) -> bool:
-    """Return whether the model follows every signal, where it was fitted and where it was tried."""
+    """Return True if the model follows every signal, where it was fitted and where it was tried."""
     return not find_misses(found)
 
 

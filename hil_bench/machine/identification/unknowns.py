@@ -161,7 +161,7 @@ class Unknowns:
 
     @property
     def kinds(self) -> list[Kind]:
-        """How each free variable is sought."""
+        """Return the kind of each free variable."""
         offsets = [_OFFSET] * (len(OFFSETS) * self.sessions)
         flows = [kind_of(SESSION_FLOW)] * (self.sessions - 1 if self.has_flows else 0)
         return [*(kind_of(name) for name in self.names), *offsets, *flows]
@@ -188,7 +188,7 @@ class Unknowns:
         return np.array([kind.step for kind in self.kinds])
 
     def guess(self, variables: Values) -> Guess:
-        """Return what the free variables stand for."""
+        """Return the guess that the free variables stand for."""
         values: dict[str, float] = {}
         for name, variable in zip(self.names, variables.tolist(), strict=False):
             scale = scale_of(name, self.known)
@@ -244,7 +244,7 @@ class Unknowns:
 
 
 def kind_of(name: str) -> Kind:
-    """Return how an unknown is sought."""
+    """Return the kind of an unknown."""
     return KINDS[name] if name in KINDS else EXTRAS[name]
 
 

@@ -119,7 +119,7 @@ class AxisTwin:
 
     @property
     def is_comparable(self) -> bool:
-        """Whether there are devices that report all that a window begins with."""
+        """Return True if there are devices that report all that a window begins with."""
         return POSITION in self._anchors and set(self._anchors) <= set(self._quantities.values())
 
     def missing(self, now: float) -> dict[str, str]:

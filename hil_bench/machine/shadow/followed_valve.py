@@ -97,7 +97,7 @@ class FollowedValve:
         self._device.publish(spool_position, now)
 
     def can_shift(self, spool: float) -> bool:
-        """Return whether the machine's spool says where its axis' controller has come to.
+        """Return True if the machine's spool says where its axis' controller has come to.
 
         At its end it says nothing of an integral behind it.
 

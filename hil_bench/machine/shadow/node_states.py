@@ -72,7 +72,7 @@ class NodeStates:
         return []
 
     def is_synchronous(self, identifier: int) -> bool:
-        """Return whether a TPDO follows SYNC, by the configuration and the SDO transfers heard."""
+        """Return True if a TPDO follows SYNC, by the configuration and the SDO transfers heard."""
         _, is_synchronous = self._known_tpdos().get(identifier, (None, False))
         return is_synchronous
 

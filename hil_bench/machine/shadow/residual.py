@@ -1,4 +1,4 @@
-"""How far a machine is from its twin."""
+"""The deviation of a machine from its twin."""
 
 import math
 from dataclasses import dataclass

@@ -92,7 +92,7 @@ def _is_scalar(value: object) -> bool:
 
 
 def _is_value(value: object) -> bool:
-    """Return whether an object may hold it: bytes are ``{"hex": "00ff"}``."""
+    """Return True if an object may hold it: bytes are ``{"hex": "00ff"}``."""
     if isinstance(value, dict):
         try:
             return list(value) == ["hex"] and bytes.fromhex(value["hex"]) is not None

@@ -115,7 +115,7 @@ def find_names() -> list[str]:
 
 
 def is_held(path: Path) -> bool:
-    """Return whether the bench of a socket runs."""
+    """Return True if the bench of a socket runs."""
     lock = _take_lock(path)
     if lock is None:
         return True

@@ -45,7 +45,7 @@ class DataType(NamedTuple):
 
     @property
     def is_real(self) -> bool:
-        """Whether it holds fractions."""
+        """Return True if it holds fractions."""
         return self.letter == "f"
 
     @property

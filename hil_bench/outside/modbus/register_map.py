@@ -25,12 +25,12 @@ class Table(StrEnum):
 
     @property
     def holds_bits(self) -> bool:
-        """Whether its entries are single bits."""
+        """Return True if its entries are single bits."""
         return self in {Table.COILS, Table.DISCRETE_INPUTS}
 
     @property
     def is_writable(self) -> bool:
-        """Whether the protocol has functions that write it."""
+        """Return True if the protocol has functions that write it."""
         return self in {Table.COILS, Table.HOLDING_REGISTERS}
 
 

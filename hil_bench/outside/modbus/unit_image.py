@@ -52,15 +52,15 @@ class _TableImage:
         return self._words[first : first + count]
 
     def is_hole(self, address: int) -> bool:
-        """Return whether nothing is at an address, and that is no error."""
+        """Return True if nothing is at an address, and that is no error."""
         return self._has_zeros and address not in self._places and address < _ADDRESSES
 
     def _cuts(self, address: int) -> bool:
-        """Return whether a value begins before an address and goes on there."""
+        """Return True if a value begins before an address and goes on there."""
         return address in self._places and address not in self.entries
 
     def _covers(self, address: int, end: int) -> bool:
-        """Return whether there is a value everywhere between two addresses."""
+        """Return True if there is a value everywhere between two addresses."""
         places = self._places
         if address not in places or end - 1 not in places:
             return False
@@ -148,7 +148,7 @@ class UnitImage:
         return assignments
 
     def may_write(self, register: Register) -> bool:
-        """Return whether clients may write a register of this unit."""
+        """Return True if clients may write a register of this unit."""
         return register.access in self._writable
 
     def parse_mask(self, address: int, and_mask: int, or_mask: int) -> list[Assignment]:

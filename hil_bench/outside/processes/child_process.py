@@ -39,7 +39,7 @@ class ChildProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return True if the process runs."""
         return self._helper.alive
 
     @property
@@ -61,7 +61,7 @@ class ChildProcess:
         return answer
 
     def ending(self) -> str | None:
-        """Return how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
         ending = self._helper.ending()
         if self._helper.trace:
             logger.debug("%s: %s", self._label, self._helper.trace)

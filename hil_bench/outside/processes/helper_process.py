@@ -64,7 +64,7 @@ class HelperProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it runs."""
+        """Return True if it runs."""
         return self.pid is not None and self._process.is_alive()
 
     def fileno(self) -> int:
@@ -105,7 +105,7 @@ class HelperProcess:
         return message
 
     def ending(self) -> str | None:
-        """Return how it ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
         code = self._process.exitcode
         if code is None:
             return None
@@ -123,7 +123,7 @@ class HelperProcess:
 
     @property
     def trace(self) -> str:
-        """Where the exception came from that ended it; empty where none did."""
+        """Return the traceback of the exception that ended it; empty without one."""
         return "" if self._failure is None else self._failure.trace
 
     def stop(self, timeout: float) -> None:

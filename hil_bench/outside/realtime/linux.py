@@ -104,7 +104,7 @@ def set_deadline_policy(runtime: int, period: int) -> None:
 
 
 def memory_limit() -> int | None:
-    """Return how much memory this process may lock [byte], None for all there is."""
+    """Return the limit of memory that this process may lock [byte], None for no limit."""
     return _limit("RLIMIT_MEMLOCK")
 
 

@@ -28,7 +28,7 @@ _EVERYBODY = ["0", "0", "4294967295"]  # the uid_map outside of user namespaces
 
 
 def may_lock_memory() -> bool:
-    """Return whether this process may lock all memory that it has and will have.
+    """Return True if this process may lock all memory that it has and will have.
 
     With a finite limit a lock would be worse than none: what comes later would be refused.
     """
@@ -36,7 +36,7 @@ def may_lock_memory() -> bool:
 
 
 def has_capability(number: int, process: Path = Path("/proc/self")) -> bool:
-    """Return whether a process has a capability of linux/capability.h over the whole machine.
+    """Return True if a process has a capability of linux/capability.h over the whole machine.
 
     In a user namespace, such as a container without root has, capabilities go no further than that.
 

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class RealtimePolicy(StrEnum):
-    """How the operating system schedules a paced loop."""
+    """The scheduling policy of a paced loop."""
 
     OFF = "off"
     FIFO = "fifo"
@@ -13,7 +13,7 @@ class RealtimePolicy(StrEnum):
 
 
 class OverrunPolicy(StrEnum):
-    """What a paced loop does after a tick that took longer than its period."""
+    """The reaction of a paced loop to a tick that took longer than its period."""
 
     COUNT = "count"
     SKIP = "skip"
@@ -22,7 +22,7 @@ class OverrunPolicy(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RealtimeConfig:
-    """How a paced loop runs.
+    """The real-time settings of a paced loop.
 
     Attributes:
         policy: with which real-time policy.

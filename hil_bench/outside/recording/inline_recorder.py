@@ -22,7 +22,7 @@ class RecordingSink(RowSink, Protocol):
 
     @property
     def report(self) -> RecordingReport:
-        """What the recording holds so far."""
+        """Return the report of the recording so far."""
 
     def start(self) -> None:
         """Open the files."""
@@ -49,7 +49,7 @@ class InlineRecorder:
 
     @property
     def report(self) -> RecordingReport:
-        """What the recording holds so far."""
+        """Return the report of the recording so far."""
         return self._recorder.report
 
     def start(self) -> None:

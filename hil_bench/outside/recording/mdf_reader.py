@@ -30,7 +30,7 @@ _LINKS = {b"##HD": 1, b"##DG": 3, b"##CG": 2, b"##CN": 7, b"##HL": 1, b"##DL": 1
 
 
 class MdfContent(NamedTuple):
-    """What an MF4 file holds.
+    """The content of an MF4 file.
 
     Attributes:
         signals: the signals; without rows where there are none.
@@ -42,7 +42,7 @@ class MdfContent(NamedTuple):
 
 
 def read_mdf(path: Path) -> MdfContent:
-    """Return what an MF4 file holds.
+    """Read the content of an MF4 file.
 
     Raises:
         ConfigError: it cannot be read.
@@ -88,7 +88,7 @@ class _Reader:
         self._content = content
 
     def read(self) -> MdfContent:
-        """Return what it holds.
+        """Return the content of the file.
 
         Raises:
             ValueError: it is no file of ours.

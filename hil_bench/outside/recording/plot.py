@@ -180,7 +180,7 @@ def styled(draw: Callable[[], "Figure"], *, what: str = "a plot") -> "Figure":
 
 
 def has_axis(recording: Recording) -> bool:
-    """Return whether a recording has what `plot_result` draws."""
+    """Return True if a recording has what `plot_result` draws."""
     return bool(_axis_names(recording))
 
 

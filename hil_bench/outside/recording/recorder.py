@@ -93,7 +93,7 @@ class Recorder:
 
     @property
     def report(self) -> RecordingReport:
-        """What it holds so far."""
+        """Return the report of the recording so far."""
         return self._progress.report(self._problems)
 
     def append_row(self, row: bytes) -> None:

@@ -89,7 +89,7 @@ class RecorderProcess:
 
     @property
     def report(self) -> RecordingReport:
-        """What the recording holds so far."""
+        """Return the report of the recording so far."""
         return self._progress.report(self._problems, self._ring.lost)
 
     def __enter__(self) -> Self:

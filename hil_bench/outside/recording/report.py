@@ -16,7 +16,7 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """What one file of a recording holds.
+    """The content of one file of a recording, counted.
 
     Attributes:
         path: the file.
@@ -35,7 +35,7 @@ class FileReport:
 
 @dataclass(slots=True)
 class RecordingReport:
-    """What a recording holds.
+    """The content of a recording, counted.
 
     Attributes:
         files: each file.
@@ -64,7 +64,7 @@ class RecordingReport:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all is there that was to be recorded."""
+        """Return True if all is there that was to be recorded."""
         return not (self.lost or self.problems)
 
 

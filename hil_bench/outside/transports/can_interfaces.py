@@ -33,7 +33,7 @@ class CanInterface(NamedTuple):
 
 
 def has_socketcan() -> bool:
-    """Return whether this Python and this kernel have SocketCAN."""
+    """Return True if this Python and this kernel have SocketCAN."""
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except (AttributeError, OSError):
@@ -48,7 +48,7 @@ def can_interfaces() -> list[CanInterface]:
 
 
 def is_up(name: str) -> bool:
-    """Return whether an interface is there and switched on."""
+    """Return True if an interface is there and switched on."""
     return bool(_ask(name, _SIOCGIFFLAGS) & _IFF_UP)
 
 
@@ -82,7 +82,7 @@ def _ask(name: str, request: int) -> int:
 
 
 def _link_details(name: str) -> dict[str, Any]:
-    """Return what iproute2 says of the kind of a link; empty where it says nothing."""
+    """Return the details of a link from iproute2; empty where it gives no details."""
     program = shutil.which("ip")
     if program is None:
         return {}

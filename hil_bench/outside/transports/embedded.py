@@ -36,7 +36,7 @@ class WireEnd(Protocol):
     """Buses of copper, on which frames take time: `hil_bench.bench.wiring.Wiring`."""
 
     def takes(self, frame: Frame) -> bool:
-        """Return whether a frame is put here; others wait for the next tick."""
+        """Return True if a frame is put here; others wait for the next tick."""
 
     def put(self, frame: Frame, now: int) -> bool:
         """Have the user want to send a frame from now on [ns]; return whether it had room."""

@@ -89,11 +89,11 @@ class HostedBus:
 
     @property
     def clients(self) -> int:
-        """How many programs are on the bus."""
+        """Return the number of programs on the bus."""
         return sum(client.is_on_bus for client in self._clients)
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, at most `limit` frames, without waiting."""
+        """Return at most `limit` frames that have arrived, without waiting."""
         arrived = self._arrived
         if not arrived:
             self._serve(0.0)
@@ -121,7 +121,7 @@ class HostedBus:
         """Leave all frames through: the clients hear each other anyway."""
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far."""
+        """Return the counters so far."""
         return replace(self._counters)
 
     def close(self) -> None:
@@ -208,7 +208,7 @@ class _Client:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something waits to be sent to it."""
+        """Return True if something waits to be sent to it."""
         return bool(self._unsent)
 
     def read(self, *, is_full: bool) -> list[Frame]:

@@ -50,7 +50,7 @@ class HubProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return True if the process runs."""
         return self._child.alive
 
     def __enter__(self) -> Self:
@@ -66,7 +66,7 @@ class HubProcess:
         return HubTransport((self.host, self.port), channel, self._limits.owner)
 
     def ending(self) -> str | None:
-        """Return how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
         return self._child.ending()
 
     def restart(self) -> None:

@@ -55,13 +55,13 @@ class HubTransport:
 
     @property
     def has_exact_wait(self) -> bool:
-        """Whether `wait` ends on time to some 10 us."""
+        """Return True if `wait` ends on time to some 10 us."""
         link = self._link
         return os.name == "posix" and (link is None or has_exact_wait(link.socket))
 
     @property
     def is_down(self) -> bool:
-        """Whether the connection to the hub is lost."""
+        """Return True if the connection to the hub is lost."""
         return self._link is None and not self._is_closed
 
     def join(self) -> None:
@@ -82,7 +82,7 @@ class HubTransport:
             self._lose(self._link)
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, at most `limit` frames, without waiting."""
+        """Return at most `limit` frames that have arrived, without waiting."""
         link = self._link
         if link is None:
             return []
@@ -133,7 +133,7 @@ class HubTransport:
         """Leave all frames through: a hub has no filters."""
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far."""
+        """Return the counters so far."""
         return replace(self._counters, is_down=self.is_down)
 
     def close(self) -> None:
@@ -175,7 +175,7 @@ class _Link:
 
     @property
     def has_room(self) -> bool:
-        """Whether more may be sent."""
+        """Return True if more may be sent."""
         return len(self._unsent) < MAX_UNSENT
 
     def shake_hands(self, words: Sequence[str]) -> None:

@@ -40,7 +40,7 @@ class JoinedTransport:
         self._first = 0
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, at most `limit` frames; each bus may take an equal share.
+        """Return at most `limit` frames that have arrived; each bus may take an equal share.
 
         What one bus leaves of its share is for those after it; another one begins each time.
         """
@@ -82,7 +82,7 @@ class JoinedTransport:
             transport.listen_to(identifiers)
 
     def counters(self) -> TransportCounters:
-        """Return what passed all buses so far; one that is down counts as down."""
+        """Return the counters of all buses together; one that is down counts as down."""
         parts = [transport.counters() for transport in self.transports]
         totals = {
             item.name: sum(map(attrgetter(item.name), parts)) for item in fields(TransportCounters)

@@ -103,12 +103,12 @@ def loss_words(losses: Mapping[str, int]) -> list[str]:
 
 
 def is_closed_by_peer(own: socket.socket) -> bool:
-    """Return whether the other side of a connection has closed it, and all it sent was read."""
+    """Return True if the other side of a connection has closed it, and all it sent was read."""
     return bool(select.select([own], [], [], 0.0)[0]) and not own.recv(1, socket.MSG_PEEK)
 
 
 def dropped_by_kernel(own: socket.socket) -> int:
-    """Return how many messages the kernel dropped before this socket; 0 where it does not say."""
+    """Count the messages that the kernel dropped before this socket; 0 where it does not say."""
     try:
         counts = own.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size)
     except OSError:

@@ -59,7 +59,7 @@ class PythonCanTransport:
         self._counters = TransportCounters()
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, reading at most `limit` messages, without waiting."""
+        """Return the frames in at most `limit` messages that have arrived, without waiting."""
         frames: list[Frame] = []
         for _ in range(limit):
             message, self._waiting = self._waiting or self._read(0), None
@@ -116,7 +116,7 @@ class PythonCanTransport:
         """Leave the filters open: python-can filters most buses in Python, which saves nothing."""
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far; python-can tells nothing of losses in the kernel."""
+        """Return the counters so far; python-can does not report losses in the kernel."""
         return replace(self._counters)
 
     def close(self) -> None:

@@ -64,7 +64,7 @@ _TRY_LATER = frozenset({errno.EAGAIN, errno.EWOULDBLOCK, errno.ENOBUFS})
 
 
 class RawCanBus(Protocol):
-    """What is used of python-can's `SocketcanBus`."""
+    """The part of python-can's `SocketcanBus` that the bench uses."""
 
     socket: socket.socket
 
@@ -153,7 +153,7 @@ class SocketCanTransport:
 
     @property
     def has_exact_wait(self) -> bool:
-        """Whether the socket is one that `select` takes."""
+        """Return True if the socket is one that `select` takes."""
         return has_exact_wait(self._socket)
 
     def fileno(self) -> int:
@@ -161,7 +161,7 @@ class SocketCanTransport:
         return self._socket.fileno()
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, reading at most `limit` frames, without waiting.
+        """Return the frames that have arrived, reading at most `limit`, without waiting.
 
         While the interface is down, nothing arrives.
         """
@@ -232,7 +232,7 @@ class SocketCanTransport:
             raise BusError(self._lost(error)) from error
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far."""
+        """Return the counters so far."""
         return replace(self._counters)
 
     def close(self) -> None:

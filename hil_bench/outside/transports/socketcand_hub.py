@@ -149,7 +149,7 @@ class Hub:
 
     @property
     def is_full(self) -> bool:
-        """Whether no more clients can be in the raw mode."""
+        """Return True if no more clients can be in the raw mode."""
         return sum(map(len, self._buses.values())) >= self._seats
 
     def bus(self, channel: str) -> "list[_Client] | None":

@@ -55,7 +55,7 @@ def parse_send(command: bytes) -> Frame | None:
 
 
 def is_remote_request(command: bytes) -> bool:
-    """Return whether a "send" command is how python-can writes a remote frame: without its bytes.
+    """Return True if a "send" command is how python-can writes a remote frame: without its bytes.
 
     The protocol has no remote frames. One of length 0 looks like a data frame.
     """

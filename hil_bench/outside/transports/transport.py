@@ -1,4 +1,4 @@
-"""What the bench needs from a bus."""
+"""The interface of a bus to the bench."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from hil_bench.errors import BusError
 
 @dataclass(slots=True)
 class TransportCounters:
-    """What passed a transport since it was opened, in frames.
+    """Counts of frames that passed a transport since it was opened.
 
     Attributes:
         received: handed to the bench.
@@ -43,10 +43,10 @@ class Transport(Protocol):
 
     @property
     def has_exact_wait(self) -> bool:
-        """Whether `wait` ends on time to some 10 us, so that a paced loop may sleep in it."""
+        """Return True if `wait` ends on time to some 10 us: a paced loop may sleep in it."""
 
     def receive(self, limit: int) -> list[Frame]:
-        """Return what has arrived, in order, at most `limit` frames; the rest waits.
+        """Return at most `limit` frames that have arrived, in order; the rest waits.
 
         Raises:
             BusError: the bus is lost.
@@ -80,7 +80,7 @@ class Transport(Protocol):
         """
 
     def counters(self) -> TransportCounters:
-        """Return what passed so far."""
+        """Return the counters so far."""
 
     def close(self) -> None:
         """Release the bus; a second call does nothing."""

@@ -7,7 +7,7 @@ _FD_SETSIZE = 1024  # of sys/select.h
 
 
 def has_exact_wait(connection: socket.socket) -> bool:
-    """Return whether `select` takes the socket: it waits to the microsecond, `poll` to the ms."""
+    """Return True if `select` takes the socket: it waits to the microsecond, `poll` to the ms."""
     return connection.fileno() < _FD_SETSIZE
 
 

@@ -21,7 +21,7 @@ class Arbitration:
         self._entered = 0
 
     def __bool__(self) -> bool:
-        """Whether a frame may wait."""
+        """Return True if a frame may wait."""
         return bool(self._heads)
 
     def enter(self, station: Station) -> None:

@@ -136,7 +136,7 @@ class Station:
 
     @property
     def is_passive(self) -> bool:
-        """Whether one of its counters is at 128 or above."""
+        """Return True if one of its counters is at 128 or above."""
         return self.tec >= PASSIVE_FROM or self.rec >= PASSIVE_FROM
 
     @property

@@ -164,7 +164,7 @@ class Wire:
         return None
 
     def can_step(self, until: int) -> bool:
-        """Return whether something happens by a time [ns]."""
+        """Return True if something happens by a time [ns]."""
         return self.due < until or (self.due == until and self._going is not None)
 
     def step(self) -> Passage | None:

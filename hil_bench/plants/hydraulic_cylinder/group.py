@@ -109,7 +109,7 @@ class SideBySide:
 
 
 def is_plain(cylinder: Plant) -> TypeGuard[FullOrderCylinder]:
-    """Return whether a plant is a cylinder that can move side by side with others."""
+    """Return True if a plant is a cylinder that can move side by side with others."""
     return isinstance(cylinder, FullOrderCylinder) and not cylinder.is_extended
 
 

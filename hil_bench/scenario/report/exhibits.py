@@ -29,7 +29,7 @@ def moments_of(judgement: Judgement) -> dict[str, float]:
 
 
 def is_near(now: int, moments: Iterable[float]) -> bool:
-    """Return whether a frame at a time [ns] says something on one of some instants [s]."""
+    """Return True if a frame at a time [ns] says something on one of some instants [s]."""
     return any(-_KNOWN <= now - round(moment * 1e9) <= _AFTER for moment in moments)
 
 

@@ -106,7 +106,7 @@ class _Connection(asyncio.BufferedProtocol):
 
     @property
     def was_asked(self) -> bool:
-        """Whether a request ever came."""
+        """Return True if a request ever came."""
         return self._session.requests > 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

@@ -92,7 +92,7 @@ class Request:
 
     @property
     def is_read(self) -> bool:
-        """Whether it reads."""
+        """Return True if it reads."""
         return self.function in _READS
 
 
@@ -186,7 +186,7 @@ def _identification_objects(identification: DeviceIdentification) -> dict[int, b
 
 
 def _is_well_formed(pdu: bytes) -> bool:
-    """Whether length, count and byte count of a PDU are as its function says."""
+    """Return True if length, count and byte count of a PDU are as its function says."""
     function = pdu[0]
     if function in _SINGLE_WRITES:
         return len(pdu) == 5
@@ -201,7 +201,7 @@ def _is_well_formed(pdu: bytes) -> bool:
 
 
 def _is_list(pdu: bytes, end: int) -> bool:
-    """Whether a count that ends at `end`, a byte count and the values behind it fit together."""
+    """Return True if a count that ends at `end`, a byte count and the values after it agree."""
     if len(pdu) <= end or len(pdu) != end + 1 + pdu[end]:
         return False
     count = int.from_bytes(pdu[end - 2 : end], "big")

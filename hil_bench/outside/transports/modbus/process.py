@@ -86,7 +86,7 @@ class ModbusProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Return True if the process runs."""
         return self._child.alive
 
     @property
@@ -95,7 +95,7 @@ class ModbusProcess:
         return self._child.pid
 
     def ending(self) -> str | None:
-        """Return how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
+        """Describe how the process ended, as in "was killed (SIGKILL)"; None while it runs."""
         return self._child.ending()
 
     def __enter__(self) -> Self:

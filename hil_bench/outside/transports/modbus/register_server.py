@@ -128,7 +128,7 @@ class RegisterServer:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a write waits for the loop, so that `poll` has something to look for."""
+        """Return True if a write waits for the loop, so that `poll` has something to look for."""
         return bool(self._posted or self._queued)
 
     def handle(

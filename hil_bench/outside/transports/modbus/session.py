@@ -74,12 +74,12 @@ class ModbusSession:
 
     @property
     def is_full(self) -> bool:
-        """Whether no more should be received now."""
+        """Return True if no more should be received now."""
         return len(self._buffer) >= BACKLOG
 
     @property
     def is_idle(self) -> bool:
-        """Whether every whole request has its response."""
+        """Return True if every whole request has its response."""
         return self._unanswered is None and self._response is None
 
     def receive(self, data: bytes | bytearray | memoryview) -> None:

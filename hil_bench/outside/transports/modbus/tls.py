@@ -79,7 +79,7 @@ async def secure(
 
 
 def may_write(connection: ssl.SSLObject, writer_role: str) -> bool:
-    """Return whether the client's certificate gives it the role that may write."""
+    """Return True if the client's certificate gives it the role that may write."""
     certificate = connection.getpeercert(binary_form=True)
     return certificate is not None and role_of(certificate) == writer_role
 

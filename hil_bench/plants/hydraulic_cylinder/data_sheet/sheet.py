@@ -49,7 +49,7 @@ class Sheet:
         self._problems = problems
 
     def has(self, *names: str) -> bool:
-        """Return whether somebody has given each of these keys."""
+        """Return True if somebody has given each of these keys."""
         return all(
             self.settings[name].origin is not Origin.DEFAULT
             and self.settings[name].value is not None

@@ -62,7 +62,7 @@ class Defects:
 
     @property
     def needs_extension(self) -> bool:
-        """Whether the paper's equations cannot hold them."""
+        """Return True if the paper's equations cannot hold them."""
         amounts = (self.leakage_a, self.leakage_b, self.entrained_air, self.null_opening)
         return any(amounts)
 

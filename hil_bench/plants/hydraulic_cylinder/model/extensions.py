@@ -214,7 +214,7 @@ class MeteringLands:
 
     @property
     def are_apart(self) -> bool:
-        """Whether both edges of a port may pass oil at once."""
+        """Return True if both edges of a port may pass oil at once."""
         return bool(self.null_opening) or any(overlap is not None for overlap in self.overlaps)
 
     @property

@@ -45,7 +45,7 @@ class Line:
 
     @property
     def volume(self) -> float:
-        """What it holds [m³]."""
+        """Return the volume of the line [m³]."""
         return self.area * self.length
 
     @property

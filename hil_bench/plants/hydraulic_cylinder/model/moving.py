@@ -17,7 +17,7 @@ Move = Callable[[float, float, int], Seen]
 
 
 def is_machine_code() -> bool:
-    """Return whether stepping kernels run as machine code, made by Numba now or before."""
+    """Return True if stepping kernels run as machine code, made by Numba now or before."""
     return IS_COMPILED or find_machine_code().bind is not None
 
 

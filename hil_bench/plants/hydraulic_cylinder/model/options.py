@@ -156,7 +156,7 @@ class PlantOptions:
 
     @property
     def is_extended(self) -> bool:
-        """Whether anything is on that the paper's equations do not have."""
+        """Return True if anything is on that the paper's equations do not have."""
         extensions = (self.air, self.bristles, self.lands, self.supply)
         return bool(self.C_LA or self.C_LB or self.loads or self.has_edges) or any(
             extension is not None for extension in extensions
@@ -164,7 +164,7 @@ class PlantOptions:
 
     @property
     def has_edges(self) -> bool:
-        """Whether each of the four edges of the valve is stepped for itself."""
+        """Return True if each of the four edges of the valve is stepped for itself."""
         components = (self.compensator_margin, self.cushion_a, self.cushion_b)
         are_apart = self.lands is not None and self.lands.are_apart
         return (
@@ -176,13 +176,13 @@ class PlantOptions:
 
     @property
     def has_moving_components(self) -> bool:
-        """Whether there are valves or pumps with states of their own."""
+        """Return True if there are valves or pumps with states of their own."""
         is_variable = self.supply is not None and self.supply.variable is not None
         return is_variable or self.counterbalance is not None
 
     @property
     def has_lines(self) -> bool:
-        """Whether waves run between valve and cylinder."""
+        """Return True if waves run between valve and cylinder."""
         return self.line_a is not None or self.line_b is not None
 
     @property

@@ -201,7 +201,7 @@ def step_runge_kutta(
 
 @kernel
 def changes_phase(before: States, after: States) -> bool:
-    """Return whether a cavity opens or closes between two states."""
+    """Return True if a cavity opens or closes between two states."""
     return (before[6] > 0.0) != (after[6] > 0.0) or (before[7] > 0.0) != (after[7] > 0.0)
 
 

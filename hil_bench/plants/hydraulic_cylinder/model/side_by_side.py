@@ -99,7 +99,7 @@ def _move_lane(block: Floats, lane: int) -> tuple[Cylinder, int]:
 
 @kernel
 def are_within(commands: Floats, count: int) -> bool:
-    """Return whether all set-points and loads are such that the plant takes them as they are."""
+    """Return True if all set-points and loads are such that the plant takes them as they are."""
     for plant in range(count):
         u, F_L = commands[plant], commands[count + plant]
         if not (abs(u) <= SPOOL_SETPOINT_LIMIT and abs(F_L) <= LOAD_LIMIT):

@@ -31,7 +31,7 @@ class PlantState(NamedTuple):
 
 
 class PlantInput(NamedTuple):
-    """What acts on the plant during a step.
+    """The inputs of the plant during a step.
 
     Attributes:
         u: spool set-point [m].
@@ -43,7 +43,7 @@ class PlantInput(NamedTuple):
 
 
 class PlantOutput(NamedTuple):
-    """What can be seen of the plant.
+    """The visible outputs of the plant.
 
     Attributes:
         x: piston position from mid-stroke [m].

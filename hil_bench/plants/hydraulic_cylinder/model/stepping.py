@@ -25,7 +25,7 @@ LOAD_LIMIT = 1e9
 
 
 class Solver(StrEnum):
-    """How the plant's equations are integrated over one step."""
+    """The method that integrates the plant's equations over one step."""
 
     FORWARD_EULER = "forward-euler"
     LINEARLY_IMPLICIT_MIDPOINT = "linearly-implicit-midpoint"

@@ -46,6 +46,7 @@ from mutation_tests import is_kernel, measure, tests_of_line
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "build" / "mutation.jsonl"
 LONGEST = 600  # s of processor time for the tests of a module
+LONGEST_OF_LINE = 60  # s of processor time for the tests of a line
 LEAST_TIME = 20  # s of processor time for a mutant, whose tests take less without it
 TIMES_AS_LONG = 5
 MEMORY = 2 << 30  # bytes
@@ -198,7 +199,7 @@ def check_map(area: str) -> None:
 def judge(area: str, options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """Yield the result of each mutant in the sample of an area."""
     known = known_results(options.results)
-    limits: dict[tuple[Path, tuple[str, ...]], int] = {}
+    limits: dict[Path, int] = {}
     if area in PACKAGES:
         check_map(area)
     for path, number in draw(area, options.sample, options.seed):
@@ -208,11 +209,12 @@ def judge(area: str, options: argparse.Namespace) -> Iterator[dict[str, object]]
         if result is None or (options.again and result["verdict"] == "survived"):
             mutant = mutant_of(path, number)
             files = tests_of(area, path, mutant.line)
-            if files and (path, files) not in limits:
-                limits[path, files] = time_limit(files, path)
-            verdict, used = "survived", 0.0
+            if path not in limits:
+                is_mapped = area in PACKAGES  # so its tests have passed
+                limits[path] = LONGEST_OF_LINE if is_mapped else time_limit(files, path)
+            verdict, used = "survived", 0.0  # where no test runs any of the module
             if files:
-                verdict, used = in_fork(files, path, mutant.tree, limits[path, files])
+                verdict, used = in_fork(files, path, mutant.tree, limits[path])
             where = f"{path.relative_to(ROOT)}:{mutant.line}"
             result = {"key": key, "where": where, "what": mutant.what, "verdict": verdict}
             result["seconds"] = round(used, 2)

@@ -5,7 +5,7 @@ their own, for which they run as Python.
 """
 
 import os
-import random
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from coverage import CoverageData
 from mutation_areas import KERNELS
 
 ROOT: Final = Path(__file__).resolve().parent.parent
-MOST: Final = 150  # tests of a mutant; of more, a random sample
+MOST: Final = 80  # tests of a mutant; those first whose file has most for its module
 FAST: Final = ("-m", "not slow and not browser", "tests/unit", "tests/transcripts")
 SLOWER: Final = ("-m", "not long", "tests/unit/eyes")
 """Nearly all logs that the eyes explain take more than 0.1 s to make."""
@@ -100,13 +100,10 @@ def _lines(file: Path, module: str) -> dict[int, list[str]]:
 def tests_of_line(path: Path, line: int) -> tuple[str, ...]:
     """Return the tests that run a line; for one that only an import runs, those of its module."""
     lines = _lines(map_file(path), str(path.relative_to(ROOT)))
-    found = _functions(lines.get(line, []))
-    if not found:
-        found = _functions(name for names in lines.values() for name in names)
-    if len(found) > MOST:
-        chosen = random.Random(f"{path.name} {line}")  # noqa: S311 - a sample, no secret
-        found = sorted(chosen.sample(found, MOST))
-    return tuple(found)
+    all_of_module = _functions(name for names in lines.values() for name in names)
+    found = _functions(lines.get(line, [])) or all_of_module
+    files = Counter(name.partition("::")[0] for name in all_of_module)
+    return tuple(sorted(found, key=lambda name: (-files[name.partition("::")[0]], name))[:MOST])
 
 
 def _functions(contexts: Iterable[str]) -> list[str]:

@@ -82,6 +82,7 @@ def test_what_a_browser_asks_while_it_is_stalled_counts_for_what_it_may_lose():
         browser.is_free.clear()
         viewer.tell(b"x" * MOST_UNREAD)
         viewer.offer(LINE)  # exactly full: this still goes
+        assert viewer.lost == 0
         await settle()
         viewer.offer(LINE)
         assert viewer.lost == 1

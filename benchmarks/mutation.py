@@ -188,8 +188,11 @@ def check_map(area: str) -> None:
     """Measure which tests run which lines of a package, unless it is known."""
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist"]
 
-    def run(options: Sequence[str]) -> None:
-        if subprocess.run([*command, *options], check=False).returncode:  # noqa: S603 - our tests
+    def run(options: Sequence[str], environment: dict[str, str]) -> None:
+        done = subprocess.run(  # noqa: S603 - our own tests
+            [*command, *options], check=False, env=os.environ | environment
+        )
+        if done.returncode:
             sys.exit("tests fail as they are, so they cannot judge mutants")
 
     for name in AREAS[area]:

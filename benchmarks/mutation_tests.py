@@ -4,7 +4,6 @@ The map is measured once, by pytest-cov, and kept in ``build``. The plant's kern
 their own, for which they run as Python.
 """
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -16,7 +15,8 @@ from coverage import CoverageData
 from mutation_areas import KERNELS
 
 ROOT: Final = Path(__file__).resolve().parent.parent
-MOST: Final = 80  # tests of a mutant; those first whose file has most for its module
+SLOW: Final = ROOT / "tests" / "slow_tests.txt"
+MOST: Final = 40  # tests of a mutant; those first whose file has most for its module
 FAST: Final = ("-m", "not slow and not browser", "tests/unit", "tests/transcripts")
 SLOWER: Final = ("-m", "not long", "tests/unit/eyes")
 """Nearly all logs that the eyes explain take more than 0.1 s to make."""
@@ -66,12 +66,12 @@ def map_file(path: Path) -> Path:
     return ROOT / "build" / f"mutation-{'python' if is_kernel(path) else 'fast'}.coverage"
 
 
-def measure(path: Path, run: Callable[[Sequence[str]], None]) -> None:
+def measure(path: Path, run: Callable[[Sequence[str], dict[str, str]], None]) -> None:
     """Measure the map that a module is in, unless it is there.
 
     Args:
         path: of the module.
-        run: calls pytest in a process of its own.
+        run: calls pytest in a process of its own, with options and environment.
     """
     file = map_file(path)
     if file.exists():
@@ -80,13 +80,12 @@ def measure(path: Path, run: Callable[[Sequence[str]], None]) -> None:
     settings.write_text(SETTINGS, encoding="utf-8")
     part = file.with_suffix(".part")
     options = ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
-    os.environ["COVERAGE_FILE"] = str(part)
-    os.environ["NUMBA_DISABLE_JIT"] = "1" if is_kernel(path) else "0"
+    environment = {"COVERAGE_FILE": str(part), "NUMBA_DISABLE_JIT": str(int(is_kernel(path)))}
     if is_kernel(path):
-        run([*options, "-m", "not slow", *AS_PYTHON])
+        run([*options, "-m", "not slow", *AS_PYTHON], environment)
     else:
-        run([*options, *FAST])
-        run([*options, "--cov-append", *SLOWER])
+        run([*options, *FAST], environment)
+        run([*options, "--cov-append", *SLOWER], environment)
     part.rename(file)
 
 
@@ -103,7 +102,12 @@ def tests_of_line(path: Path, line: int) -> tuple[str, ...]:
     all_of_module = _functions(name for names in lines.values() for name in names)
     found = _functions(lines.get(line, [])) or all_of_module
     files = Counter(name.partition("::")[0] for name in all_of_module)
-    return tuple(sorted(found, key=lambda name: (-files[name.partition("::")[0]], name))[:MOST])
+    slow = set(SLOW.read_text(encoding="utf-8").split())
+
+    def rank(name: str) -> tuple[bool, int, str]:
+        return name in slow, -files[name.partition("::")[0]], name
+
+    return tuple(sorted(found, key=rank)[:MOST])
 
 
 def _functions(contexts: Iterable[str]) -> list[str]:

@@ -90,6 +90,21 @@ def test_a_node_that_obeys_late_has_obeyed(last, causes):
     assert [each.cause for each in found] == causes
 
 
+@pytest.mark.parametrize(("boots", "more"), [([0, 500], ""), ([0, 500, 900], ", and 1 times more")])
+def test_restarts_are_counted(boots, more):
+    (finding,) = findings_of(*((time, Frame(0x702, b"\0")) for time in boots))
+    assert finding.text.startswith(f"node 2 restarts by itself at 0.500 s{more}: its supply")
+
+
+@pytest.mark.parametrize(("waited", "causes"), [(1601, [Cause.NOT_STARTED]), (1600, [])])
+def test_a_node_is_forgotten_a_second_after_its_last_boot_up(waited, causes):
+    boots = [(0, Frame(0x702, b"\0")), (10, Frame(0x703, b"\0")), (600, Frame(0x702, b"\0"))]
+    boots.append((500, Frame(0x000, b"\x81\x02")))
+    started = [(11, Frame(0x000, b"\x01\x03")), (12, Frame(0x703, b"\x05"))]
+    found = findings_of(*boots, *started, (waited, Frame(0x703, b"\x05")))
+    assert [each.cause for each in found] == causes
+
+
 def syncs(times, counters=None):
     return [
         (time, Frame(0x080, bytes([counter]) if counters else b""))

@@ -20,6 +20,7 @@ PARTS: Final = frozenset(
         "master",
         "mutants",
         "mutation_areas",
+        "mutation_tests",
         "occasion",
         "peers",
         "responders",

@@ -1,8 +1,9 @@
-"""Mutation scores: how many small faults in the protocols do the tests beside the code notice?
+"""Mutation scores: how many small faults in a package do its fast tests notice?
 
 ``python benchmarks/mutation.py [AREA ...] [--sample N] [--seed S]`` draws mutants of each area at
 random, runs the area's tests on each up to the first that fails, and prints a table. Results are
 kept in ``--results``, so a run goes on where the last one ended; ``--again`` repeats what survived.
+An area is a package, whose tests are those that run the mutated line, or smaller with a list.
 
 Each mutant is a fork of a process that has imported pytest and the libraries. Nothing on disk
 changes: the import system hands the mutated module out. Processes that a test starts itself
@@ -23,6 +24,7 @@ import random
 import resource
 import select
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -38,11 +40,13 @@ import pytest
 
 import occasion
 from mutants import Mutant, mutants
-from mutation_areas import AREAS, TESTS
+from mutation_areas import AREAS, PACKAGES, TESTS
+from mutation_tests import is_kernel, measure, tests_of_line
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "build" / "mutation.jsonl"
 LONGEST = 600  # s of processor time for the tests of a module
+LONGEST_OF_LINE = 60  # s of processor time for the tests of a line
 LEAST_TIME = 20  # s of processor time for a mutant, whose tests take less without it
 TIMES_AS_LONG = 5
 MEMORY = 2 << 30  # bytes
@@ -103,6 +107,8 @@ def in_fork(files: Sequence[str], path: Path, tree: ast.Module, limit: int) -> t
         os.setsid()
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
         resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+        if is_kernel(path):
+            os.environ["NUMBA_DISABLE_JIT"] = "1"
         null = os.open(os.devnull, os.O_RDWR)
         for stream in range(3):
             os.dup2(null, stream)
@@ -146,8 +152,10 @@ def mutant_of(path: Path, number: int) -> Mutant:
     return next(itertools.islice(mutants(path.read_text(encoding="utf-8")), number, None))
 
 
-def tests_of(area: str, path: Path) -> tuple[str, ...]:
-    """Return the test files of a module, or else those of its area."""
+def tests_of(area: str, path: Path, line: int) -> tuple[str, ...]:
+    """Return the tests of a line of a package, or the test files of a module or of its area."""
+    if area in PACKAGES:
+        return tests_of_line(path, line)
     return tuple(TESTS.get(str(path.relative_to(ROOT))) or TESTS[area])
 
 
@@ -176,20 +184,40 @@ def time_limit(files: Sequence[str], path: Path) -> int:
     return max(LEAST_TIME, round(TIMES_AS_LONG * used))
 
 
+def check_map(area: str) -> None:
+    """Measure which tests run which lines of a package, unless it is known."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist"]
+
+    def run(options: Sequence[str], environment: dict[str, str]) -> None:
+        done = subprocess.run(  # noqa: S603 - our own tests
+            [*command, *options], check=False, env=os.environ | environment
+        )
+        if done.returncode:
+            sys.exit("tests fail as they are, so they cannot judge mutants")
+
+    for name in AREAS[area]:
+        measure(ROOT / name, run)
+
+
 def judge(area: str, options: argparse.Namespace) -> Iterator[dict[str, object]]:
     """Yield the result of each mutant in the sample of an area."""
     known = known_results(options.results)
     limits: dict[Path, int] = {}
+    if area in PACKAGES:
+        check_map(area)
     for path, number in draw(area, options.sample, options.seed):
         digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
-        key = f"{path.relative_to(ROOT)} {digest} {number}"
+        key = f"{area}: {path.relative_to(ROOT)} {digest} {number}"
         result = known.get(key)
         if result is None or (options.again and result["verdict"] == "survived"):
-            files = tests_of(area, path)
-            if path not in limits:
-                limits[path] = time_limit(files, path)
             mutant = mutant_of(path, number)
-            verdict, used = in_fork(files, path, mutant.tree, limits[path])
+            files = tests_of(area, path, mutant.line)
+            if path not in limits:
+                is_mapped = area in PACKAGES  # so its tests have passed
+                limits[path] = LONGEST_OF_LINE if is_mapped else time_limit(files, path)
+            verdict, used = "survived", 0.0  # where no test runs any of the module
+            if files:
+                verdict, used = in_fork(files, path, mutant.tree, limits[path])
             where = f"{path.relative_to(ROOT)}:{mutant.line}"
             result = {"key": key, "where": where, "what": mutant.what, "verdict": verdict}
             result["seconds"] = round(used, 2)

@@ -1,6 +1,9 @@
 """The areas that ``benchmarks/mutation.py`` mutates, and the tests that must notice."""
 
+from pathlib import Path
 from typing import Final
+
+_ROOT: Final = Path(__file__).resolve().parent.parent
 
 
 def _files(folder: str, names: str, prefix: str = "") -> list[str]:
@@ -12,6 +15,18 @@ def _tests(folder: str, names: str) -> list[str]:
     """Return the paths of test files beside the code."""
     return _files(f"tests/unit/{folder}".rstrip("/"), names, "test_")
 
+
+PACKAGES: Final = {
+    folder.name: sorted(
+        str(path.relative_to(_ROOT)) for path in folder.rglob("*.py") if path.stat().st_size
+    )
+    for folder in (*sorted((_ROOT / "hil_bench").iterdir()), _ROOT / "drivers")
+    if (folder / "__init__.py").exists() or folder.name == "drivers"
+}
+"""All modules of each package. Its tests are those that run the changed line."""
+
+KERNELS: Final = "hil_bench/plants/hydraulic_cylinder/model/"
+"""Modules whose tests run with `NUMBA_DISABLE_JIT=1`: what Numba has cached has no mutant in it."""
 
 _DIALOGUES: Final = ["tests/transcripts/test_transcripts.py"]
 _REFEREE: Final = ["tests/referee/test_referee.py"]
@@ -48,6 +63,7 @@ AREAS: Final = {
             "hil_bench/outside/transports/modbus", "framing pdu register_server session connections"
         ),
     ],
+    **PACKAGES,
 }
 """Modules of each area."""
 

@@ -104,6 +104,18 @@ def pdo_that_does_not_follow_sync():
     return played(play), bench_nodes()
 
 
+@BROKEN.of(Cause.PDO_MISSING, "pressure_a")
+def pdo_that_does_not_follow_every_fourth_sync():
+    """Of type 4, it is lost for 20 SYNCs."""
+
+    def play(rig):
+        every_fourth_sync(rig)
+        with rig.faults.lose("pressure_a", can_id=0x182):
+            rig.move(0.2, sync=CYCLE)
+
+    return played(play), bench_nodes()
+
+
 @BROKEN.of(Cause.ABSENT_PRODUCER, "valve")
 def heartbeat_consumer_of_nobody():
     """The valve watches node 9, which does not exist."""
@@ -202,3 +214,11 @@ def node_that_babbles():
             rig.move(0.5)
 
     return played(play), bench_nodes()
+
+
+def every_fourth_sync(rig):
+    """Set pressure_a to a TPDO of type 4 and the rest to type 1, and move."""
+    rig.set_up(transmission_type=1, event_timer=0.0)
+    rig.set_up(rig.pressure_a, transmission_type=4, event_timer=0.0)
+    rig.valve.enable()
+    rig.move(0.3, sync=CYCLE)

@@ -1,5 +1,6 @@
 """Logs in which nothing is wrong."""
 
+from support.broken_messages import every_fourth_sync
 from support.broken_protection import protected_bench
 from support.bus_logs import played
 from support.log_cases import Make, bench_nodes, started
@@ -30,6 +31,12 @@ def motion_with_pdos_on_event():
 def motion_with_sync():
     """The same with SYNC every 10 ms and TPDOs of type 1."""
     return played(lambda rig: rig.start(transmission_type=1, event_timer=0.0)), bench_nodes()
+
+
+@sound
+def pdo_that_follows_every_fourth_sync():
+    """TPDO1 of pressure_a is of type 4."""
+    return played(every_fourth_sync), bench_nodes()
 
 
 @sound

@@ -166,6 +166,28 @@ def test_an_unsigned_configuration_is_an_emcy_and_a_signed_one_works(sender):
     assert len(sender.sent(PLAIN, INVERTED)) == 4
 
 
+def test_both_frames_of_a_pair_carry_the_same_objects(sender):
+    sender.write(0x1381, 2, 0x20010008, 4)
+    sender.write(0x13FF, 1, signature(sender.od, 1), 2)
+    sender.write(0x13FE, 0, 0xA5, 1)
+    sender.nmt(START)
+    assert sender.emcy() == [CONFIGURATION]
+    sender.tick(SCT)
+    assert sender.sent(PLAIN, INVERTED) == []
+
+
+def test_a_sender_a_whole_cycle_late_sends_one_pair_and_waits(sender):
+    sender.nmt(START)
+    sender.sent()
+    sender.now += (2 * SCT - 2) * MS  # the next pair was due SCT after the start, two ticks ago
+    sender.tick()
+    assert len(sender.sent(PLAIN, INVERTED)) == 2
+    sender.tick(SCT - 1)
+    assert sender.sent(PLAIN, INVERTED) == []
+    sender.tick()
+    assert len(sender.sent(PLAIN, INVERTED)) == 2
+
+
 def test_a_wrong_signature_is_not_valid(sender):
     sender.write(0x13FF, 1, signature(sender.od, 1) ^ 1, 2)
     sender.nmt(START)

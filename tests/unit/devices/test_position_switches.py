@@ -80,6 +80,15 @@ def test_hysteresis_holds_an_active_cam(rig):
     assert [cams(rig, steps) for steps in (-5, 0, -10, -11, -5)] == [0, 1, 1, 0, 0]
 
 
+def test_each_cam_remembers_for_itself_that_it_was_active(rig):
+    set_cam(rig, 1, 0, 100, hysteresis=10)
+    set_cam(rig, 2, 300, 400, hysteresis=20)
+    assert rig.write(0x6301, 1, 0b11, 1) is None
+    # Cam 1, its hysteresis, that of cam 2, which was not active, cam 2, its hysteresis, that of 1.
+    path = (100, 110, 415, 400, 415, 105)
+    assert [cams(rig, steps) for steps in path] == [0b01, 0b01, 0, 0b10, 0b10, 0]
+
+
 def test_a_cam_enabled_again_has_not_been_active(rig):
     set_cam(rig, 1, 0, 100, hysteresis=10)
     assert rig.write(0x6301, 1, 1, 1) is None

@@ -102,6 +102,31 @@ def test_nothing_is_integrated_while_the_flow_has_the_spool(make_valve):
     assert demand(valve, 1638) == 0
 
 
+@pytest.mark.parametrize("sense", [1, -1])
+def test_it_leaves_a_limit_as_soon_as_the_pressure_is_too_high(make_valve, sense):
+    """0.1 of deviation moves the integral by 1 in 1 s: 0.4 up, then down from beyond the flow."""
+    valve = make_valve(PRESSURE_AND_FLOW, sense, integral_ms=100)
+    measure(valve, 0.5)
+    demand(valve, sense * 16384)
+    measure(valve, 0.4)
+    valve.tick(400)
+    measure(valve, 0.6)
+    assert demand(valve, sense * 3277) == sense * 3277  # asks for 0.3, the flow is 0.2
+    valve.tick(300)
+    assert valve.value(0x6310, 1) == pytest.approx(0, abs=0.005 * 16384)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_nothing_is_integrated_beyond_the_end_of_the_spool(make_valve, sense):
+    """At a deviation of -0.4 the spool ends when the integral is -0.6; there it stays."""
+    valve = make_valve(PRESSURE, sense, integral_ms=100)
+    measure(valve, 0.9)
+    demand(valve, 0)
+    valve.tick(1000)
+    measure(valve, 0.5)
+    assert demand(valve, 0) == pytest.approx(-0.6 * sense * 16384, abs=0.01 * 16384)
+
+
 def test_hold_has_the_spool_and_forgets_the_integral(make_valve):
     valve = make_valve(PRESSURE, integral_ms=100)
     set_up(valve, x6314=1000)

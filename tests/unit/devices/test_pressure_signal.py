@@ -293,6 +293,13 @@ def test_each_limit_counts_when_it_is_passed(quiet):
     assert [sends(quiet, bar) for bar in bars] == [0, 1, 0, 0, 1, 0, 1, 0, 0]
 
 
+def test_delta_and_limits_share_an_event(quiet):
+    set_real(quiet, x6133=10.0, x6134=50.0, x6135=150.0)
+    # From 100: delta; both; neither; delta from 151; delta; limit; 5 from there, not 11 from 145.
+    bars = (111.0, 151.0, 155.0, 162.0, 145.0, 151.0, 156.0, 162.0)
+    assert [sends(quiet, bar) for bar in bars] == [1, 1, 0, 1, 1, 1, 0, 1]
+
+
 def test_limits_the_wrong_way_round_are_off(quiet):
     set_real(quiet, x6134=150.0, x6135=50.0)
     assert [sends(quiet, bar) for bar in (100.0, 200.0, 10.0)] == [0, 0, 0]

@@ -59,6 +59,83 @@ def test_a_pdo_is_judged_by_the_event_timer_that_it_has():
     assert finding.cause is Cause.PDO_MISSING
 
 
+def findings_of(*frames, end=0, known=()):
+    """Explain frames of given times [ms], and a heartbeat of node 9 at an end."""
+    frames = sorted(frames, key=lambda each: each[0])
+    if end:
+        frames.append((end, Frame(0x709, b"\x05")))
+    logged = [LoggedFrame(frame, time * MS, None) for time, frame in frames]
+    return explain(logged, list(known), BITRATE).findings
+
+
+def test_an_emcy_counts_as_report_of_its_own_node_only():
+    frames, known = BROKEN["controller_that_pauses"].make()
+    (finding,) = explain(frames, known, BITRATE).findings
+    assert "valve reports it by EMCY" in finding.text
+    others = [
+        each._replace(frame=each.frame._replace(can_id=0x082))
+        if each.frame.can_id == 0x081
+        else each
+        for each in frames
+    ]
+    found = {each.cause: each for each in explain(others, known, BITRATE).findings}
+    assert "reports it" not in found[Cause.RPDO_TIMEOUT].text
+
+
+@pytest.mark.parametrize(("last", "causes"), [(0x05, []), (0x7F, [Cause.START_REFUSED])])
+def test_a_node_that_obeys_late_has_obeyed(last, causes):
+    beats = [(time, Frame(0x702, b"\x7f")) for time in (500, 1500, 2000)]
+    boot, start = (0, Frame(0x702, b"\0")), (100, Frame(0x000, b"\x01\x02"))
+    found = findings_of(boot, start, *beats, (2500, Frame(0x702, bytes([last]))))
+    assert [each.cause for each in found] == causes
+
+
+@pytest.mark.parametrize(("boots", "more"), [([0, 500], ""), ([0, 500, 900], ", and 1 times more")])
+def test_restarts_are_counted(boots, more):
+    (finding,) = findings_of(*((time, Frame(0x702, b"\0")) for time in boots))
+    assert finding.text.startswith(f"node 2 restarts by itself at 0.500 s{more}: its supply")
+
+
+@pytest.mark.parametrize(("waited", "causes"), [(1601, [Cause.NOT_STARTED]), (1600, [])])
+def test_a_node_is_forgotten_a_second_after_its_last_boot_up(waited, causes):
+    boots = [(0, Frame(0x702, b"\0")), (10, Frame(0x703, b"\0")), (600, Frame(0x702, b"\0"))]
+    boots.append((500, Frame(0x000, b"\x81\x02")))
+    started = [(11, Frame(0x000, b"\x01\x03")), (12, Frame(0x703, b"\x05"))]
+    found = findings_of(*boots, *started, (waited, Frame(0x703, b"\x05")))
+    assert [each.cause for each in found] == causes
+
+
+def syncs(times, counters=None):
+    return [
+        (time, Frame(0x080, bytes([counter]) if counters else b""))
+        for time, counter in zip(times, counters or times, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("frames", "end", "text"),
+    [
+        (syncs(range(0, 100, 10)), 140, ""),  # five periods are not yet an end
+        (syncs(range(0, 100, 10)), 141, "SYNC stops at 0.090 s (every 10 ms before)"),
+        (
+            syncs([*range(0, 100, 10), 120, 130, 150]),
+            160,
+            "no SYNC for 30 ms after 0.090 s (every 10 ms); 2 such gaps",
+        ),
+        (syncs([*range(0, 100, 10), 105]), 110, ""),
+        (
+            syncs(range(0, 80, 10), [238, 239, 240, 1, 2, 5, 6, 8]),
+            90,
+            "the SYNC counter jumps 2 times: frames lost, or two producers",
+        ),
+        (syncs(range(0, 80, 10), [1, 2, 3, 4, 5, 6, 7, 8]), 90, ""),
+    ],
+)
+def test_lost_syncs_are_counted(frames, end, text):
+    found = findings_of(*frames, end=end)
+    assert [each.text for each in found] == ([text] if text else [])
+
+
 @given(
     st.lists(
         st.builds(

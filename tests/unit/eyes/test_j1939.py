@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil_bench.devices.j1939.identifier import GLOBAL, split
-from hil_bench.eyes.j1939 import describe
+from hil_bench.eyes.j1939 import _valve_command, describe
 
 NAME = (0x12345 | 0x123 << 21 | 0x81 << 40).to_bytes(8, "little")
 
@@ -90,3 +90,8 @@ def test_any_frame_has_words_of_one_line(can_id, data):
     text = describe(can_id, data)
     assert text.startswith("PGN ")
     assert "\n" not in text
+
+
+def test_a_cut_valve_command_has_no_words():
+    assert _valve_command(b"\0\0") == ""
+    assert _valve_command(b"\0\0\x01") != ""

@@ -49,6 +49,28 @@ def test_the_end_of_a_code_is_reported_once(bus, ecu):
     assert bus.sent(0xFECA)[2:] == [(1501, NONE)]
 
 
+def test_a_short_code_takes_two_messages(bus, ecu):
+    """It begins at 0 and is active for a second at least."""
+    ecu.begin_trouble(1208, 3, Lamp.WARNING)
+    bus.run(500)
+    ecu.end_trouble(1208, 3)
+    bus.run(3000)
+
+    assert bus.sent(0xFECA) == [(1, "04 ff b8 04 03 01 ff ff"), (1000, NONE)]
+
+
+def test_a_code_ends_with_its_last_reason(bus, ecu):
+    ecu.begin_trouble(1208, 3)
+    ecu.begin_trouble(1208, 3)
+    bus.run(1500)
+    ecu.end_trouble(1208, 3)
+    bus.run(300)
+    ecu.end_trouble(1208, 3)
+    bus.run(3000)
+
+    assert [time for time, _ in bus.sent(0xFECA)] == [1, 1001, 1801]
+
+
 def test_a_high_spn_has_its_upper_bits_beside_the_fmi(bus, ecu):
     ecu.begin_trouble(0x7F0AB, 31, Lamp.STOP)
     bus.run(1)

@@ -92,6 +92,13 @@ def test_a_socket_comes_from_our_own_page(origin, answer):
     assert ask(headers, kind="websocket")[0]["type"] == answer
 
 
+@pytest.mark.parametrize("other", [b"http://127.0.0.1:8408", b"http://evil.example"])
+def test_one_origin_is_named(other):
+    headers = [(b"host", b"127.0.0.1:8408"), (b"origin", b"http://127.0.0.1:8408")]
+    headers.append((b"origin", other))
+    assert ask(headers, kind="websocket")[0]["type"] == "websocket.close"
+
+
 def test_a_page_of_another_origin_gets_nothing():
     headers = [(b"host", b"127.0.0.1:8408"), (b"origin", b"http://evil.example")]
     assert status(headers) == 403

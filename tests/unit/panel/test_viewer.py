@@ -75,6 +75,26 @@ def test_a_stalled_browser_loses_pictures_and_no_answers():
     played(course)
 
 
+def test_what_a_browser_asks_while_it_is_stalled_counts_for_what_it_may_lose():
+    """Answers fill its share as rows do; what is still unread counts until it is sent."""
+
+    async def course(browser, viewer):
+        browser.is_free.clear()
+        viewer.tell(b"x" * MOST_UNREAD)
+        viewer.offer(LINE)  # exactly full: this still goes
+        assert viewer.lost == 0
+        await settle()
+        viewer.offer(LINE)
+        assert viewer.lost == 1
+        viewer.tell(b"answer\n")
+        browser.is_free.set()
+        await settle()
+        assert viewer.lost == 0
+        assert browser.got[1] == b'{"type":"missed","messages":1}\nanswer\n'
+
+    played(course)
+
+
 def test_a_browser_that_never_reads_is_given_up():
     async def course(browser, viewer):
         browser.is_free.clear()

@@ -8,7 +8,11 @@ from scipy.optimize import brentq
 
 from hil_bench.bench.configuration import load_config
 from hil_bench.errors import ConfigError, ParameterError
-from hil_bench.plants.hydraulic_cylinder.model.cushion import TAPER, cushion_resistance
+from hil_bench.plants.hydraulic_cylinder.model.cushion import (
+    TAPER,
+    cushion_resistance,
+    cushion_resistances,
+)
 from hil_bench.plants.hydraulic_cylinder.model.extensions import Cushion
 from hil_bench.plants.hydraulic_cylinder.model.full_order import FullOrderPlant
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
@@ -78,6 +82,21 @@ def test_the_plug_closes_the_port_over_the_first_fifth():
     assert cushion_resistance(0.08, 0.1, 3e4) == pytest.approx(3e4)
     assert cushion_resistance(-1e-4, 0.1, 3e4) == 3e4
     assert cushion_resistance(-1e-4, 0.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    # A's end is at -0.2: 0.1 long, closed after 0.02. B's is at 0.2: 0.05 long, closed after 0.01.
+    [
+        (-0.11, (1.5e4, 0.0)),
+        (-0.19, (3e4, 0.0)),
+        (0.0, (0.0, 0.0)),
+        (0.155, (0.0, 3.5e4)),
+        (0.19, (0.0, 7e4)),
+    ],
+)
+def test_each_end_has_a_cushion_of_its_own(x, expected):
+    assert cushion_resistances(x, 0.2, (0.1, 3e4, 0.05, 7e4)) == pytest.approx(expected)
 
 
 def test_the_impact_on_the_end_stop_is_that_of_the_cushion():

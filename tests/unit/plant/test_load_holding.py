@@ -143,6 +143,19 @@ def test_the_lag_is_of_second_order_and_never_overshoots():
     assert end == (1.0, 0.0)
 
 
+def test_each_valve_has_a_state_and_a_pilot_of_its_own():
+    """By hand: A (30 + 2 x 50 - 110) / 40 = 0.5, B (50 + 2 x 30 - 110) / 40 = 0; k = 0.25."""
+    valve = (1.0, 1.0, 110e5, 2.0, 1.0 / 40e5, 1e-4, 1.0)
+    middle, end = move_valves((0.25, 0.5), (30e5, 50e5), 0.5, valve)
+    assert middle == pytest.approx(((0.25 + 0.25 * 0.5) / 1.25, 0.5 / 1.25))
+    assert end == pytest.approx((2.0 * 0.3 - 0.25, 2.0 * 0.4 - 0.5))
+    for only in (0, 1):
+        there = (1.0 - only, float(only))
+        middle, end = move_valves((0.25, 0.5), (30e5, 50e5), 0.5, (*there, *valve[2:]))
+        assert middle[1 - only] == end[1 - only] == 0.0
+        assert end[only] == pytest.approx((0.35, 0.3)[only])
+
+
 def test_the_step_is_of_second_order_with_all_of_it_on():
     options = replace(HOLDING, supply=LOAD_SENSING, counterbalance=replace(VALVE, in_line_b=True))
     setup = plant(options, x=0.5, P_A=60e5, P_B=20e5, dt=1e-5)

@@ -79,6 +79,9 @@ def covered(found):
         ("(always from 5 ms to 7 ms p < 9) and always from 6 ms to 8 ms p < 9", "inconclusive",
          [5, 8, 0, 4]),
         ("whenever p > 4 then within 1 ms p < 2", "inconclusive", [0, 9, 3, 6]),
+        # One of two implications never triggers.
+        ("always from 0 ms to 2 ms ((p > 0 implies p < 9) and (p > 9 implies p < 2))",
+         "not exercised", [0, 2, 2, 0]),
         ("always from 0 ms to 2 ms (p > 9 implies p < 2)", "not exercised", [0, 2, 2, 0]),
         ("settled(p, 1)", "failed", [0, 9, 3, 6]),
     ],

@@ -267,6 +267,10 @@ def test_both_forms_read_back_as_they_were(tmp_path_factory, scenario):
         (EXPECT, "a.scenario.toml: title: missing; give for example title ="),
         (HEAD + 'tilte = "x"\n' + EXPECT, ":3:10: tilte: unknown; the nearest known is title"),
         (
+            HEAD.replace("6.0", "1e6") + "[[step]]\nat_s = 1.2e6\nsync = true\n" + EXPECT,
+            ":4:8: step[1].at_s: 1.2e+06 is out of range; give a number in s from 0 to 1e+06",
+        ),
+        (
             HEAD + "[[step]]\nat_s = 7\nsync = true\n" + EXPECT,
             ":4:8: step[1].at_s: 7 s is after the end at 6 s; give an earlier time",
         ),

@@ -246,6 +246,7 @@ def test_what_is_wrong_is_said_with_its_place(text, line, column, what):
         parse(text)
     assert error.value.position == (line, column)
     assert what in error.value.what
+    assert str(error.value).startswith(f"line {line}, column {column}: ")
     assert "\n" not in str(error.value)
     assert "\x1b" not in str(error.value)
 

@@ -43,6 +43,7 @@ def test_a_missing_row_is_unknown():
         ([0.0], "times do not go on"),
         ([0.0, 0.0], "times do not go on"),
         ([0.0, float("nan")], "times do not go on"),
+        ([0.0, 1.0, 1.1, 2.0, 3.0], "not evenly spaced"),  # two rows of one tick
         ([0.0, 1.0, 2.0, 3.4], "not evenly spaced"),
         ([0.0, 1e-12, 2e-12], "not evenly spaced"),
         ([0.0, 1e-9, 2e-9, 1e3], "spans 1000000000001 ticks"),

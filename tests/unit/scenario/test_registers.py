@@ -128,6 +128,18 @@ def test_a_ramp_of_a_register_is_straight(load):
     assert outcomes(load(text + expect(*wanted))) == [PASSED] * 5
 
 
+def test_a_ramp_of_a_register_begins_at_the_value_that_it_has(load):
+    """From 0.8 to 0.4 in 80 ms: 0.7 after 20 ms, 0.6 after 40 ms."""
+    scaled = '"modbus.valve.spool_setpoint_scaled" = "80 %"'  # another register of this object
+    text = step(0.05, f"set = {{ {TAKE_CONTROL}, {scaled} }}")
+    text += step(0.1, 'set = { "modbus.valve.spool_setpoint" = 0.4 }\nover_s = 0.08')
+    wanted = [
+        f"eventually from {at} ms to {at} ms abs(modbus.valve.spool_setpoint - {value}) < 0.0001"
+        for at, value in ((99, 0.8), (120, 0.7), (140, 0.6), (180, 0.4))
+    ]
+    assert outcomes(load(text + expect(*wanted))) == [PASSED] * 4
+
+
 def test_who_has_no_control_is_refused(load):
     """CiA 408: the valve takes local commands only while 0x604F is 1."""
     text = step(0.05, 'set = { "modbus.valve.spool_setpoint" = 0.4 }')

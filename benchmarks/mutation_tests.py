@@ -57,12 +57,12 @@ SETTINGS: Final = "[run]\nsource_pkgs = hil_bench, hil_drivers\nrelative_files =
 
 
 def is_kernel(path: Path) -> bool:
-    """Whether a module's tests have to run without Numba."""
+    """Return True if a module's tests have to run without Numba."""
     return str(path.relative_to(ROOT)).startswith(KERNELS)
 
 
 def map_file(path: Path) -> Path:
-    """Return where the map is kept that a module is in."""
+    """Return the path of the map that a module is in."""
     return ROOT / "build" / f"mutation-{'python' if is_kernel(path) else 'fast'}.coverage"
 
 

@@ -115,12 +115,13 @@ filter_rated_drop_bar = 1
     with VirtualBench(load_config(write(text=own))) as bench:
         bench.faults.clog_filter("axis1", 0.9)
         run_out(bench)
-        plant = bench.bench.axes[0].plant
+        plant = bench.bench.axes[0].plant.model
         Q = plant.output.Q_A
         drop = 10.0 * 1e5 / 5e-4 * 46.0 / 30.0 * Q
         # 60 l/min over 12 l/min a bar
         expected = 100e5 + (1e-3 - Q) / 2e-9 - drop
         assert plant.supply_pressure == pytest.approx(expected, rel=1e-4)
+        assert bench.signals["axis1.P_S"][-1] == plant.supply_pressure
 
 
 def test_the_oil_of_a_shared_supply_says_its_viscosity(write):

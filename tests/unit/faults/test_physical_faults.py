@@ -35,7 +35,8 @@ def bench_of(**keys):
 
 
 def plant_of(bench):
-    return bench.bench.axes[0].plant
+    plant = bench.bench.axes[0].plant
+    return getattr(plant, "model", plant)  # one with a supply unit is in a frame that shows P_S
 
 
 def opened(bench, share):

@@ -246,7 +246,10 @@ def test_a_file_gives_them_by_their_data_sheets():
             {"pump_control": "load-sensing"},
             'pump_control: a constant supply has no pump; give supply = "unit" too',
         ),
-        ({"supply": "unit", "pump_control": "load-sensing"}, "accumulator_volume_l: .* must be 0"),
+        (
+            {"supply": "unit", "pump_control": "load-sensing", "accumulator_volume_l": 1},
+            "accumulator_volume_l: .* must be 0",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(keys, message):

@@ -288,3 +288,14 @@ def test_no_example_is_left_untold():
     texts = [path.read_text(encoding="utf-8") for path in DOCUMENTS]
     examples = [path.name for path in (ROOT / "examples").iterdir() if path.is_file()]
     assert [name for name in examples if not any(name in text for text in texts)] == []
+
+
+def test_every_table_of_figures_says_when_it_was_published():
+    text = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)
+    stamp = r"\n\*Published \d{4}-\d\d-\d\d with [0-9a-f]{7}[^*]*\.\*\n"
+    undated = [
+        table.partition("\n")[0]
+        for table in re.findall(r"(?:^\|.*\n)+(?!\|)(?!" + stamp + ")", text, re.MULTILINE)
+    ]
+    assert undated == []

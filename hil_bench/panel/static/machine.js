@@ -243,8 +243,9 @@ export class MachineView {
     setText(p.setpoint, this.narrow.matches ? texts[1] : "");
     setText(p.state, this.valveState());
     const supply = value("P_S");
-    const shown = Number.isFinite(supply) ? valueText(supply, "Pa") : `set to ${valueText(this.machine.supply_pressure_pa, "Pa")}`;
-    setText(p.supply, `supply ${shown} bar, tank`);
+    const isRead = Number.isFinite(supply);
+    const word = isRead ? "supply" : this.narrow.matches ? "set to" : "supply set to";
+    setText(p.supply, `${word} ${valueText(isRead ? supply : this.machine.supply_pressure_pa, "Pa")} bar, tank`);
     setText(p.measured, this.measuredText());
     this.drawFlow(speed);
   }

@@ -70,7 +70,8 @@ class Course:
         half = axis.parameters.h
         sign = 1.0 if forward else -1.0
         plant = axis.kind.build(axis, config.step_ns * 1e-9, {"position": -sign * half})
-        ticks = min(math.ceil((3.0 * half / max(speed, 1e-3) + 1.0) / tick), 20_000)
+        # Half as long again as the promise: a piston that is not through by then is stuck.
+        ticks = math.ceil((3.0 * half / (speed or 0.3) + 1.0) / tick)
         rows = []
         for _ in range(ticks):
             rows.append(plant.drive(sign * 1.2 * axis.full_scale, steps)[:4])

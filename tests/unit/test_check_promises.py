@@ -129,9 +129,13 @@ def check_hold(config, axis):
     """Compare the force at the end of the stroke, and the pressures at rest."""
     promised, parameters, step = promises(config, axis), axis.parameters, config.step_ns * 1e-9
     plant = axis.kind.build(axis, step, {"position": parameters.h})
-    for _ in range(200):
-        _, _, P_A, P_B, *_ = plant.drive(1.2 * axis.full_scale, 20)
-    push = (P_A * parameters.A_A - P_B * parameters.A_B) * 1e-3
+    push, before = 0.0, -math.inf
+    for _ in range(600):  # a small pump takes its time to fill the chamber
+        if abs(push - before) < 1e-6 * promised["largest push"]:
+            break
+        for _ in range(100):
+            _, _, P_A, P_B, *_ = plant.drive(1.2 * axis.full_scale, 20)
+        before, push = push, (P_A * parameters.A_A - P_B * parameters.A_B) * 1e-3
     # A relief valve of a pump rises by Q / G above its setting, which the promise names.
     unit = axis.options.supply
     rise = 0.0 if unit is None else unit.pump_flow / unit.relief_gradient / unit.relief_pressure
@@ -193,13 +197,6 @@ PARITY = {"deadline": None, "derandomize": True, "phases": (Phase.explicit, Phas
 @settings(max_examples=5, **PARITY)
 @given(text=sheets())
 def test_a_drawn_machine_moves_as_check_promises(text, tmp_path_factory):
-    check_sheet(text, tmp_path_factory.mktemp("sheet"))
-
-
-@pytest.mark.long
-@settings(max_examples=300, **PARITY)
-@given(text=sheets())
-def test_many_drawn_machines_move_as_check_promises(text, tmp_path_factory):
     check_sheet(text, tmp_path_factory.mktemp("sheet"))
 
 

@@ -43,7 +43,7 @@ AREAS: Final = {
     "limits": [
         *_files("hil_bench/canopen_device", "object_dictionary"),
         *_files("hil_bench/devices", "measuring_range saturation"),
-        *_files("hil_bench/machine/commissioning", "guard rig"),
+        *_files("hil_bench/abilities/commissioning", "guard rig"),
         *_files("drivers/hil_drivers", "valve"),
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
@@ -52,7 +52,7 @@ AREAS: Final = {
         *_files("hil_bench/scenario", "atoms bounds build calls column_checks dimensions nodes"),
         *_files("hil_bench/scenario", "operands operators parse reach resolve results sliding"),
         *_files("hil_bench/scenario", "streams syntax values vocabulary witness wording"),
-        *_files("hil_bench/campaign", "records"),
+        *_files("hil_bench/abilities/campaign", "records"),
         *_files("hil_bench/cli", "exit_codes verdicts"),
     ],
     "modbus": [
@@ -95,7 +95,7 @@ TESTS: Final = {
         *_tests("scenario", "run coverage run_faults registers"),
         *_tests("cli", "machine_test"),
     ],
-    "hil_bench/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
+    "hil_bench/abilities/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
     "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
     "hil_bench/cli/verdicts.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
@@ -113,8 +113,8 @@ TESTS: Final = {
     "hil_bench/devices/saturation.py": _tests(
         "devices", "valve_limits measuring_range encoder_406"
     ),
-    "hil_bench/machine/commissioning/guard.py": _tests("commissioning", "rig session"),
-    "hil_bench/machine/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
+    "hil_bench/abilities/commissioning/guard.py": _tests("commissioning", "rig session"),
+    "hil_bench/abilities/commissioning/rig.py": _tests("commissioning", "rig session restoring"),
     "drivers/hil_drivers/valve.py": _tests(
         "drivers", "valve valve_setup_limits valve_without_setup device"
     ),

@@ -17,7 +17,7 @@ NOT_YET = {
     "hil_bench/kinds",
     "hil_bench/machine",
     "hil_bench/outside",
-    "hil_bench/panel",
+    "hil_bench/abilities/panel",
     "hil_bench/plants",
     "hil_bench/pytest_plugin",
     "hil_bench/scenario",

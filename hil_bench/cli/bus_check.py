@@ -7,14 +7,20 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from hil_bench.abilities.commissioning.comparison import Difference, Mend, compare
+from hil_bench.abilities.commissioning.settlement import (
+    Plan,
+    Write,
+    apply,
+    concise_dcf,
+    plan_writes,
+)
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.cli.controller_side import open_network
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.network_arguments import bus_words, seen_from_bus
 from hil_bench.cli.results import print_lines
 from hil_bench.errors import ConfigError, about_file
-from hil_bench.machine.commissioning.comparison import Difference, Mend, compare
-from hil_bench.machine.commissioning.settlement import Plan, Write, apply, concise_dcf, plan_writes
 from hil_drivers import DriverError, Network
 
 

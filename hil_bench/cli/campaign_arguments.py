@@ -4,8 +4,8 @@ import argparse
 import math
 import os
 
-from hil_bench.campaign.executing import Note
-from hil_bench.campaign.records import RunResult
+from hil_bench.abilities.campaign.executing import Note
+from hil_bench.abilities.campaign.records import RunResult
 from hil_bench.cli.progress import Work
 
 

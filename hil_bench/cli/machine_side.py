@@ -6,6 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil_bench.abilities.commissioning.measures import SAMPLE_CHANNELS
+from hil_bench.abilities.commissioning.plan import (
+    CommissioningPlan,
+    Limits,
+    check_against,
+    choose_axis,
+    load_plan,
+)
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import Members, find_members
 from hil_bench.cli.arguments import load_bench_config
@@ -14,14 +22,6 @@ from hil_bench.cli.controller_side import OpenNetwork
 from hil_bench.cli.network_arguments import seen_from_bus
 from hil_bench.cli.selection import prepare_chosen
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.measures import SAMPLE_CHANNELS
-from hil_bench.machine.commissioning.plan import (
-    CommissioningPlan,
-    Limits,
-    check_against,
-    choose_axis,
-    load_plan,
-)
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.scenario.load import load_scenario

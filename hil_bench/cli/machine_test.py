@@ -8,9 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.commissioning.guard import LimitError
+from hil_bench.abilities.commissioning.journal import SettingsJournal
+from hil_bench.abilities.commissioning.procedure import Procedure, communication
+from hil_bench.abilities.commissioning.rig import Rig
+from hil_bench.abilities.commissioning.session import recorded_channels
+from hil_bench.abilities.commissioning.verbs.commission_settings import (
+    open_journal,
+    print_returned,
+    restore_command,
+)
+from hil_bench.abilities.commissioning.verbs.commission_view import limits_by_channel, limits_text
 from hil_bench.cli.arguments import make_directory
-from hil_bench.cli.commission_settings import open_journal, print_returned, restore_command
-from hil_bench.cli.commission_view import limits_by_channel, limits_text
 from hil_bench.cli.controller_side import OpenNetwork, open_network
 from hil_bench.cli.exit_codes import Ending, ExitCode
 from hil_bench.cli.interruption import interrupted_once
@@ -27,11 +36,6 @@ from hil_bench.cli.scenario_view import show_results
 from hil_bench.cli.work_recording import recorded_work
 from hil_bench.cli.work_side import ShownRows, WorkView, hold_to_real_time, watched_work
 from hil_bench.errors import ConfigError
-from hil_bench.machine.commissioning.guard import LimitError
-from hil_bench.machine.commissioning.journal import SettingsJournal
-from hil_bench.machine.commissioning.procedure import Procedure, communication
-from hil_bench.machine.commissioning.rig import Rig
-from hil_bench.machine.commissioning.session import recorded_channels
 from hil_bench.outside.recording.channels import Channel, Recording
 from hil_bench.outside.recording.inline_recorder import RecordingSink
 from hil_bench.scenario.on_machine import MachineScenario, lay_samples

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from hil_bench.campaign.pool import Pool
-from hil_bench.campaign.records import RunOutcome
+from hil_bench.abilities.campaign.pool import Pool
+from hil_bench.abilities.campaign.records import RunOutcome
 from hil_bench.cli.campaign_arguments import count
 from hil_bench.cli.exit_codes import Ending, ExitCode, worst
 from hil_bench.cli.interruption import interrupted_once
@@ -32,7 +32,7 @@ from hil_bench.cli.verdicts import (
 )
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
-from hil_bench.machine.frame_text import FrameText
+from hil_bench.eyes.frame_text import FrameText
 from hil_bench.scenario.prepared import PreparedScenario
 from hil_bench.scenario.report.content import Chapter
 from hil_bench.scenario.results import (

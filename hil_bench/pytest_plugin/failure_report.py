@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil_bench.devices.faults.faults import Faults
-from hil_bench.machine.frame_text import FrameText
+from hil_bench.eyes.frame_text import FrameText
 from hil_bench.outside.recording.logged_frame import LoggedFrame
 from hil_bench.pytest_plugin.artifacts import file_stem, write_artifacts
 from hil_bench.pytest_plugin.options import shown_path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.campaign.records import RunOutcome
+from hil_bench.abilities.campaign.records import RunOutcome
 from hil_bench.cli import main
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.scenario.run import play

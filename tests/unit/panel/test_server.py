@@ -10,14 +10,14 @@ from support.patience import GUARD
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from hil_bench.abilities.panel import connections
+from hil_bench.abilities.panel.hub import MOST_VIEWERS
+from hil_bench.abilities.panel.record import RecordForm
+from hil_bench.abilities.panel.server import open_port, read_password
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.panel import connections
-from hil_bench.panel.hub import MOST_VIEWERS
-from hil_bench.panel.record import RecordForm
-from hil_bench.panel.server import open_port, read_password
 from hil_bench.scenario.load import load_scenario
 
 
@@ -136,7 +136,7 @@ WRONG_SECRETS = [
 
 @pytest.mark.usefixtures("folder")
 def test_nothing_is_shown_or_done_without_the_secret(monkeypatch):
-    monkeypatch.setattr("hil_bench.panel.app._PENANCE", 0.0)
+    monkeypatch.setattr("hil_bench.abilities.panel.app._PENANCE", 0.0)
     with live_bench() as bench, panel() as port:
         for text in WRONG_SECRETS:
             address = f"ws://127.0.0.1:{port}/feed"
@@ -311,7 +311,7 @@ def test_a_port_in_use_is_told_and_the_usual_one_gives_way():
 def test_the_usual_port_gives_way(monkeypatch):
     with contextlib.closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
-        monkeypatch.setattr("hil_bench.panel.server.DEFAULT_PORT", port)
+        monkeypatch.setattr("hil_bench.abilities.panel.server.DEFAULT_PORT", port)
         with contextlib.closing(open_port("127.0.0.1", None)) as listener:
             assert listener.getsockname()[1] != port
 

@@ -48,10 +48,18 @@ AREAS: Final = {
     ],
     "lock-step": _files("hil_bench/session", "lockstep joined"),
     "verdict": [
-        *_files("hil_bench/scenario", "coverage judgement examination explain monitor recorded"),
-        *_files("hil_bench/scenario", "atoms bounds build calls column_checks dimensions nodes"),
-        *_files("hil_bench/scenario", "operands operators parse reach resolve results sliding"),
-        *_files("hil_bench/scenario", "streams syntax values vocabulary witness wording"),
+        *_files(
+            "hil_bench/abilities/scenario",
+            "coverage judgement examination explain monitor recorded",
+        ),
+        *_files(
+            "hil_bench/abilities/scenario",
+            "atoms bounds build calls column_checks dimensions nodes",
+        ),
+        *_files(
+            "hil_bench/abilities/scenario", "operands operators parse reach resolve results sliding"
+        ),
+        *_files("hil_bench/abilities/scenario", "streams syntax values vocabulary witness wording"),
         *_files("hil_bench/abilities/campaign", "records"),
         *_files("hil_bench/cli", "exit_codes verdicts"),
     ],
@@ -88,16 +96,22 @@ TESTS: Final = {
         *_REFEREE,
         *_tests("scenario", "coverage language recorded evaluation"),
     ],
-    "hil_bench/scenario/column_checks.py": [*_REFEREE, *_tests("recording", "column_units")],
-    "hil_bench/scenario/resolve.py": [*_REFEREE, *_tests("scenario", "files run recorded")],
-    "hil_bench/scenario/results.py": _tests("cli", "test scenario_run"),
-    "hil_bench/scenario/witness.py": [
+    "hil_bench/abilities/scenario/column_checks.py": [
+        *_REFEREE,
+        *_tests("recording", "column_units"),
+    ],
+    "hil_bench/abilities/scenario/resolve.py": [
+        *_REFEREE,
+        *_tests("scenario", "files run recorded"),
+    ],
+    "hil_bench/abilities/scenario/results.py": _tests("cli", "test scenario_run"),
+    "hil_bench/abilities/scenario/witness.py": [
         *_tests("scenario", "run coverage run_faults registers"),
         *_tests("cli", "machine_test"),
     ],
     "hil_bench/abilities/campaign/records.py": _tests("campaign", "campaign reports bad_input"),
     "hil_bench/cli/exit_codes.py": [*_REFEREE, *_tests("cli", "test scenario_run")],
-    "hil_bench/cli/verdicts.py": _tests("cli", "test scenario_run"),
+    "hil_bench/abilities/scenario/verbs/verdicts.py": _tests("cli", "test scenario_run"),
     "lock-step": _tests("session", "lockstep_ends joined lockstep"),
     "modbus": [
         *_tests("modbus", "data_types mailbox mailbox_resumed rivals unit_image"),

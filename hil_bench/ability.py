@@ -25,6 +25,7 @@ OWN = (
     "identification",
     "panel",
     "replay",
+    "scenario",
     "shadow",
 )
 """The abilities of the bench, each a package of `hil_bench.abilities`."""
@@ -57,12 +58,19 @@ class Ability:
         name: by which other abilities need it.
         needs: the abilities that it imports.
         verbs: of the command line, by name.
+        options: what it adds to verbs of the core: modules by verb, each with
+            ``add_options(group)`` and ``take_over(args) -> int | None``, which runs the verb where
+            one of its options asks for it, and returns None where none does.
+        collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
+            that it makes tests of.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
     name: str
     needs: tuple[str, ...] = ()
     verbs: Mapping[str, Verb] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
+    collectors: Mapping[str, str] = field(default_factory=dict)
     exports: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -20,7 +20,7 @@ NOT_YET = {
     "hil_bench/abilities/panel",
     "hil_bench/plants",
     "hil_bench/pytest_plugin",
-    "hil_bench/scenario",
+    "hil_bench/abilities/scenario",
     "hil_bench/session",
 }
 

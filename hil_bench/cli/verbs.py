@@ -28,16 +28,6 @@ CORE = {
     "watch": Verb(
         "run", 30, "watch a running bench or any bus, in the terminal", "hil_bench.cli.watch"
     ),
-    "test": Verb("test", 10, "play scenarios, and judge their requirements", "hil_bench.cli.test"),
-    "judge": Verb(
-        "test",
-        20,
-        "judge recordings by requirements: verdict, margin, deciding comparison",
-        "hil_bench.cli.judge",
-    ),
-    "scenario": Verb(
-        "test", 30, "check, list and convert scenario files", "hil_bench.cli.scenario"
-    ),
     "monitor": Verb(
         "bus",
         10,

@@ -2,7 +2,10 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from typing import Protocol
 
+from hil_bench.bench.bench import Bench
+from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.eyes.decoder import Decoder
 from hil_bench.eyes.frame_words import meaning_of
@@ -11,7 +14,6 @@ from hil_bench.eyes.nodes import nodes_of
 from hil_bench.eyes.scaling import CONTROL_WORD, STATUS_WORD
 from hil_bench.eyes.values import Reading
 from hil_bench.outside.recording.logged_frame import LoggedFrame
-from hil_bench.session.virtual_bench import VirtualBench
 
 CYCLIC = 5
 """How often an identifier comes before it counts as cyclic."""
@@ -22,6 +24,18 @@ _WORDS = frozenset({CONTROL_WORD, STATUS_WORD})
 _Key = tuple[int, int]  # bus and identifier
 
 
+class Running(Protocol):
+    """A bench that runs."""
+
+    @property
+    def config(self) -> BenchConfig:
+        """Its configuration."""
+
+    @property
+    def bench(self) -> Bench:
+        """Its nodes, as they are now."""
+
+
 class FrameText:
     """Reads the frames of a bench by the PDOs that its nodes have now.
 
@@ -29,7 +43,7 @@ class FrameText:
         bench: the bench.
     """
 
-    def __init__(self, bench: VirtualBench) -> None:
+    def __init__(self, bench: Running) -> None:
         names = (settings.name for settings in bench.config.nodes)
         live = (node.object_dictionary for node in bench.bench.nodes)
         self._decoder = Decoder(nodes_of(bench.config, dict(zip(names, live, strict=True))))

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from hil_bench.ability import own_abilities
 from hil_bench.pytest_plugin.options import (
     add_options,
     chosen_options,
@@ -129,13 +130,17 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
 
 
 def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
-    """Collect a file ``*.scenario.toml``: an item a requirement."""
-    if not file_path.name.endswith(".scenario.toml"):
-        return None
-    from hil_bench.pytest_plugin.scenarios import ScenarioFile
+    """Make tests of a file where an ability takes those of its name."""
+    for ability in own_abilities():
+        for ending, place in ability.collectors.items():
+            if file_path.name.endswith(ending):
+                from importlib import import_module
 
-    collector: pytest.Collector = ScenarioFile.from_parent(parent, path=file_path)
-    return collector
+                module, _, name = place.partition(":")
+                kind: type[pytest.File] = getattr(import_module(module), name)
+                collector: pytest.Collector = kind.from_parent(parent, path=file_path)
+                return collector
+    return None
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:

@@ -7,9 +7,10 @@ from itertools import islice
 from typing import Any, Self
 
 from hil_bench.abilities.campaign.identity import program_identity
-from hil_bench.abilities.campaign.pool import Pool, run_pool
+from hil_bench.abilities.campaign.pool import run_pool
 from hil_bench.abilities.campaign.records import RunResult, RunSpec
 from hil_bench.errors import BusError, ConfigError
+from hil_bench.session.pool import Pool
 
 TASK_RUNS = 100
 """Runs in a task: what a worker that dies costs."""

@@ -17,9 +17,9 @@ import numpy as np
 
 import hil_bench
 from hil_bench.abilities.campaign.sampling import Point
+from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.records import Scenario
 
 _SOURCES = {".py", ".lark", ".eds", ".toml"}
 _LENGTH = 32  # hexadecimal digits of a digest: 128 bits

@@ -11,13 +11,13 @@ from hil_bench.abilities.campaign.distributions import Distribution, Normal, Uni
 from hil_bench.abilities.campaign.identity import case_digest, firmware_digest, run_key
 from hil_bench.abilities.campaign.records import Campaign, Case, RunSpec
 from hil_bench.abilities.campaign.sampling import Point, Sampler, sample, size_of_sample
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.records import Controller, Parameter, Scenario
+from hil_bench.abilities.scenario.resolve import parameter_values
+from hil_bench.abilities.scenario.run import prepare
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.config.values import find_nearest, quote
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.records import Controller, Parameter, Scenario
-from hil_bench.scenario.resolve import parameter_values
-from hil_bench.scenario.run import prepare
 
 _FEWEST_BLOCKS = 8  # of Saltelli's design: fewer say nothing
 

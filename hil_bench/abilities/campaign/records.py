@@ -8,8 +8,8 @@ from typing import Any, NamedTuple, Self
 
 from hil_bench.abilities.campaign.distributions import Distribution
 from hil_bench.abilities.campaign.sampling import Point, Sampler
-from hil_bench.scenario.judgement import RequirementOutcome
-from hil_bench.scenario.records import Scenario
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.records import Scenario
 
 EACH = "each"
 """In the place of seeds: every point has a seed of its own."""

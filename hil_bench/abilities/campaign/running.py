@@ -5,11 +5,11 @@ from functools import lru_cache
 from hil_bench.abilities.campaign.identity import case_digest, firmware_digest
 from hil_bench.abilities.campaign.plan import nested
 from hil_bench.abilities.campaign.records import Case, RunOutcome, RunResult, RunSpec, Verdict
+from hil_bench.abilities.scenario.judgement import WORST_FIRST
+from hil_bench.abilities.scenario.recorded import Finding
+from hil_bench.abilities.scenario.results import reason_of
+from hil_bench.abilities.scenario.run import PLAIN, PlayOptions, Run, play, prepare
 from hil_bench.errors import ConfigError, HilBenchError
-from hil_bench.scenario.judgement import WORST_FIRST
-from hil_bench.scenario.recorded import Finding
-from hil_bench.scenario.results import reason_of
-from hil_bench.scenario.run import PLAIN, PlayOptions, Run, play, prepare
 
 _LONGEST_PROBLEM = 2000  # characters that are kept of a firmware's last words
 

@@ -13,7 +13,7 @@ from hil_bench.abilities.campaign.plan import Plan
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.abilities.campaign.sampling import Point, Sampler
 from hil_bench.abilities.campaign.store import set_words
-from hil_bench.scenario.judgement import RequirementOutcome
+from hil_bench.abilities.scenario.judgement import RequirementOutcome
 
 _FEWEST = 10  # runs for a correlation
 _WORST = 10

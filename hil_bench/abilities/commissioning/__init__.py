@@ -35,4 +35,5 @@ ABILITY = Ability(
             "hil_bench.abilities.commissioning.verbs.program",
         ),
     },
+    options={"check": "hil_bench.abilities.commissioning.verbs.bus_check_arguments"},
 )

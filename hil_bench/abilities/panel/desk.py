@@ -16,6 +16,7 @@ from hil_bench.abilities.panel.record import (
     write_test,
 )
 from hil_bench.abilities.panel.viewer import Viewer
+from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.errors import ConfigError, HilBenchError
 from hil_bench.outside.feed.messages import (
     ACTIONS,
@@ -28,7 +29,6 @@ from hil_bench.outside.feed.messages import (
     encode,
     parse_request,
 )
-from hil_bench.scenario.writing import to_toml
 from hil_bench.session.live_faults import fault_fields
 
 _FORM: Mapping[str, Any] = {

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hil_bench.abilities.scenario.controllers import CONTROLLERS
+from hil_bench.abilities.scenario.from_journal import JournalSteps
+from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario
+from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.errors import ConfigError, ControllerError
-from hil_bench.scenario.controllers import CONTROLLERS
-from hil_bench.scenario.from_journal import JournalSteps
-from hil_bench.scenario.records import Controller, Expectation, Scenario
-from hil_bench.scenario.writing import to_toml
 
 SUFFIX = ".scenario.toml"
 

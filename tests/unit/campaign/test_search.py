@@ -20,9 +20,9 @@ from hil_bench.abilities.campaign.search.methods import Evolution, build_search
 from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Method, Trial
 from hil_bench.abilities.campaign.search.shrink import Target, round_to, shrink
 from hil_bench.abilities.campaign.summary import tally_of
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
 
 REST_SPACE = {"limit_bar": None, "load_n": None}
 

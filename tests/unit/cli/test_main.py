@@ -240,7 +240,7 @@ def test_a_run_imports_what_it_needs(tmp_path: Path) -> None:
     program = (
         "import sys; from hil_bench.cli import main; "
         "code = main('-q run -i virtual -c nobody --speed max --duration 0.001'.split()); "
-        "unused = 'numba numpy scipy canopen hil_drivers hil_bench.scenario'.split(); "
+        "unused = 'numba numpy scipy canopen hil_drivers hil_bench.abilities.scenario'.split(); "
         "print(code, *sorted({*unused} & sys.modules.keys()))"
     )
     done = subprocess.run(  # noqa: S603 - the program just written

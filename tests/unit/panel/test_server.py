@@ -14,11 +14,11 @@ from hil_bench.abilities.panel import connections
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
 from hil_bench.abilities.panel.record import RecordForm
 from hil_bench.abilities.panel.server import open_port, read_password
+from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.cli import main
 from hil_bench.errors import BusError, ConfigError
 from hil_bench.outside.feed.messages import MOST_REQUEST
 from hil_bench.outside.recording.files import read_recording
-from hil_bench.scenario.load import load_scenario
 
 
 @pytest.fixture

@@ -30,9 +30,9 @@ from hil_bench.abilities.campaign.search.search import Searcher
 from hil_bench.abilities.campaign.search.shrink import Run, Shrunk, Target, as_found, shrink
 from hil_bench.abilities.campaign.search.writing import Files, load_failure, write_failure
 from hil_bench.abilities.campaign.summary import show_point, tally_of
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.records import Scenario
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.records import Scenario
 
 
 class SearchPlan(NamedTuple):

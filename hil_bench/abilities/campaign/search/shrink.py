@@ -14,14 +14,14 @@ from typing import NamedTuple
 from hil_bench.abilities.campaign.records import RunOutcome, RunResult
 from hil_bench.abilities.campaign.sampling import Point
 from hil_bench.abilities.campaign.search.records import Trial
+from hil_bench.abilities.scenario.places import LocatedProblems
+from hil_bench.abilities.scenario.reach import survives_a_cut
+from hil_bench.abilities.scenario.reading import read_scenario, seconds
+from hil_bench.abilities.scenario.records import Scenario
+from hil_bench.abilities.scenario.run import prepare
+from hil_bench.abilities.scenario.usage import unused_parameters
+from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.errors import ConfigError
-from hil_bench.scenario.places import LocatedProblems
-from hil_bench.scenario.reach import survives_a_cut
-from hil_bench.scenario.reading import read_scenario, seconds
-from hil_bench.scenario.records import Scenario
-from hil_bench.scenario.run import prepare
-from hil_bench.scenario.usage import unused_parameters
-from hil_bench.scenario.writing import to_toml
 
 _HALVINGS = 6
 _MOST_DIGITS = 4

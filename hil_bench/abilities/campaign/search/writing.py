@@ -8,18 +8,18 @@ from typing import NamedTuple
 
 from hil_bench.abilities.campaign.search.records import Method
 from hil_bench.abilities.campaign.search.shrink import Shrunk, Target
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.records import Scenario, SetStep
+from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.errors import about_file
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.records import Scenario, SetStep
-from hil_bench.scenario.writing import to_toml
 
 _TEST = '''\
 """{text}"""
 
 from pathlib import Path
 
-from hil_bench.scenario.load import load_scenario
-from hil_bench.scenario.run import play, prepare
+from hil_bench.abilities.scenario.load import load_scenario
+from hil_bench.abilities.scenario.run import play, prepare
 
 
 def test_{name}():

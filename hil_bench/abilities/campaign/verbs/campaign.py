@@ -26,14 +26,18 @@ from hil_bench.abilities.campaign.summary import (
     summarise,
     worst_runs,
 )
+from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
 from hil_bench.abilities.campaign.verbs.campaign_view import CampaignView
-from hil_bench.cli.campaign_arguments import add_jobs_argument, count, count_from_zero, count_runs
+from hil_bench.abilities.scenario.verbs.scenario_arguments import (
+    add_parameter_argument,
+    read_parameter,
+)
+from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argument
 from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code, worst
 from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.numbers import count, count_from_zero
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
-from hil_bench.cli.scenario_report import check_report_argument
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
 

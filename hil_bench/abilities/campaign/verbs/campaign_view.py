@@ -4,8 +4,8 @@ from collections import Counter
 
 from hil_bench.abilities.campaign.records import RunResult, Verdict
 from hil_bench.abilities.campaign.summary import show_point, size_of
+from hil_bench.abilities.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.cli.work_side import WorkView
-from hil_bench.scenario.judgement import WORST_FIRST, RequirementOutcome
 from hil_bench.session.work_feed import WorkItem
 
 

@@ -10,19 +10,17 @@ from hil_bench.abilities.campaign.pool import local_backend
 from hil_bench.abilities.campaign.reports.search_report import write_search_report
 from hil_bench.abilities.campaign.search.falsify import Failure, Falsification, SearchPlan, falsify
 from hil_bench.abilities.campaign.search.records import ALL_METHODS, Budget, Find, Method
-from hil_bench.cli.campaign_arguments import (
-    add_jobs_argument,
-    count,
-    count_from_zero,
-    count_runs,
-    positive,
+from hil_bench.abilities.campaign.verbs.campaign_arguments import add_jobs_argument, count_runs
+from hil_bench.abilities.scenario.verbs.scenario_arguments import (
+    add_parameter_argument,
+    read_parameter,
 )
+from hil_bench.abilities.scenario.verbs.scenario_report import check_report_argument
 from hil_bench.cli.exit_codes import Ending, ExitCode, verdict_code
 from hil_bench.cli.interruption import interrupted_once
+from hil_bench.cli.numbers import count, count_from_zero, positive
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import add_json_argument, print_results
-from hil_bench.cli.scenario_arguments import add_parameter_argument, read_parameter
-from hil_bench.cli.scenario_report import check_report_argument
 
 logger = logging.getLogger(__name__)
 

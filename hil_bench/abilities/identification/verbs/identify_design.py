@@ -29,6 +29,8 @@ from hil_bench.abilities.identification.unknowns import (
     Unknowns,
     kind_of,
 )
+from hil_bench.abilities.scenario.records import Controller, Expectation, Scenario, SetStep
+from hil_bench.abilities.scenario.writing import to_toml
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.bench.members import find_members
 from hil_bench.cli.arguments import find_cylinder
@@ -37,8 +39,6 @@ from hil_bench.devices.measurement.parameters import ChainParameters
 from hil_bench.errors import ConfigError, about_file
 from hil_bench.plants.hydraulic_cylinder.configuration import CylinderConfig
 from hil_bench.plants.hydraulic_cylinder.model import PlantParameters
-from hil_bench.scenario.records import Controller, Expectation, Scenario, SetStep
-from hil_bench.scenario.writing import to_toml
 from hil_bench.units import BAR, MICROMETRE, MILLIMETRE, MILLIMETRE_PER_SECOND
 
 Values = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import NamedTuple
 
-from hil_bench.registry import Registry, find_twice
+from hil_bench.registry import Registry
 
 OWN = (
     "analysis",
@@ -52,7 +52,9 @@ class Verb(NamedTuple):
 
 @dataclass(frozen=True)
 class Ability:
-    """What a package adds to the bench; names only, so that nothing of it is imported before use.
+    """A package's declaration of what it adds to the bench.
+
+    It has names only, so that nothing else of the package is imported before use.
 
     Attributes:
         name: by which other abilities need it.
@@ -96,13 +98,13 @@ def abilities() -> Registry[Ability]:
 
 
 def _find_fault(ability: Ability) -> str:
-    """Return what is wrong with an ability from elsewhere; empty where nothing is."""
+    """The fault of an ability from elsewhere; empty where there is none."""
+    for name in ("options", "collectors", "exports"):
+        if getattr(ability, name):
+            return f"has {name}; of other distributions only verbs are taken"
     for name, verb in ability.verbs.items():
         if verb.group not in GROUPS:
             right = ", ".join(GROUPS)
             return f'puts its verb {name} into the group "{verb.group}"; one of {right} is right'
-    if missing := [name for name in ability.needs if name not in OWN]:
-        return f"needs {missing[0]}, which hil-bench does not have"
-    if twice := find_twice([*ability.needs]):
-        return f"needs {twice} twice"
-    return ""
+    missing = [name for name in ability.needs if name not in OWN]
+    return f"needs {missing[0]}, which hil-bench does not have" if missing else ""

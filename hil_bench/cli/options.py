@@ -1,4 +1,4 @@
-"""What abilities add to the verbs of the core."""
+"""The options that abilities add to the verbs of the core."""
 
 import argparse
 from collections.abc import Iterator

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil_bench.ability import own_abilities
 from hil_bench.pytest_plugin.options import (
     add_options,
     chosen_options,
@@ -131,11 +130,13 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
 
 def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
     """Make tests of a file where an ability takes those of its name."""
+    from importlib import import_module
+
+    from hil_bench.ability import own_abilities
+
     for ability in own_abilities():
         for ending, place in ability.collectors.items():
             if file_path.name.endswith(ending):
-                from importlib import import_module
-
                 module, _, name = place.partition(":")
                 kind: type[pytest.File] = getattr(import_module(module), name)
                 collector: pytest.Collector = kind.from_parent(parent, path=file_path)

@@ -1,8 +1,6 @@
 """Errors that an analysis raises."""
 
-import importlib.util
-
-from hil_bench.errors import ConfigError, ParameterError
+from hil_bench.errors import ParameterError
 
 
 class OperatingPointError(ParameterError):
@@ -11,19 +9,3 @@ class OperatingPointError(ParameterError):
 
 class NyquistError(ParameterError):
     """An excitation holds frequencies that its sampling cannot carry."""
-
-
-def require_extra(package: str, what: str) -> None:
-    """Refuse to go on without an optional package.
-
-    Args:
-        package: the package's name.
-        what: needs it, as in ``"a figure"``.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
-    if importlib.util.find_spec(package) is None:
-        raise ConfigError(
-            f"{what} needs {package}; install it with: pip install 'hil-bench[analysis]'"
-        )

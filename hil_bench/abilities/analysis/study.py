@@ -8,24 +8,17 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from hil_bench.abilities.analysis.errors import require_extra
-from hil_bench.errors import about_file, whole_file
-from hil_bench.figure_style import STYLE, settle_layout
+from hil_bench.figure_style import write_figure
 from hil_bench.outside.recording.channels import Channel, Recording, recording_dtype
 from hil_bench.outside.recording.files import RecordingFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_METADATA: Mapping[str, Mapping[str, None]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None, "Creator": None},
-}
 
 
 class Fact(NamedTuple):
@@ -93,22 +86,4 @@ def write_study(study: Study, directory: Path) -> list[Path]:
         files.append(path)
     for name, draw in study.figures.items():
         files += write_figure(draw, directory / name)
-    return files
-
-
-def write_figure(draw: Callable[[], "Figure"], stem: Path) -> list[Path]:
-    """Draw a figure in the house style and write it as `stem`.png and `stem`.svg."""
-    require_extra("matplotlib", "a figure")
-    import matplotlib as mpl  # noqa: PLC0415 - an extra, and slow to import
-
-    files = []
-    with mpl.rc_context(STYLE):
-        figure = draw()
-        settle_layout(figure)
-        for suffix, metadata in _METADATA.items():
-            path = stem.with_name(f"{stem.name}.{suffix}")
-            options: dict[str, Any] = {"dpi": 150, "metadata": dict(metadata)}
-            with about_file(path, right="give a directory of yours"), whole_file(path) as file:
-                figure.savefig(file, **options)
-            files.append(path)
     return files

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "campaign",
-    needs=(),
+    needs=("scenario",),
     verbs={
         "campaign": Verb(
             "test",

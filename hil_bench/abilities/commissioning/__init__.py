@@ -8,7 +8,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "commissioning",
-    needs=(),
     verbs={
         "commission": Verb(
             "machine",

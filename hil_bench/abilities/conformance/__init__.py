@@ -9,7 +9,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "conformance",
-    needs=(),
     verbs={
         "conformance": Verb(
             "bus",

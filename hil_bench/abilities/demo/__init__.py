@@ -4,7 +4,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "demo",
-    needs=(),
     verbs={
         "demo": Verb(
             "start",

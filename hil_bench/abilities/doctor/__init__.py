@@ -7,7 +7,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "doctor",
-    needs=(),
     verbs={
         "doctor": Verb(
             "more",

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "evidence",
-    needs=(),
+    needs=("analysis", "conformance", "doctor"),
     verbs={
         "evidence": Verb(
             "test",

@@ -4,7 +4,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "fmu",
-    needs=(),
     verbs={
         "export-fmu": Verb(
             "more",

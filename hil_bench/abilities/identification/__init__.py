@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "identification",
-    needs=(),
+    needs=("commissioning", "scenario"),
     verbs={
         "identify": Verb(
             "machine",

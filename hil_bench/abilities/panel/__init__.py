@@ -6,7 +6,7 @@ DEFAULT_PORT = 8408
 
 ABILITY = Ability(
     "panel",
-    needs=(),
+    needs=("scenario",),
     verbs={
         "panel": Verb(
             "run",

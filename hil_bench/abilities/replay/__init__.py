@@ -4,7 +4,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "replay",
-    needs=(),
     verbs={
         "replay": Verb(
             "run",

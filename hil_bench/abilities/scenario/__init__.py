@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=(),
+    needs=("commissioning",),
     verbs={
         "test": Verb(
             "test",

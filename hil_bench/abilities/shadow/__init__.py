@@ -10,7 +10,6 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "shadow",
-    needs=(),
     verbs={
         "shadow": Verb(
             "machine",

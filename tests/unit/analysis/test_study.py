@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from hil_bench.abilities.analysis import errors
-from hil_bench.abilities.analysis.errors import require_extra
 from hil_bench.abilities.analysis.linear_studies import (
     linearisation_study,
     operating_points_study,
@@ -15,7 +14,7 @@ from hil_bench.abilities.analysis.linear_studies import (
 )
 from hil_bench.abilities.analysis.operating_point import find_operating_point
 from hil_bench.abilities.analysis.study import Fact, Study, make_table, write_study
-from hil_bench.errors import ConfigError
+from hil_bench.errors import ConfigError, require_extra
 from hil_bench.outside.recording.channels import Channel
 from hil_bench.plants.hydraulic_cylinder.model import PlantOptions, PlantParameters
 

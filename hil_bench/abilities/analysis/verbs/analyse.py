@@ -4,7 +4,6 @@ import argparse
 import json
 from pathlib import Path
 
-from hil_bench.abilities.analysis.errors import require_extra
 from hil_bench.abilities.analysis.paper import check_paper, write_paper
 from hil_bench.abilities.analysis.paper_runs import run_paper
 from hil_bench.abilities.analysis.study import Study, write_study
@@ -14,6 +13,7 @@ from hil_bench.cli.arguments import add_output_argument, find_cylinder, make_dir
 from hil_bench.cli.exit_codes import ExitCode
 from hil_bench.cli.progress import Work, shown_work
 from hil_bench.cli.results import print_lines
+from hil_bench.errors import require_extra
 
 _EXAMPLES = """\
 examples:

@@ -21,6 +21,7 @@ OWN = (
     "demo",
     "doctor",
     "evidence",
+    "eyes",
     "fmu",
     "identification",
     "panel",
@@ -65,6 +66,8 @@ class Ability:
             one of its options asks for it, and returns None where none does.
         collectors: of the pytest plugin: ``module:class`` by the end of the names of the files
             that it makes tests of.
+        frame_reader: ``module:class`` that reads the frames of a bench in words, for the reports of
+            failed tests.
         exports: names that ``hil_bench`` exports, and the modules that have them.
     """
 
@@ -73,12 +76,20 @@ class Ability:
     verbs: Mapping[str, Verb] = field(default_factory=dict)
     options: Mapping[str, str] = field(default_factory=dict)
     collectors: Mapping[str, str] = field(default_factory=dict)
+    frame_reader: str = ""
     exports: Mapping[str, str] = field(default_factory=dict)
 
 
 def own_abilities() -> list[Ability]:
     """The abilities of the bench itself."""
     return [import_module(f"hil_bench.abilities.{name}").ABILITY for name in OWN]
+
+
+def load(place: str) -> object:
+    """The object that ``module:name`` stands for."""
+    module, _, name = place.partition(":")
+    found: object = getattr(import_module(module), name)
+    return found
 
 
 def other_abilities() -> tuple[list[Ability], list[str]]:
@@ -99,7 +110,7 @@ def abilities() -> Registry[Ability]:
 
 def _find_fault(ability: Ability) -> str:
     """The fault of an ability from elsewhere; empty where there is none."""
-    for name in ("options", "collectors", "exports"):
+    for name in ("options", "collectors", "frame_reader", "exports"):
         if getattr(ability, name):
             return f"has {name}; of other distributions only verbs are taken"
     for name, verb in ability.verbs.items():

@@ -15,7 +15,7 @@ QUESTION = re.compile(
 NOT_YET = {
     "drivers",
     "hil_bench/abilities",
-    "hil_bench/eyes",
+    "hil_bench/abilities/eyes",
     "hil_bench/kinds",
     "hil_bench/outside",
     "hil_bench/plants",

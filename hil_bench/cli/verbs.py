@@ -28,33 +28,6 @@ CORE = {
     "watch": Verb(
         "run", 30, "watch a running bench or any bus, in the terminal", "hil_bench.cli.watch"
     ),
-    "monitor": Verb(
-        "bus",
-        10,
-        "print the frames of a bus in words: nodes, objects, values, errors",
-        "hil_bench.cli.monitor",
-    ),
-    "decode": Verb(
-        "bus",
-        20,
-        "print a log of frames in words, or write its values or a DBC file",
-        "hil_bench.cli.decode",
-    ),
-    "explain": Verb(
-        "bus",
-        30,
-        "find what went wrong in a log, in the order in which an expert looks",
-        "hil_bench.cli.explain",
-    ),
-    "record": Verb(
-        "bus", 40, "record frames and decoded values of any bus", "hil_bench.cli.record"
-    ),
-    "bus-load": Verb(
-        "bus",
-        100,
-        "compute load and response times of a bench on its buses",
-        "hil_bench.cli.bus_load",
-    ),
     "registers": Verb(
         "bus", 110, "print the register maps of the Modbus units", "hil_bench.cli.registers"
     ),

@@ -17,7 +17,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
@@ -130,15 +130,12 @@ def _warn_of_a_moved_rootdir(config: pytest.Config) -> None:
 
 def pytest_collect_file(parent: pytest.Collector, file_path: Path) -> pytest.Collector | None:
     """Make tests of a file where an ability takes those of its name."""
-    from importlib import import_module
-
-    from hil_bench.ability import own_abilities
+    from hil_bench.ability import load, own_abilities
 
     for ability in own_abilities():
         for ending, place in ability.collectors.items():
             if file_path.name.endswith(ending):
-                module, _, name = place.partition(":")
-                kind: type[pytest.File] = getattr(import_module(module), name)
+                kind = cast("type[pytest.File]", load(place))
                 collector: pytest.Collector = kind.from_parent(parent, path=file_path)
                 return collector
     return None

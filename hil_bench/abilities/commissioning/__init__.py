@@ -8,6 +8,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "commissioning",
+    needs=("eyes",),
     verbs={
         "commission": Verb(
             "machine",

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import can
 
-from hil_bench.eyes.frame_words import meaning_of
-from hil_bench.eyes.identifiers import function_of
+from hil_bench.abilities.eyes.frame_words import meaning_of
+from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.frame import frame_bits
 from hil_drivers import Network
 

@@ -4,7 +4,7 @@ from hil_bench.ability import Ability, Verb
 
 ABILITY = Ability(
     "scenario",
-    needs=("commissioning",),
+    needs=("commissioning", "eyes"),
     verbs={
         "test": Verb(
             "test",

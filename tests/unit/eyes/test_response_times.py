@@ -4,8 +4,8 @@ import random
 
 import pytest
 
+from hil_bench.abilities.eyes.response_times import Message, response_times, utilisation
 from hil_bench.canopen_device.frame import Frame
-from hil_bench.eyes.response_times import Message, response_times, utilisation
 from hil_bench.outside.wire.bits import worst_bits
 from hil_bench.outside.wire.station import Station
 from hil_bench.outside.wire.wire import Wire

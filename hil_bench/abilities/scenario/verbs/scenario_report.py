@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import hil_bench
+from hil_bench.abilities.eyes.frame_words import meaning_of
 from hil_bench.abilities.scenario.evidence import Evidence
 from hil_bench.abilities.scenario.judgement import RequirementOutcome
 from hil_bench.abilities.scenario.prepared import PreparedScenario
@@ -22,11 +23,10 @@ from hil_bench.abilities.scenario.report.html import report_html
 from hil_bench.abilities.scenario.results import ScenarioResult, reason_of
 from hil_bench.bench.configuration import BenchConfig
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.canopen_device.identifiers import function_of
 from hil_bench.cli.results import plain
 from hil_bench.config.settings import Origin
 from hil_bench.errors import ConfigError, about_file, check_replaceable, whole_file
-from hil_bench.eyes.frame_words import meaning_of
-from hil_bench.eyes.identifiers import function_of
 from hil_bench.outside.recording.channels import TIME, Recording
 from hil_bench.outside.recording.formats import FRAME_SUFFIXES
 from hil_bench.outside.recording.frames import read_frames

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil_bench.abilities.eyes.frame_text import FrameText
 from hil_bench.abilities.scenario.prepared import PreparedScenario
 from hil_bench.abilities.scenario.report.content import Chapter
 from hil_bench.abilities.scenario.results import (
@@ -41,7 +42,6 @@ from hil_bench.cli.numbers import count
 from hil_bench.cli.results import add_json_argument, print_lines, print_results
 from hil_bench.cli.work_side import add_work_arguments, watched_work
 from hil_bench.errors import ConfigError
-from hil_bench.eyes.frame_text import FrameText
 from hil_bench.session.pool import Pool, TaskEnd
 
 _SUFFIX = ".scenario.toml"  # of what is looked for in folders

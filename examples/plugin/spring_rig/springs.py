@@ -18,18 +18,12 @@ SPRINGS = Ability(
     },
 )
 
-_EXAMPLES = """\
-examples:
-  hil-bench springs bench.toml
-"""
-
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the verb."""
     parser = subparsers.add_parser(
         "springs",
         description="Compute natural frequency and damping ratio of each mass on a spring.",
-        epilog=_EXAMPLES,
     )
     parser.add_argument("config", type=Path, metavar="bench.toml", help="the bench")
     parser.add_argument("--json", action="store_true", help="print JSON")

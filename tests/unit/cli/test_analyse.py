@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_bench.abilities.analysis import errors
+from hil_bench import errors
 from hil_bench.abilities.analysis.verbs import analyse
 from hil_bench.cli import main
 

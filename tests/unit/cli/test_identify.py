@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.machine_record import Machine, random_steps
 
-from hil_bench.abilities.analysis import errors
+from hil_bench import errors
 from hil_bench.abilities.identification.verbs.identify import name_sensors
 from hil_bench.bench.configuration import load_config
 from hil_bench.cli import main

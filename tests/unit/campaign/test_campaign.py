@@ -16,7 +16,7 @@ from hil_bench.campaign import identity
 from hil_bench.campaign.comparison import compare
 from hil_bench.campaign.executing import Shard, collect, execute
 from hil_bench.campaign.plan import Plan
-from hil_bench.campaign.pool import Pool, perform_here
+from hil_bench.campaign.pool import perform_here, run_pool
 from hil_bench.campaign.reading import read_campaign
 from hil_bench.campaign.records import RunOutcome, RunResult, Verdict
 from hil_bench.campaign.running import failed_run
@@ -104,7 +104,7 @@ def test_a_key_knows_what_counts_and_not_where_files_lie(plan, tmp_path):
 def test_two_processes_find_what_one_does(plan, tmp_path):
     here, there = Store(tmp_path / "here", {}), Store(tmp_path / "there", {})
     execute(plan, here, perform_here)
-    with Pool(2) as pool:
+    with run_pool(2) as pool:
         execute(plan, there, pool)
     assert collect(plan, there).digest == collect(plan, here).digest
 
@@ -146,7 +146,7 @@ def test_firmware_that_hangs_ends_or_kills_is_a_result(tmp_path):
     campaign.write_text("\n".join([f"{head}[firmware]", *lines]) + "\n")
     plan = Plan(read_campaign(campaign))
     store = Store(tmp_path / "out", plan.firmware)
-    with Pool(1) as pool:
+    with run_pool(1) as pool:
         execute(plan, store, pool)
     found = {each.firmware: each for each in collect(plan, store).results}
     assert {name: each.outcome for name, each in found.items()} == {

@@ -15,8 +15,9 @@ _MISSED = 1.5
 _LOST = 5.0
 """Periods after which SYNC has stopped, where the rest of the bus goes on ..."""
 _SHUTDOWN = 1_000_000_000
-"""... for longer than this: before, its producer may be ending in whatever order [ns]. Whoever takes
-all nodes out of OPERATIONAL needs no SYNC."""
+"""... for longer than this: before, its producer may be ending in whatever order [ns].
+
+Whoever takes all nodes out of OPERATIONAL needs no SYNC."""
 
 _JITTER = 0.2
 _JITTERY_SHARE = 0.05

@@ -36,7 +36,8 @@ MEASURE = """(longest) => {
 @pytest.mark.parametrize("width", [360, 390, 480])
 def test_the_text_of_the_drawing_can_be_read(pages, port, width):
     page = pages.open(port, viewport={"width": width, "height": 844})
-    page.locator(".drawing").get_by_text("valve INIT").wait_for()
+    for words in ("valve INIT", "sensor: 0.00 mm"):
+        page.locator(".drawing").get_by_text(words).wait_for()
     found = page.evaluate(MEASURE, LONGEST)
     texts, whole = found["texts"], found["whole"]
 

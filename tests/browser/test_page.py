@@ -41,6 +41,8 @@ def test_it_starts_and_the_machine_moves(page, bench, keep):
     expect(text).not_to_have_text(re.compile(r"^-?0\.0\d mm"))
     assert number_of(text.text_content()) < -0.05
     expect(page.locator(".drawing")).to_contain_text("valve INIT")
+    # Table I; on this bench nobody sees the pressure of the supply.
+    expect(page.locator(".drawing")).to_contain_text("supply set to 100.0 bar")
     keep(page, "machine")
 
 

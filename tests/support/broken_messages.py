@@ -155,11 +155,11 @@ def controller_that_pauses():
 
 @BROKEN.of(Cause.SYNC_MISSING)
 def sync_that_stops():
-    """The master sends SYNC every 10 ms and stops; heartbeats go on."""
+    """The master sends SYNC every 10 ms and stops; set-points and heartbeats go on."""
 
     def play(rig):
         rig.start(transmission_type=1, event_timer=0.0)
-        rig.network.pump(0.09)  # less than the time-out of RPDO1
+        rig.move(1.2)  # set-points go on: a controller that ends is silent
 
     return played(play), bench_nodes()
 

@@ -114,9 +114,17 @@ class FullOrderCylinder(FullOrderPlant, _Cylinder):
 
 
 def seen_besides(model: FullOrderPlant, *, has_own_unit: bool) -> tuple[float, ...]:
-    """Return the pressures at the valve's ends of lines, and of a supply unit of its own [Pa]."""
-    seen = _at_valve(model) if model.options.has_lines else ()
-    return (*seen, model.supply_pressure) if has_own_unit else seen
+    """Return the pressures at the valve's ends of lines [Pa], and what its own unit shows.
+
+    That is P_S [Pa], the flow drawn from it [m³/s] and the drop over its filter [Pa].
+    """
+    options = model.options
+    seen = _at_valve(model) if options.has_lines else ()
+    if not has_own_unit or options.supply is None:
+        return seen
+    drawn, drop = model.drawn
+    seen = (*seen, model.supply_pressure, drawn)
+    return seen if options.supply.filter is None else (*seen, drop)
 
 
 def _at_valve(model: FullOrderPlant) -> tuple[float, ...]:
@@ -128,7 +136,7 @@ def _at_valve(model: FullOrderPlant) -> tuple[float, ...]:
 
 
 class ExtendedCylinder:
-    """The full-order model with lines or a supply unit, which shows their pressures too.
+    """The full-order model with lines or a supply unit, of which it shows more.
 
     Args:
         model: it.
@@ -144,7 +152,7 @@ class ExtendedCylinder:
 
     @property
     def output(self) -> Sequence[float]:
-        """The model's output, the pressures at the valve's ends of lines and of the unit [Pa]."""
+        """The model's output, and what `seen_besides` returns."""
         return self._see(self.model.output)
 
     def drive(self, command: float, steps: int) -> Sequence[float]:

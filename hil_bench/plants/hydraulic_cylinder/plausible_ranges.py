@@ -129,9 +129,9 @@ USUAL: Final[Mapping[str, Range]] = {
 }
 """What data sheets and machines have; beyond it a unit is mistaken more often than not."""
 
-_SPEED = "0.5 m/s of polyurethane seals to 5 of servo-cylinders"
-_ACCELERATION = "some m/s² of machines to 1000 g of a hammer's piston"
-SWING: Final = Range(0.2, 1000.0, "1 Hz of cranes to some hundred Hz of short test cylinders")
+_SPEED = "our choice: polyurethane seals take 0.5 m/s, servo-cylinders 5"
+_ACCELERATION = "our choice: machines have some m/s², a hammer's piston 1000 g"
+SWING: Final = Range(0.2, 1000.0, "our choice: cranes have 1 Hz, short test cylinders some hundred")
 
 USUAL_RESULTS: Final[Mapping[str, Range]] = {
     "top speed extending": Range(0.0, 5000.0, _SPEED),

@@ -77,7 +77,7 @@ def with_lines(quantities: Sequence[Quantity], sides: str) -> tuple[Quantity, ..
 P_S: Final = "P_S"
 """Pressure of a supply unit, an axis' own or shared [Pa]."""
 Q_S: Final = "Q_S"
-"""What an axis draws from it, on average over a tick [m³/s]."""
+"""What an axis draws from it [m³/s]: of a shared one on average over a tick, of its own now."""
 
 T_OIL: Final = "T_oil"
 """Temperature of the supply's oil [°C]."""
@@ -87,26 +87,21 @@ FILTER_DROP: Final = "filter_drop"
 """Pressure drop over the supply's filter, as its clogging indicator has it [Pa]."""
 
 
-def with_own_unit(quantities: Sequence[Quantity]) -> tuple[Quantity, ...]:
-    """Return the quantities of a plant with a supply unit of its own, whose pressure comes last."""
-    return (*quantities, Quantity(P_S, "Pa", _after(quantities)))
-
-
-def with_supply(quantities: Sequence[Quantity], *, has_filter: bool) -> tuple[Quantity, ...]:
-    """Return the quantities of a plant that shares its supply: those of the supply come last.
+def with_supply(
+    quantities: Sequence[Quantity], *, is_shared: bool, has_filter: bool
+) -> tuple[Quantity, ...]:
+    """Return the quantities of a plant with those of its supply unit, which come last.
 
     Args:
         quantities: of the plant.
-        has_filter: whether the supply has one.
+        is_shared: whether others draw from the unit too; such a unit knows its oil's temperature.
+        has_filter: whether the unit has one.
     """
-    first = _after(quantities)
-    return (
-        *quantities,
-        Quantity(P_S, "Pa", first),
-        Quantity(Q_S, "m³/s", first + 1),
-        Quantity(T_OIL, "°C", first + 2),
-        *((Quantity(FILTER_DROP, "Pa", first + 3),) if has_filter else ()),
-    )
+    seen = [(P_S, "Pa"), (Q_S, "m³/s")]
+    seen += [(T_OIL, "°C")] if is_shared else []
+    seen += [(FILTER_DROP, "Pa")] if has_filter else []
+    places = enumerate(seen, _after(quantities))
+    return (*quantities, *(Quantity(name, unit, place) for place, (name, unit) in places))
 
 
 def _after(quantities: Sequence[Quantity]) -> int:

@@ -118,7 +118,8 @@ def _with_lines(axis: CylinderConfig) -> PlantParameters:
 def _motion_facts(axis: CylinderConfig) -> Iterator[Fact]:
     for word, extends in (("extending", True), ("retracting", False)):
         motion = steady_motion(axis.parameters, axis.options, extends=extends)
-        yield Fact(f"top speed {word}", motion.speed * 1e3, "mm/s", _note(motion))
+        note = _note(motion) + at_setting(axis.options.supply)
+        yield Fact(f"top speed {word}", motion.speed * 1e3, "mm/s", note)
         yield Fact(f"  pressure A {word}", BAR.from_si(motion.P_A), "bar")
         yield Fact(f"  pressure B {word}", BAR.from_si(motion.P_B), "bar")
         flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
@@ -180,11 +181,19 @@ def _rest_facts(axis: CylinderConfig) -> Iterator[Fact]:
     yield Fact("pressure B at rest", BAR.from_si(rest.P_B), "bar")
     unit = axis.options.supply
     supply = p.P_S if unit is None else unit.relief_pressure
-    note = "without friction" if unit is None else "without friction, at the relief valve's setting"
+    note = "without friction" + at_setting(unit)
     yield Fact("largest push", (supply * p.A_A - p.P_T * p.A_B) * 1e-3, "kN", note)
-    yield Fact("largest pull", (supply * p.A_B - p.P_T * p.A_A) * 1e-3, "kN")
+    yield Fact("largest pull", (supply * p.A_B - p.P_T * p.A_A) * 1e-3, "kN", note)
     if load:
         yield Fact("load at the start", load * 1e-3, "kN", "positive against extension")
+
+
+def at_setting(unit: SupplyUnit | None) -> str:
+    """Return the words for a promise under P_S, which a unit can exceed by Q / G of its pump."""
+    if unit is None or unit.variable is not None:
+        return ""
+    rise = BAR.from_si(unit.pump_flow / unit.relief_gradient)
+    return f"; at the relief valve's setting, P_S rises by up to {rise:.3g} bar"
 
 
 def filter_facts(unit: SupplyUnit | None) -> Iterator[Fact]:

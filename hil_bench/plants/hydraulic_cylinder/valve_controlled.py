@@ -8,13 +8,7 @@ from hil_bench.config.settings import Settings
 from hil_bench.plants.hydraulic_cylinder.configuration import full_opening_mm
 from hil_bench.plants.hydraulic_cylinder.data_sheet_keys import LineModel
 from hil_bench.plants.hydraulic_cylinder.keys import FILTER_RATING, SUPPLY_KEY, Supply
-from hil_bench.plants.hydraulic_cylinder.quantities import (
-    P_A,
-    P_B,
-    with_lines,
-    with_own_unit,
-    with_supply,
-)
+from hil_bench.plants.hydraulic_cylinder.quantities import P_A, P_B, with_lines, with_supply
 from hil_bench.plants.kind import AxisT, PlantKind
 from hil_bench.plants.quantity import Quantity
 from hil_bench.units import MILLIMETRE
@@ -54,9 +48,8 @@ class ValveControlled(PlantKind[AxisT]):
         if settings["line_model"].value is not LineModel.VOLUME:
             sides = "".join(s for s in "ab" if settings[f"line_{s}_length_m"].value)
             quantities = with_lines(quantities, sides)
-        if settings[SUPPLY_KEY.name].value is Supply.UNIT:
-            return with_own_unit(quantities)
-        if not self.supply_of(settings):
+        is_shared = bool(self.supply_of(settings))
+        if not is_shared and settings[SUPPLY_KEY.name].value is not Supply.UNIT:
             return quantities
         has_filter = settings[FILTER_RATING[0].name].value is not None
-        return with_supply(quantities, has_filter=has_filter)
+        return with_supply(quantities, is_shared=is_shared, has_filter=has_filter)

@@ -38,7 +38,7 @@ POSSIBLE: Final[Mapping[str, Range]] = MappingProxyType(
     {name: possible for name, possible in POSSIBLE_OF_CYLINDERS.items() if name in _NAMES}
 )
 
-_TURNS = Range(0.0, 10_000.0, "radial pistons to small axial pistons")
+_TURNS = Range(0.0, 10_000.0, "our choice: small axial pistons reach it")
 
 USUAL_RESULTS: Final[Mapping[str, Range]] = MappingProxyType(
     {"top speed forwards": _TURNS, "top speed backwards": _TURNS, "eigenfrequency": SWING}

@@ -10,6 +10,7 @@ from hil_bench.plants.hydraulic_cylinder.resolution import (
     eigenfrequency,
 )
 from hil_bench.plants.hydraulic_cylinder.summary import (
+    at_setting,
     burst_motion,
     damping_ratio,
     filter_facts,
@@ -62,7 +63,8 @@ def _motion_facts(axis: RotaryConfig) -> Iterator[Fact]:
     for word, forward in (("forwards", True), ("backwards", False)):
         motion = steady_motion(cylinder.parameters, cylinder.options, extends=forward)
         speed = REVOLUTION_PER_MINUTE.from_si(motion.speed / axis.lever)
-        yield Fact(f"top speed {word}", speed, "rpm", _note(motion))
+        note = _note(motion) + at_setting(cylinder.options.supply)
+        yield Fact(f"top speed {word}", speed, "rpm", note)
         flow = LITRE_PER_MINUTE.from_si(motion.supply_flow)
         yield Fact(f"  flow from the supply {word}", flow, "l/min", "without leakage")
         if (burst := burst_motion(cylinder, extends=forward)) is not None:
@@ -87,7 +89,8 @@ def _torque_facts(axis: RotaryConfig) -> Iterator[Fact]:
     supply = p.P_S if options.supply is None else options.supply.relief_pressure
     ideal = (supply - p.P_T) * axis.displacement
     started = max(ideal - p.F_s * axis.lever, 0.0)
-    yield Fact("stall torque", ideal, "N m", "(P_S - P_T) D, without friction and leakage")
+    note = "(P_S - P_T) D, without friction and leakage" + at_setting(options.supply)
+    yield Fact("stall torque", ideal, "N m", note)
     yield Fact("  at the start", started, "N m", "less the friction at rest")
     load = options.load_at(0.0) * axis.lever
     if load:

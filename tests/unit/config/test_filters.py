@@ -121,7 +121,9 @@ filter_rated_drop_bar = 1
         # 60 l/min over 12 l/min a bar
         expected = 100e5 + (1e-3 - Q) / 2e-9 - drop
         assert plant.supply_pressure == pytest.approx(expected, rel=1e-4)
-        assert bench.signals["axis1.P_S"][-1] == plant.supply_pressure
+        shown = [bench.signals[f"axis1.{name}"][-1] for name in ("P_S", "Q_S", "filter_drop")]
+        assert shown[0] == plant.supply_pressure
+        assert shown[1:] == pytest.approx([Q, drop], rel=1e-4)
 
 
 def test_the_oil_of_a_shared_supply_says_its_viscosity(write):

@@ -276,3 +276,25 @@ def test_a_pascal_in_a_bar_key_is_doubted(write):
     assert any(
         "supply.hpu.supply_pressure_bar: 2000" in each for each in find_doubts(load_config(path))
     )
+
+
+MOTOR = """kind = "rotary"
+displacement_cm3_rev = 28
+inertia_kg_m2 = 0.01
+"""
+LINE = """line_model = "waves"
+line_a_length_m = 2
+line_a_inner_mm = 12
+"""
+
+
+@pytest.mark.parametrize("more", ["", LINE, MOTOR], ids=["cylinder", "line", "motor"])
+def test_an_own_unit_shows_what_the_steady_motion_draws_from_it(write, more):
+    """The pump limits the motion: all of its flow goes to the axis, none over the relief valve."""
+    text = f'[plant.axis1]\nsupply = "unit"\npump_flow_l_min = 3\n{more}'
+    with VirtualBench(load_config(write(text))) as bench:
+        opened(bench, axis1=1.0).run(1.5)
+        signals = bench.signals
+        drawn = signals["axis1.Q_S"][-500:].mean() * 6e4  # over its swings
+        assert drawn == pytest.approx(3.0, rel=0.01)
+        assert signals["axis1.P_S"][-1] < 50e5  # set to 100 bar, Table I

@@ -3,6 +3,7 @@
 Every evidence pack carries the list, so an entry that is no longer true misleads an assessor.
 """
 
+import re
 import tomllib
 from dataclasses import replace
 
@@ -13,6 +14,9 @@ from support.documents import ROOT
 
 from hil_bench.abilities.conformance.evidence.texts import classification, known_defects
 from hil_bench.bench.configuration import OverrunPolicy, load_config
+from hil_bench.devices.position_control import POSITION
+from hil_bench.devices.pressure_control import PRESSURE, PRESSURE_AND_FLOW
+from hil_bench.devices.valve_408 import SPOOL
 from hil_bench.errors import ConfigError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
@@ -30,7 +34,7 @@ from hil_bench.session.virtual_bench import VirtualBench
 
 DEFAULT = Solver.LINEARLY_IMPLICIT_MIDPOINT
 AT_REST = PlantState(0.0, 0.0, 5e5, 5e5, 0.0, 0.0)
-HALF_OPEN, ENABLE = 8192, 7
+HALF_OPEN, ENABLE, STORED = 8192, 7, 0x60
 OUT_OF_RANGE = {bytes.fromhex("30000906"), bytes.fromhex("31000906"), bytes.fromhex("32000906")}
 """Abort codes of CiA 301 for a value, one too high, one too low; little endian."""
 
@@ -55,6 +59,8 @@ def the_plant_lacks_temperatures_and_a_tank_pressure():
         names = {name.partition(".")[2] for name in bench.signals.dtype.names}
     assert {"P_A", "P_B", "P_S"} <= names
     assert names.isdisjoint({"T_oil", "P_T", "P_A_valve"})
+    with pytest.raises(ConfigError, match="tank_volume_l: unknown key"):
+        load_config(tables={"plant": {"axis1": keys | {"tank_volume_l": 60}}})
 
 
 def place_of_rest_moves(solver):
@@ -83,13 +89,16 @@ def the_bus_has_neither_bit_timing_nor_fd():
 
 
 def the_valve_refuses_these_modes():
-    """Every mode of 0x6043 but those that README names ends in an abort."""
-    bus = BusSide()
+    """A valve with all its sensors takes the four modes that README names, and aborts 7, 13, 14."""
+    sensors = {"pressure_source": "P_A", "pressure_bar": 200.0, "position_source": "position"}
+    valve = {"profile": "valve_408", "node_id": 1, **sensors}
+    bus = BusSide(load_config(tables={"nodes": {"valve": valve}}))
     bus.tick(count=20)
-    for mode in range(1, 128):
-        if mode not in {2, 3, 4, 5, 9}:
-            answer = bus.download(1, 0x6043, 0, bytes([mode]))
-            assert answer[4:8] in OUT_OF_RANGE, mode
+    answers = {mode: bus.download(1, 0x6043, 0, bytes([mode])) for mode in range(1, 128)}
+    taken = {mode for mode, answer in answers.items() if answer[0] == STORED}
+    assert taken == {SPOOL, PRESSURE, PRESSURE_AND_FLOW, POSITION}
+    assert {answers[mode][4:8] for mode in answers.keys() - taken} <= OUT_OF_RANGE
+    assert taken.isdisjoint({7, 13, 14})
 
 
 def a_late_tick_is_counted_and_not_prevented():
@@ -137,6 +146,29 @@ CHECKS = {
     "KD-8": only_linux_is_classified,
     "KD-9": the_valve_goes_on_without_its_controller,
 }
+
+
+PROFILES = {
+    "Valve": ["valve_408"],
+    "Pressure": ["pressure_404", "transducer_404"],
+    "Encoder": ["encoder_406", "encoder_redundant_406"],
+    "All": ["valve_408", "pressure_404", "encoder_406", "rotary_encoder_406", "drive_402"],
+}
+"""By the words with which the entries of docs/devices.md begin."""
+
+
+def test_the_devices_have_no_object_of_which_the_documents_say_so():
+    text = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
+    section = text.split("## What is not emulated")[1].split("\n## ")[0]
+    entries = dict(re.findall(r"^- (\w+): (.*?)(?=^- |\Z)", section, re.DOTALL | re.MULTILINE))
+    assert entries.keys() == PROFILES.keys()
+    for word, entry in entries.items():
+        absent = re.findall(r"0x([0-9A-F]{4})", re.sub(r"except [^,;.]*", "", entry))
+        for profile in PROFILES[word]:
+            eds = (ROOT / "device_profiles" / f"{profile}.eds").read_text(encoding="utf-8")
+            there = set(re.findall(r"^\[([0-9A-Fa-f]{4})\]", eds, re.MULTILINE))
+            assert "1000" in there
+            assert there.isdisjoint(absent), profile
 
 
 def test_each_entry_has_a_check():

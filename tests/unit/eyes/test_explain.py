@@ -115,8 +115,15 @@ def syncs(times, counters=None):
 @pytest.mark.parametrize(
     ("frames", "end", "text"),
     [
-        (syncs(range(0, 100, 10)), 140, ""),  # five periods are not yet an end
-        (syncs(range(0, 100, 10)), 141, "SYNC stops at 0.090 s (every 10 ms before)"),
+        # A controller may take a second to end, in whatever order it does.
+        (syncs(range(0, 100, 10)), 1090, ""),
+        (syncs(range(0, 100, 10)), 1091, "SYNC stops at 0.090 s (every 10 ms before)"),
+        ([*syncs(range(0, 100, 10)), (500, Frame(0x000, b"\x02\x00"))], 9000, ""),
+        (
+            [*syncs(range(0, 100, 10)), (500, Frame(0x000, b"\x02\x03"))],
+            9000,
+            "SYNC stops at 0.090 s (every 10 ms before)",
+        ),
         (
             syncs([*range(0, 100, 10), 120, 130, 150]),
             160,
@@ -164,3 +171,15 @@ def test_a_sound_log_that_merely_ends_has_no_finding(name):
     frames, nodes = SOUND[name]()
     for count in range(100, len(frames), 151):
         assert explain(frames[:count], nodes, 1_000_000).findings == ()
+
+
+@pytest.mark.parametrize("silent", [{0x080}, {0x201}, {0x080, 0x201}], ids=["SYNC", "RPDO", "both"])
+def test_a_controller_that_ends_in_any_order_has_not_lost_its_sync(silent):
+    """Its last frames are those of the others, for up to the 0.4 s that the log has."""
+    frames, nodes = SOUND["motion_with_sync"]()
+    last = frames[-1].now
+    for before in (20, 100, 200, 400):
+        begin = last - before * MS
+        left = [each for each in frames if each.now < begin or each.frame.can_id not in silent]
+        found = explain(left, nodes, 1_000_000).findings
+        assert Cause.SYNC_MISSING not in {each.cause for each in found}, before

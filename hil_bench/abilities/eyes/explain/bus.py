@@ -6,6 +6,7 @@ from statistics import fmean
 
 from hil_bench.abilities.eyes.explain.finding import EVIDENCE, Cause, Finding, milliseconds, seconds
 from hil_bench.abilities.eyes.sight import Service, Sight
+from hil_bench.canopen_device.nmt import NmtCommand, NmtRequest
 from hil_bench.canopen_device.words import emergency_text, is_error_reset
 from hil_bench.frame import frame_bits, is_error_frame
 
@@ -13,8 +14,10 @@ _FEWEST = 5
 _MISSED = 1.5
 _LOST = 5.0
 """Periods after which SYNC has stopped, where the rest of the bus goes on ..."""
-_CUT_OFF = 50_000_000
-"""... for longer than this: before that, a log may end with its controller [ns]."""
+_SHUTDOWN = 1_000_000_000
+"""... for longer than this: before, its producer may be ending in whatever order [ns].
+
+Whoever takes all nodes out of OPERATIONAL needs no SYNC."""
 
 _JITTER = 0.2
 _JITTERY_SHARE = 0.05
@@ -41,11 +44,17 @@ class Syncs:
         self._jumps: list[Sight] = []
         self._jitter: list[tuple[float, Sight]] = []
         self._count = 0
+        self._is_over = False
 
     def hear(self, sight: Sight) -> None:
         """Take a sight."""
+        if sight.service is Service.NMT:
+            request = NmtRequest.parse(sight.frame.data)
+            if request is not None and request.node_id == 0:
+                self._is_over = request.command is not NmtCommand.START
         if sight.service is not Service.SYNC or sight.frame.is_remote:
             return
+        self._is_over = False
         self._count += 1
         self._hear_counter(sight)
         if self._last is not None:
@@ -62,8 +71,8 @@ class Syncs:
             The findings.
         """
         period = self._period()
-        silence = 0 if self._last is None else end - self._last.now
-        if self._last is not None and period and silence > max(_LOST * period, _CUT_OFF):
+        silence = 0 if self._last is None or self._is_over else end - self._last.now
+        if self._last is not None and period and silence > max(_LOST * period, _SHUTDOWN):
             text = f"SYNC stops at {seconds(self._last.now)} (every {milliseconds(period)} before)"
             yield Finding(Cause.SYNC_MISSING, "", self._last.now, text, (self._last,))
         elif self._missed:

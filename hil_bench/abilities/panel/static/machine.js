@@ -68,7 +68,8 @@ export class MachineView {
       return;
     }
     const names = ["position", "spool_setpoint", "spool_position"].map((name) => `${axis}.${name}`);
-    this.plots.choose([...names, ...measured].filter((name) => this.model.unit(name) === "m" || name.includes("spool")));
+    const seen = [...names, ...measured].filter((name) => this.model.unit(name) === "m" || name.includes("spool"));
+    this.plots.choose([...seen, `${axis}.P_S`]); // which a plant with a supply unit has
   }
 
   get isDrawn() {
@@ -194,7 +195,12 @@ export class MachineView {
         labelText(middle - 70, 405, "P", "end"), labelText(middle + 70, 405, "T", "start"),
         p.supply, p.position, p.speed, p.shares, p.setpoint, p.state, p.measured,
       ),
+      el("p", { class: "quiet" }, `Colours: 0 to ${this.setPressure()} bar, the supply pressure as set`),
     );
+  }
+
+  setPressure() {
+    return valueText(this.machine.supply_pressure_pa, "Pa");
   }
 
   // Return where the piston's left edge is for a position [m].
@@ -243,9 +249,8 @@ export class MachineView {
     setText(p.setpoint, this.narrow.matches ? texts[1] : "");
     setText(p.state, this.valveState());
     const supply = value("P_S");
-    const isRead = Number.isFinite(supply);
-    const word = isRead ? "supply" : this.narrow.matches ? "set to" : "supply set to";
-    setText(p.supply, `${word} ${valueText(isRead ? supply : this.machine.supply_pressure_pa, "Pa")} bar, tank`);
+    const shown = Number.isFinite(supply) ? valueText(supply, "Pa") : `set to ${this.setPressure()}`;
+    setText(p.supply, `supply ${shown} bar`);
     setText(p.measured, this.measuredText());
     this.drawFlow(speed);
   }
@@ -263,7 +268,7 @@ export class MachineView {
     }
   }
 
-  // Return the colour of a pressure: from that of the tank to that of the supply.
+  // Return the colour of a pressure: from 0 to that to which the supply is set.
   fluid(pressure) {
     const share = Math.min(1, Math.max(0, pressure / this.machine.supply_pressure_pa || 0));
     const [from, to, part] = share < 0.5 ? ["low", "middle", 2 * share] : ["middle", "high", 2 * share - 1];

@@ -30,8 +30,11 @@ from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
 from hil_bench.plants.hydraulic_cylinder.model.extended_midpoint import advance_extended_midpoint
 from hil_bench.plants.hydraulic_cylinder.model.forward_euler import advance_forward_euler
 from hil_bench.plants.hydraulic_cylinder.model.implicit_midpoint import advance_implicit_midpoint
-from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats
-from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import advance_lined_midpoint
+from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, ready
+from hil_bench.plants.hydraulic_cylinder.model.lined_midpoint import (
+    advance_lined_midpoint,
+    see_lined_supply,
+)
 from hil_bench.plants.hydraulic_cylinder.model.moving import Advance, bind_advance, make_plant_row
 from hil_bench.plants.hydraulic_cylinder.model.options import PlantOptions
 from hil_bench.plants.hydraulic_cylinder.model.parameters import PlantParameters
@@ -51,6 +54,7 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     STEPS,
     SUPPLY,
     Seen,
+    see_supply,
 )
 from hil_bench.plants.hydraulic_cylinder.model.stepping import (
     DEFAULT_STEP,
@@ -183,6 +187,12 @@ class FullOrderPlant:
             seen.P_A if options.line_a is None else float(self._state[at]),
             seen.P_B if options.line_b is None else float(self._state[at + 1]),
         )
+
+    @property
+    def drawn(self) -> tuple[float, float]:
+        """Flow from the plant's supply unit now [m³/s], and the drop over its filter [Pa]."""
+        see = see_lined_supply if self.options.has_lines else see_supply
+        return ready(see)(self._state, self._constants)
 
     @property
     def output(self) -> PlantOutput:

@@ -51,8 +51,10 @@ from hil_bench.plants.hydraulic_cylinder.model.state_row import (
     LINES,
     POINT,
     STEPS,
+    SUPPLY,
     Seen,
     States,
+    filter_drop,
     read_states,
     write_states,
 )
@@ -332,15 +334,34 @@ def keep_lined(
     constants.
     """
     write_states(row, states, steps, point)
-    x, v, P_A, P_B, nu, _, _, _, _, P_S = states
-    constants, _, lines = groups
+    x, v, P_A, P_B, nu, _, _, _, _, _ = states
+    A, B = ports_now(row, groups)
+    row[LINES + SHOWN], row[LINES + SHOWN + 1] = A[9], B[9]
+    return x, v, P_A, P_B, nu, orifice_state(nu, groups[0][2]), A[0], B[0]
+
+
+@kernel
+def ports_now(row: Floats, groups: Groups) -> tuple[Port, Port]:
+    """Return both ports in the present state of a row.
+
+    Args:
+        row: of states.
+        groups: the constants.
+    """
+    lines = groups[2]
     A_next, B_next = arrive_both(row, lines)
     sides = between_steps(row, LINES, 0, A_next), between_steps(row, LINES, 1, B_next)
     ends = (row[LINES + PRESSURE], row[LINES + PRESSURE + 1], 0.0, 0.0)
     shares = (row[INNER], row[INNER + 1])
-    A, B = find_ports((x, nu), (P_A, P_B), P_S, ends, sides, shares, groups)
-    row[LINES + SHOWN], row[LINES + SHOWN + 1] = A[9], B[9]
-    return x, v, P_A, P_B, nu, orifice_state(nu, constants[2]), A[0], B[0]
+    return find_ports((row[0], row[4]), (row[2], row[3]), row[SUPPLY], ends, sides, shares, groups)
+
+
+@kernel
+def see_lined_supply(row: Floats, constants: Floats) -> tuple[float, float]:
+    """Return what `state_row.see_supply` does, of a plant with lines."""
+    groups = unpack(constants), unpack_extended(constants), unpack_lines(constants)
+    A, B = ports_now(row, groups)
+    return A[5] + B[5], filter_drop(row, groups[0], groups[1])
 
 
 @kernel

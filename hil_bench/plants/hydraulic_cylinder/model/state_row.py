@@ -1,14 +1,19 @@
 """The row of states that a stepping kernel moves on: how it is read, written back and shown."""
 
-from hil_bench.plants.hydraulic_cylinder.model.constants import Constants
+from hil_bench.plants.hydraulic_cylinder.model.constants import Constants, unpack
 from hil_bench.plants.hydraulic_cylinder.model.counterbalance import Shares, behind
 from hil_bench.plants.hydraulic_cylinder.model.cushion import cushion_resistances
 from hil_bench.plants.hydraulic_cylinder.model.edges import flow_through_edges
-from hil_bench.plants.hydraulic_cylinder.model.extended_constants import SERIES, ExtendedConstants
+from hil_bench.plants.hydraulic_cylinder.model.extended_constants import (
+    SERIES,
+    ExtendedConstants,
+    unpack_extended,
+)
 from hil_bench.plants.hydraulic_cylinder.model.kernel import Floats, kernel
 from hil_bench.plants.hydraulic_cylinder.model.lands import meter_openings
 from hil_bench.plants.hydraulic_cylinder.model.orifice import OrificeConstants, port_flow
 from hil_bench.plants.hydraulic_cylinder.model.spool import OpeningConstants, orifice_state
+from hil_bench.plants.hydraulic_cylinder.model.supply import behind_filter
 
 Seen = tuple[float, float, float, float, float, float, float, float]
 """The fields of `model.state.PlantOutput`."""
@@ -141,3 +146,28 @@ def keep_extended(
     shares = (row[INNER], row[INNER + 1])
     Q_A, Q_B, _ = valve_flows(x, nu, (P_A, P_B), shares, orifice, constants, extension)
     return x, v, P_A, P_B, nu, z, Q_A, Q_B
+
+
+@kernel
+def filter_drop(row: Floats, constants: Constants, extension: ExtendedConstants) -> float:
+    """Return the drop over the filter of a plant's supply unit [Pa]; arguments as `see_supply`."""
+    supply, pump, P_S = extension[4], extension[10], row[SUPPLY]
+    pumped = supply[1] if pump[0] == 0.0 else row[INNER + 2]
+    given = pumped - pump[2] * (P_S - constants[4][2])
+    return behind_filter(P_S, given, supply, extension[11])[1]
+
+
+@kernel
+def see_supply(row: Floats, constants: Floats) -> tuple[float, float]:
+    """Return what a plant draws from its supply unit now [m³/s], and the filter's drop [Pa].
+
+    Args:
+        row: states of a plant with extensions, without lines.
+        constants: as `model.extended_constants.pack_extended` gives them.
+    """
+    groups, extension = unpack(constants), unpack_extended(constants)
+    K, _, P_T, transition, signed = groups[4]
+    orifice, shares = (K, row[SUPPLY], P_T, transition, signed), (row[INNER], row[INNER + 1])
+    ports = (row[2], row[3])
+    _, _, drawn = valve_flows(row[0], row[4], ports, shares, orifice, groups, extension)
+    return drawn, filter_drop(row, groups, extension)

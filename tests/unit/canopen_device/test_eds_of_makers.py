@@ -395,3 +395,16 @@ def test_a_damaged_file_is_a_device_or_is_refused_in_a_line(maker, damage):
             assert answer[0] in {0x41, 0x42, 0x43, 0x47, 0x4B, 0x4F, 0x80}
     assert devices > 10
     assert not [message for message in refused if "\n" in message]
+
+
+def test_an_sdo_server_without_cob_ids_has_those_of_cia_301(maker):
+    # CiA 301, 7.2.3.1: request 0x600 + node-ID, answer 0x580 + node-ID; further servers are off.
+    server = {"sub0": U8 | {"DefaultValue": "2"}, "sub1": U32, "sub2": U32}
+    rig = maker(
+        {f"{index}{sub}": keys for index in ("1200", "1201") for sub, keys in server.items()}
+        | {"1200": STRUCTURE, "1201": STRUCTURE}
+    )
+    assert upload(rig, 0x1200, 1) == b"\x05\x06\0\0"
+    assert upload(rig, 0x1200, 2) == b"\x85\x05\0\0"
+    assert upload(rig, 0x1201, 1)[3] & 0x80
+    assert upload(rig, 0x1201, 2)[3] & 0x80

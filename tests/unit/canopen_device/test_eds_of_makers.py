@@ -282,6 +282,9 @@ def test_services_without_a_default_have_that_of_cia_301(maker):
     rig.node.emcy.raise_error(0x1000, 0)
     assert 0x085 in [frame.can_id for frame in rig.run()]
     assert upload(rig, 0x1005) == b"\x80\0\0\0"
+    dictionary = rig.node.object_dictionary
+    dictionary.assign_node_id(9)  # EMCY's has the node-ID in it, SYNC's has not
+    assert (dictionary.variable(0x1014).default, dictionary.variable(0x1005).default) == (137, 128)
 
 
 def test_a_synchronous_pdo_without_the_object_of_sync(maker):

@@ -329,13 +329,16 @@ def test_an_unknown_data_type_takes_any_bytes(maker):
     assert upload(rig, 0x2000) == b"\x01\x02\x03\x04"
 
 
-def test_a_device_without_its_mandatory_objects(maker):
-    information = "[FileInfo]\n[DeviceInfo]\nVendorNumber=0x2A\n"
+@pytest.mark.parametrize(
+    ("vendor", "identity"), [("VendorNumber=0x2A\n", b"\x2a\0\0\0"), ("", bytes(4))]
+)
+def test_a_device_without_its_mandatory_objects(maker, vendor, identity):
+    information = f"[FileInfo]\n[DeviceInfo]\n{vendor}"
     rig = maker(f"{information}[2000]\nParameterName=x\nDataType=5\nAccessType=rw".encode())
     assert [finding[:2] for finding in findings(rig)] == [
         *(("warning", "1000"), ("warning", "1001"), ("warning", "1018"), ("warning", "1018"))
     ]
-    assert upload(rig, 0x1018, 1) == b"\x2a\0\0\0"
+    assert upload(rig, 0x1018, 1) == identity
     assert upload(rig, 0x1000) == bytes(4)
 
 

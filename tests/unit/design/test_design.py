@@ -165,7 +165,7 @@ def test_the_limit_named_is_that_which_most_manoeuvres_leave(monkeypatch) -> Non
     designer = Designer(foresight_of("w"), Bounds.of(AXIS, LIMITS))
     refused = {"position": 2, "pressure": 5, "speed": 1}
     monkeypatch.setattr(Designer, "_candidates", lambda _: ([], refused))
-    with pytest.raises(ConfigError, match="each of the 8 .* mostly that of pressure; give wider"):
+    with pytest.raises(ConfigError, match=r"each of the 8 .* mostly that of pressure; give wider"):
         designer.design(10.0)
 
 

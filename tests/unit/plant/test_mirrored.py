@@ -109,7 +109,9 @@ def course(parameters, options, solver, sign):
         for _ in range(8):
             seen = plant.step(PlantInput(sign * u, sign * load), 100)
             ports = (seen.P_A, seen.P_B), (seen.Q_A, seen.Q_B), plant.valve_pressures
-            a, b = zip(*ports, strict=True) if sign > 0.0 else zip(*map(reversed, ports))
+            a, b = (
+                zip(*ports, strict=True) if sign > 0.0 else zip(*map(reversed, ports), strict=True)
+            )
             yield (sign * seen.x, sign * seen.v, *a, *b, plant.extension.P_S)
 
 

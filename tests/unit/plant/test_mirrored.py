@@ -36,7 +36,13 @@ SENSING = SupplyUnit(
     variable=VariablePump(senses_load=True),
 )
 LANDS = MeteringLands(
-    gain_pa=0.9, gain_at=1.1, gain_pb=0.7, gain_bt=1.3, overlap_at=-0.1e-3, overlap_pb=0.2e-3
+    gain_pa=0.9,
+    gain_at=1.1,
+    gain_pb=0.7,
+    gain_bt=1.3,
+    saturation=0.5,
+    overlap_at=-0.1e-3,
+    overlap_pb=0.2e-3,
 )
 HOLDING = CounterbalanceValve(
     in_line_a=True, setting=110e5, pilot_ratio=3.0, conductance=8e-7, time_constant=0.02

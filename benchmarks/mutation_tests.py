@@ -39,6 +39,7 @@ AS_PYTHON: Final = (
     "tests/unit/plant/test_lines.py",
     "tests/unit/plant/test_load.py",
     "tests/unit/plant/test_loads.py",
+    "tests/unit/plant/test_mirrored.py",
     "tests/unit/plant/test_options.py",
     "tests/unit/plant/test_orifice.py",
     "tests/unit/plant/test_parameters.py",

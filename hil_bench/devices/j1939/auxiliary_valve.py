@@ -59,9 +59,7 @@ class ValveState(IntEnum):
     BLOCK = 0
     EXTEND = 1
     RETRACT = 2
-    FLOAT = 3
     ERROR = 14
-    NOT_AVAILABLE = 15
 
 
 class ExitReason(IntEnum):

@@ -282,6 +282,9 @@ def test_services_without_a_default_have_that_of_cia_301(maker):
     rig.node.emcy.raise_error(0x1000, 0)
     assert 0x085 in [frame.can_id for frame in rig.run()]
     assert upload(rig, 0x1005) == b"\x80\0\0\0"
+    dictionary = rig.node.object_dictionary
+    dictionary.assign_node_id(9)  # EMCY's has the node-ID in it, SYNC's has not
+    assert (dictionary.variable(0x1014).default, dictionary.variable(0x1005).default) == (137, 128)
 
 
 def test_a_synchronous_pdo_without_the_object_of_sync(maker):
@@ -326,13 +329,16 @@ def test_an_unknown_data_type_takes_any_bytes(maker):
     assert upload(rig, 0x2000) == b"\x01\x02\x03\x04"
 
 
-def test_a_device_without_its_mandatory_objects(maker):
-    information = "[FileInfo]\n[DeviceInfo]\nVendorNumber=0x2A\n"
+@pytest.mark.parametrize(
+    ("vendor", "identity"), [("VendorNumber=0x2A\n", b"\x2a\0\0\0"), ("", bytes(4))]
+)
+def test_a_device_without_its_mandatory_objects(maker, vendor, identity):
+    information = f"[FileInfo]\n[DeviceInfo]\n{vendor}"
     rig = maker(f"{information}[2000]\nParameterName=x\nDataType=5\nAccessType=rw".encode())
     assert [finding[:2] for finding in findings(rig)] == [
         *(("warning", "1000"), ("warning", "1001"), ("warning", "1018"), ("warning", "1018"))
     ]
-    assert upload(rig, 0x1018, 1) == b"\x2a\0\0\0"
+    assert upload(rig, 0x1018, 1) == identity
     assert upload(rig, 0x1000) == bytes(4)
 
 
@@ -395,3 +401,16 @@ def test_a_damaged_file_is_a_device_or_is_refused_in_a_line(maker, damage):
             assert answer[0] in {0x41, 0x42, 0x43, 0x47, 0x4B, 0x4F, 0x80}
     assert devices > 10
     assert not [message for message in refused if "\n" in message]
+
+
+def test_an_sdo_server_without_cob_ids_has_those_of_cia_301(maker):
+    # CiA 301, 7.2.3.1: request 0x600 + node-ID, answer 0x580 + node-ID; further servers are off.
+    server = {"sub0": U8 | {"DefaultValue": "2"}, "sub1": U32, "sub2": U32}
+    rig = maker(
+        {f"{index}{sub}": keys for index in ("1200", "1201") for sub, keys in server.items()}
+        | {"1200": STRUCTURE, "1201": STRUCTURE}
+    )
+    assert upload(rig, 0x1200, 1) == b"\x05\x06\0\0"
+    assert upload(rig, 0x1200, 2) == b"\x85\x05\0\0"
+    assert upload(rig, 0x1201, 1)[3] & 0x80
+    assert upload(rig, 0x1201, 2)[3] & 0x80

@@ -72,6 +72,7 @@ def test_stored_values_are_in_force_at_once(eds_path):
         ({"node_id": 128}, "node-ID 128 is not possible"),
         ({"node_id": 0}, "node-ID 0 is not possible"),
         ({"bit_timing": 256}, "bit timing 256 is not possible"),
+        ({"bit_timing": -1}, "bit timing -1 is not possible"),
         ({"values": {(0x4000, 0): "00"}}, "0x4000.00 is no object that can be stored"),
         ({"values": {(0x1000, 0): "00000000"}}, "0x1000.00 is no object that can be stored"),
         ({"values": {(0x1010, 1): "00000000"}}, "0x1010.01 is no object that can be stored"),

@@ -49,6 +49,8 @@ def test_the_load_is_the_share_of_the_bus_time():
         traffic.take(message(0x181, "0001020304050607"))
     # 1000 frames of 111 to 135 bits in a second at 500 kbit/s.
     assert 0.222 <= traffic.load(500_000) <= 0.270
+    traffic.duration = 0.0
+    assert traffic.load(500_000) == 0.0  # nothing was seen in no time
 
 
 def test_a_remote_frame_is_said_to_be_one():

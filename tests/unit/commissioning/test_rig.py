@@ -150,11 +150,13 @@ def test_a_valve_that_will_not_be_disabled_is_closed_where_it_says_so(axis, monk
         raise DriverError("refused")
 
     for state in ValveState:
-        axis.rig.enable()
+        axis.open_valve()
         with monkeypatch.context() as patch:
             patch.setattr(axis.rig.valve, "disable", refuse)
             patch.setattr(axis.rig.valve, "read_state", lambda state=state: state)
             assert axis.rig.close_valve() is (state in closed)
+            axis.bench.run(0.01)
+            assert axis.setpoints()[-1] == 0  # whatever it says, its spool is centred
             assert axis.rig.close_valve() is (state in closed)  # it is remembered
 
 

@@ -223,3 +223,17 @@ def test_lss_without_bit_timing(laboratory):
         Outcome.NOT_APPLICABLE,
         "no answer: the device does not have this service",
     )
+
+
+def test_a_block_upload_may_come_without_its_size(laboratory):
+    """CiA 301, 7.2.4.3.13: with s = 0 the four bytes of the size are reserved."""
+
+    def says(frame):
+        if frame.can_id == 0x585 and frame.data[0] in {0xC2, 0xC6}:
+            return [frame._replace(data=bytes([frame.data[0] & ~2]) + frame.data[1:4] + bytes(4))]
+        return [frame]
+
+    laboratory.says = says
+    chapters = [chapter for chapter in CHAPTERS if chapter.title == "SDO block transfer"]
+    results = laboratory.run(chapters=chapters)
+    assert [r for r in results if r.outcome is Outcome.FAILED] == []

@@ -161,6 +161,14 @@ def test_limits_that_allow_nothing_are_named() -> None:
         Designer(foresight_of("w"), Bounds.of(AXIS, tight)).design(10.0)
 
 
+def test_the_limit_named_is_that_which_most_manoeuvres_leave(monkeypatch) -> None:
+    designer = Designer(foresight_of("w"), Bounds.of(AXIS, LIMITS))
+    refused = {"position": 2, "pressure": 5, "speed": 1}
+    monkeypatch.setattr(Designer, "_candidates", lambda _: ([], refused))
+    with pytest.raises(ConfigError, match=r"each of the 8 .* mostly that of pressure; give wider"):
+        designer.design(10.0)
+
+
 @pytest.mark.parametrize(
     ("state", "bound"),
     [

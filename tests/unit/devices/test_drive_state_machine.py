@@ -41,6 +41,12 @@ def test_control_words_lead_to_states(machine, words, state):
     assert obey(machine, *words) is state
 
 
+@pytest.mark.parametrize("word", [0x01, 0x05, 0x09, 0x0D])
+@pytest.mark.parametrize("before", [[0x06], [0x06, 0x07], [0x06, 0x0F], [0x06, 0x0F, 0x02]])
+def test_bit_1_alone_disables_the_voltage(machine, before, word):
+    assert obey(machine, *before, word) is S.SWITCH_ON_DISABLED  # CiA 402: 0xxx xx0x
+
+
 def test_without_permission_it_is_switched_on_only(machine):
     assert obey(machine, 0x06, 0x0F, may_enable=False) is S.SWITCHED_ON
 

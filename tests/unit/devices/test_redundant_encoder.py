@@ -37,6 +37,12 @@ def test_each_channel_shows_what_it_measures(rig):
     assert (rig.value(0x6030, 1), rig.value(0x6030, 2)) == (200, 400)
 
 
+@pytest.mark.parametrize(("speed", "steps"), [(1.64, 32767), (-1.64, -32768)])
+def test_a_speed_of_channel_2_beyond_its_16_bits_saturates(rig, speed, steps):
+    measure(rig, 0.1, 0.101, speed)  # channel 2 moves twice as fast, 3.28 m/s: 32,800 steps
+    assert rig.value(0x6030, 2) == steps
+
+
 def test_steps_and_direction_are_those_of_the_device(rig):
     assert rig.write(0x6005, 1, 2000, 4) is None
     assert rig.write(0x6000, 0, 1 << 3, 2) is None

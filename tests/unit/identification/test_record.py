@@ -167,7 +167,7 @@ def _slow(recording: Recording) -> Recording:
         (_gaps, "39 gaps in time, the first at 0.099 s, of 21 ms; 0 s of it are even"),
         (_rest, "moves by 0.1 mm"),
         (_slow, "a row each 20 ms; give 10 ms or less"),
-        (lambda recording: recording[:2000], "spans 1.999 s in 2000 rows; 3 s or more"),
+        (lambda recording: recording[:3000], "spans 2.999 s in 3000 rows; 3 s or more"),
         (lambda recording: recording[:0], "spans 0 s in 0 rows"),
         (lambda recording: recording[::-1], "-3.999 s"),
     ],
@@ -180,6 +180,10 @@ def test_a_recording_that_cannot_serve_is_refused(
 
     assert complaint in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_three_seconds_are_enough(recording: Recording) -> None:
+    assert AxisRecord.of(recording[:3001], "lift", FULL_OPENING).times[-1] == pytest.approx(3.0)
 
 
 def test_a_wrong_axis_is_told_which_there_are(recording: Recording) -> None:

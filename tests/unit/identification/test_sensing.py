@@ -27,6 +27,12 @@ def test_a_ramp_comes_late_by_delay_and_lag() -> None:
     assert shown[0, :, 1] == pytest.approx(rows - 0.04)
 
 
+@pytest.mark.parametrize(("intervals", "rows"), [(99, 9), (100, 10), (9, 0)])
+def test_rows_come_after_whole_steps_alone(intervals: int, rows: int) -> None:
+    shown = sense(np.zeros((2, intervals + 1, 3)), 1e-3, Sensors(0.0, 0.0, 0.0, 0.0), every=10)
+    assert shown.shape == (2, rows, 3)
+
+
 def test_a_step_behind_a_lag_fades_as_an_exponential() -> None:
     motion = np.zeros((1, 401, 3))
     motion[:, 100:] = 1.0

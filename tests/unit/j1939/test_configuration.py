@@ -70,6 +70,10 @@ def test_the_page_has_each_key_with_its_unit_and_default(key: Key) -> None:
             "start_bit: ends behind byte 1785",
         ),
         (
+            LEVER + "x = { pgn = 1, start_bit = 14280, length = 8 }\n",
+            "x.start_bit: 14280 is out of range; give an integer from 0 to 14279",
+        ),
+        (
             LEVER + X + "y = { pgn = 0xFDD6, start_bit = 15, length = 2 }\n",
             "start_bit: bit 15 of PGN 64982 is that of x too; give each its own",
         ),
@@ -124,3 +128,10 @@ def test_two_devices_of_one_name_field_differ_by_their_own_names(
     first, second = load_config(write(text)).ecus
 
     assert first.identity.identity != second.identity.identity
+
+
+def test_each_auxiliary_valve_has_parameter_groups_of_its_own():
+    # ISO 11783-7: commands 0xFE30 and estimated flows 0xFE10 of valve 0, upwards to those of 15.
+    valve = {"kind": "auxiliary_valve", "address": 128, "valve": 15}
+    (config,) = load_config(tables={"plant": {"axis1": {}}, "j1939": {"valve": valve}}).ecus
+    assert [message.group for message in config.kind.messages(config)] == [0xFE3F, 0xFE1F]

@@ -128,6 +128,22 @@ def test_every_value_says_where_it_comes_from():
     assert settings["stribeck_exponent"].reason == ""
 
 
+def test_a_value_is_typical_until_its_datum_is_given():
+    pump = {"pump_displacement_cm3": 28, "pump_speed_rpm": 1450, "relief_pressure_bar": 210}
+    pump["supply"] = "unit"
+    measured = pump | {"pump_volumetric_efficiency_percent": 93, "breakaway_pressure_bar": 2}
+
+    def reasons(keys):
+        each = {one.key.name: one for one in load(**keys).settings if one.table == "plant.axis1"}
+        return each["pump_flow_l_min"].reason, each["static_friction_n"].reason
+
+    flow = "from pump_displacement_cm3 and pump_speed_rpm"
+    friction = "from bore_mm; typical: breakaway at 1.8 bar"
+    assert reasons(pump) == (f"{flow}; typical: volumetric efficiency 92 %", friction)
+    flow = flow.replace(" and", ",") + " and pump_volumetric_efficiency_percent"
+    assert reasons(measured) == (flow, "from breakaway_pressure_bar and bore_mm")
+
+
 @pytest.mark.parametrize(
     ("without", "keys", "said"),
     [

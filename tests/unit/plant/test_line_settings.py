@@ -87,10 +87,18 @@ def test_the_summarys_top_speed_is_what_the_plant_does(extends):
     assert expected.speed < 0.95 * without.speed
     plant = axis.kind.build(axis, 5e-5, {"position": -1.0 if extends else 1.0})
     for _ in range(40):
-        seen = PlantState(*plant.drive(2e-3 if extends else -2e-3, 1000)[:6])
+        outputs = plant.drive(2e-3 if extends else -2e-3, 1000)
+    seen = PlantState(*outputs[:6])
     assert abs(seen.v) == pytest.approx(expected.speed, rel=5e-3)
     assert pytest.approx(expected.P_A, rel=1e-2) == seen.P_A
     assert pytest.approx(expected.P_B, rel=1e-2) == seen.P_B
+    p, options = axis.parameters, axis.options
+    by_name = axis.kind.by_name
+    at_a, at_b = (outputs[by_name[name].output] for name in ("P_A_valve", "P_B_valve"))
+    drop_a = line_drop(options.line_a, p.rho, p.A_A * seen.v)
+    drop_b = line_drop(options.line_b, p.rho, p.A_B * seen.v)
+    assert at_a - seen.P_A == pytest.approx(drop_a, rel=1e-2)
+    assert seen.P_B - at_b == pytest.approx(drop_b, rel=1e-2)
 
 
 def test_the_summary_says_wave_time_eigenfrequency_drop_and_surge():

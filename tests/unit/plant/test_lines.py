@@ -293,6 +293,8 @@ def test_without_a_line_the_port_is_the_chamber():
     output = one.step(PlantInput(0.8e-3), 500)
     assert one.valve_pressures[1] == output.P_B
     assert one.valve_pressures[0] != output.P_A
+    without = plant(replace(BOTH, line_a=None, line_b=None)).step(PlantInput(0.8e-3), 500)
+    assert (output.nu, output.z) == (without.nu, without.z)  # no line moves the spool
 
 
 @pytest.mark.parametrize(

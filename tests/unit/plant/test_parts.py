@@ -21,7 +21,7 @@ from hil_bench.plants.hydraulic_cylinder.model import (
 from hil_bench.plants.hydraulic_cylinder.model.constants import pack, unpack
 from hil_bench.plants.hydraulic_cylinder.model.kernel import make_row
 from hil_bench.plants.hydraulic_cylinder.model.parameters import paper_parameters
-from hil_bench.plants.hydraulic_cylinder.model.parts import TOLERANCE
+from hil_bench.plants.hydraulic_cylinder.model.parts import PARTS, TOLERANCE
 from tests.support.plant_parts import made_parts
 
 BENCH = PlantOptions.bench()
@@ -81,6 +81,25 @@ def test_solvers_with_a_fixed_step_count_nothing(paper: PlantParameters) -> None
         plant = FullOrderPlant(paper, solver=solver, dt=dt)
         plant.step(PlantInput(1e-3, 6e4), 2000)
         assert plant.extra_evaluations == 0
+
+
+def test_a_step_in_which_a_cavity_opens_or_closes_is_one_of_the_smallest_parts() -> None:
+    # The part with the change in it is off in proportion to its length: a whole step of 20 us by
+    # 1e-5 m/s, its 64th by that much less. Steps of a 64th have no such part.
+    p, dt = paper_parameters(), 2e-5
+    coarse = FullOrderPlant(p, solver=Solver.RUNGE_KUTTA, dt=dt)
+    fine = FullOrderPlant(p, solver=Solver.RUNGE_KUTTA, dt=dt / PARTS)
+    changes = set()
+    for step in range(1700):
+        pull = PlantInput(0.0, -9e4 if step < 1500 else 0.0)
+        before = coarse.state
+        coarse.step(pull)
+        if (before.V_CA > 0.0) != (coarse.state.V_CA > 0.0):
+            changes.add(before.V_CA > 0.0)
+            fine.restart(before)
+            fine.step(pull, PARTS)
+            assert coarse.state.v == pytest.approx(fine.state.v, abs=1e-5 / PARTS)
+    assert changes == {False, True}
 
 
 def reversals(paper: PlantParameters, load: float) -> tuple[float, list[float]]:

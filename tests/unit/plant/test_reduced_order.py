@@ -12,10 +12,12 @@ from scipy.optimize import brentq
 from hil_bench.errors import ParameterError
 from hil_bench.plants.hydraulic_cylinder.model import (
     ConstantLoad,
+    Cushion,
     EntrainedAir,
     FullOrderPlant,
     LoadSeries,
     LuGreFriction,
+    MeteringLands,
     PlantInput,
     PlantOptions,
     PlantParameters,
@@ -250,6 +252,10 @@ def test_an_unstable_step_is_refused_with_one_that_works(paper: PlantParameters)
         ({"C_LB": 1e-12}, "C_LB"),
         ({"air": EntrainedAir(air_fraction=0.01)}, "air_fraction"),
         ({"bristles": LuGreFriction()}, "bristles"),
+        ({"lands": MeteringLands()}, "lands"),
+        ({"compensator_margin": 8e5}, "compensator_margin"),
+        ({"cushion_a": Cushion(length=0.01, orifice=1e-3)}, "cushion"),
+        ({"cushion_b": Cushion(length=0.01, orifice=1e-3)}, "cushion"),
         ({"supply": SupplyUnit()}, "supply_unit"),
     ],
 )

@@ -1,5 +1,6 @@
 """A twin that joins a machine at any moment follows it, and only a machine that is like it."""
 
+import math
 import random
 
 import can
@@ -50,6 +51,17 @@ def exceeded(windows: list[Window], config: BenchConfig = BUILT_IN) -> set[str]:
         for quantity, residual in window.residuals.items()
         if residual.count and residual.rms > limits[quantity] * widening(window.lateness)
     }
+
+
+def test_the_noise_of_a_sensor_widens_the_limit_of_its_quantity_alone() -> None:
+    # Three standard deviations of 2 bar beside the model's own residual: they are independent.
+    nodes = {"valve": {"profile": "valve_408", "node_id": 1}}
+    nodes["pressure"] = {"profile": "pressure_404", "node_id": 2, "source": "P_B"}
+    quiet = fit_limits(load_config(tables={"nodes": nodes}))["axis1"]
+    nodes["pressure"]["chain"] = {"noise_rms_bar": 2}
+    noisy = fit_limits(load_config(tables={"nodes": nodes}))["axis1"]
+    assert noisy.pop("P_B") == pytest.approx(math.hypot(quiet.pop("P_B"), 3.0 * 2e5))
+    assert noisy == quiet
 
 
 def check_that_it_is_followed(pdos, begin: float) -> None:

@@ -75,6 +75,14 @@ def test_a_gap_between_regular_frames_is_lateness():
     assert lateness([*times, 0.22])[-1] == pytest.approx(0.02)
 
 
+@pytest.mark.parametrize(("spread", "late"), [(0.15, 0.1), (0.25, 0.0)])
+def test_intervals_within_a_fifth_of_their_median_have_a_usual_one(spread, late):
+    # A third of them is the median itself, less than the 40 % that have to be alike.
+    intervals = [0.1 * (1.0 - spread), 0.1, 0.1 * (1.0 + spread)] * 10
+    times = [sum(intervals[:number]) for number in range(len(intervals) + 1)]
+    assert lateness([*times, times[-1] + 0.2])[-1] == pytest.approx(late)
+
+
 def test_an_answer_to_a_late_sync_is_not_late():
     syncs = [*(number * 0.01 for number in range(20)), 0.22]
     assert lateness([sync + 1e-3 for sync in syncs], syncs)[-1] == pytest.approx(0.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil_bench.abilities.analysis import errors
+from hil_bench import errors
 from hil_bench.abilities.analysis.linear_studies import (
     linearisation_study,
     operating_points_study,

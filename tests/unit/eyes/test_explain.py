@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support import broken_messages, broken_nodes, broken_protection
-from support.sdo_frames import MS, download, heard
+from support.sdo_frames import MS, download, heard, upload
 from support.sound_logs import SOUND
 
 from device_profiles import PRESSURE_404
@@ -66,6 +66,18 @@ def findings_of(*frames, end=0, known=()):
         frames.append((end, Frame(0x709, b"\x05")))
     logged = [LoggedFrame(frame, time * MS, None) for time, frame in frames]
     return explain(logged, list(known), BITRATE).findings
+
+
+@pytest.mark.parametrize(
+    ("of_eds", "causes"), [(0, []), (None, []), (0x123, []), (0x124, [Cause.OTHER_DEVICE])]
+)
+def test_an_identity_is_compared_where_the_eds_gives_one(of_eds, causes):
+    """The device says vendor 0x123 (0x1018.01, CiA 301)."""
+    objects = load_eds(PRESSURE_404, 2)
+    objects.variable(0x1018, 1).default = of_eds
+    logged = heard(*upload(2, 0x1018, 1, struct.pack("<I", 0x123)))
+    found = explain(logged, [KnownNode(2, "pressure", objects)], BITRATE).findings
+    assert [each.cause for each in found] == causes
 
 
 def test_an_emcy_counts_as_report_of_its_own_node_only():

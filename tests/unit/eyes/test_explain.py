@@ -93,6 +93,7 @@ def test_a_pdo_is_missing_after_more_than_three_of_its_periods(gap, causes):
     pdos = [(time, Frame(0x182, bytes(5))) for time in (10, 20, 20 + gap)]
     found = findings_of(*STARTED, *pdos, known=[sensor()])
     assert [each.cause for each in found] == causes
+    assert all(each.text.endswith("; its event timer is 10 ms") for each in found)
 
 
 @pytest.mark.parametrize(("left", "causes"), [(False, [Cause.PDO_MISSING]), (True, [])])

@@ -120,6 +120,11 @@ def test_rows_go_to_who_wants_each_of_them_and_the_newest_to_everybody(loop):
         assert client.request("status")["values"] == {"time": 0.2, "axis1.position": 0.5}
 
 
+def test_rows_that_nobody_watches_are_not_passed_on(loop):
+    loop.feed.put_row((0.1, 0.5))
+    assert list(loop.plan.up.take()) == []
+
+
 def test_the_status_in_the_shell_has_a_line_for_it(loop):
     loop.feed.show(WorkState(now="ramp\x1b[2J", done=4, total=8))
     loop.feed.put_row((0.2, 0.5))

@@ -193,6 +193,9 @@ def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
 def test_a_page_that_looks_stays_and_an_idle_connection_makes_room(monkeypatch):
     """A browser keeps its connection after a request, and may say nothing more."""
     monkeypatch.setattr(connections, "ROOM", 2)
+    monkeypatch.setattr(
+        connections._Http, "timeout_keep_alive_handler", lambda _: None
+    )  # after 5 s
     with live_bench(), panel() as port, Client(port) as client, contextlib.ExitStack() as stack:
         client.hear("hello")
         idle = []
@@ -411,7 +414,11 @@ def test_what_was_clicked_is_written_as_a_test_and_runs(tmp_path):
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_test_is_shown_before_it_is_written(tmp_path):
+def test_a_test_is_shown_before_it_is_written(tmp_path, monkeypatch):
+    async def play(path):
+        return {"verdict": f"of {path.name}"}
+
+    monkeypatch.setattr("hil_bench.panel.desk.play_test", play)
     with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:
         client.hear("hello")
         found = client.ask("preview", **FORM)
@@ -420,6 +427,9 @@ def test_a_test_is_shown_before_it_is_written(tmp_path):
         assert (content["title"], content["duration_s"]) == ("Clicked", 5.5)
         assert [each["id"] for each in content["expect"]] == ["REQ-1"]
         assert list(tmp_path.iterdir()) == []
+        played = client.ask("test", **FORM, replaces=False)
+        assert (played["path"], played["verdict"]) == (found["path"], "of clicked.scenario.toml")
+        assert (tmp_path / "clicked.scenario.toml").read_text() == found["text"]
 
 
 def test_a_test_that_was_clicked_is_written_once_and_lasts_whole_nanoseconds(tmp_path):

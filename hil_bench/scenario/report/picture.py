@@ -164,7 +164,7 @@ def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
 
 def _times(evidence: Evidence) -> Floats:
     """Return the time of each tick [s]."""
-    return np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
+    return np.arange(evidence.ticks, dtype=np.float64) * (evidence.tick_ns * 1e-9)
 
 
 def _values(side: nodes.Value, evidence: Evidence) -> Floats:

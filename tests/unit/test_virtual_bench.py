@@ -6,6 +6,7 @@ import can
 import pytest
 
 from hil_bench.canopen_device.frame import Frame
+from hil_bench.errors import WaitTimeoutError
 from hil_bench.outside.realtime.clock import VirtualClock
 from hil_bench.outside.realtime.pacer import Pacer
 from hil_bench.outside.recording.channels import Channel, recording_channels
@@ -40,6 +41,16 @@ def test_a_time_that_is_none_is_refused():
             with pytest.raises(ValueError, match="give a time, 0 or more"):
                 bench.run_until(lambda: True, timeout=timeout)
         assert bench.now() == 0.0
+
+
+def test_a_wait_lasts_until_its_condition_and_no_longer_than_its_time():
+    with VirtualBench() as bench:
+        assert bench.run_until(lambda: True, timeout=0.0) == 0.0
+        waited = bench.run_until(lambda: bench.now() > 0.0025, timeout=0.003)
+        assert waited == pytest.approx(0.003)  # the third tick of 1 ms
+        with pytest.raises(WaitTimeoutError, match=r"condition not met within 0.002 s of bench"):
+            bench.run_until(lambda: False, timeout=0.002)
+        assert bench.now() == pytest.approx(0.005)
 
 
 def test_observers_hear_of_each_tick():

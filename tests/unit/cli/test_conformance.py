@@ -43,6 +43,20 @@ def test_the_published_report_is_what_its_command_writes(tmp_path, monkeypatch, 
     assert "passed" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("more", [[], ["--write"]])
+def test_a_report_of_the_virtual_bench_says_the_command_that_repeats_it(
+    more, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        "hil_bench.abilities.conformance.verbs.conformance.run_suite",
+        lambda _dut, _allowed: iter(()),
+    )
+    monkeypatch.chdir(tmp_path)
+    words = ["conformance", "--virtual", "--node-id", "1", *more, "--report", "r.md"]
+    assert main(words) == 0
+    assert "hil-bench " + " ".join(words) in Path("r.md").read_text().splitlines()
+
+
 @pytest.mark.parametrize("is_interrupted", [False, True])
 def test_a_device_that_was_written_to_is_reset(is_interrupted, monkeypatch, capsys):
     """Its valve was in a fault otherwise, after the check of life guarding."""

@@ -322,6 +322,20 @@ def test_explain_names_cause_node_clause_and_frames(folder, capsys):
     assert capsys.readouterr().out.endswith("nothing wrong found\n")
 
 
+@pytest.mark.parametrize(("aborts", "shown", "rest"), [(3, 3, []), (5, 3, ["and 2 more"])])
+def test_explain_shows_the_first_frames_of_a_finding_and_counts_the_rest(
+    folder, capsys, aborts, shown, rest
+):
+    """SDO aborts of node 1 for a write to 0x6041 (CiA 301, 7.2.4.3.17)."""
+    again = [request(1, "2B 41 60"), answer(1, "80 41 60 00 02 00 01 06")]
+    with open_frame_file(folder / "many.log") as file:
+        file.write_frames(heard(*aborts * again))
+    assert main(["explain", "many.log", "bench.toml"]) == 1
+    lines = capsys.readouterr().out.splitlines()[4:]
+    assert sum("  581  SDO  " in line for line in lines) == shown
+    assert [line.strip() for line in lines if line.strip().startswith("and ")] == rest
+
+
 @pytest.mark.usefixtures("bus")
 @pytest.mark.parametrize(
     "words", [["decode", "t.log"], ["explain", "t.log"], ["monitor", "-i", "socketcan"]]

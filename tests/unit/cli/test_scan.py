@@ -2,6 +2,8 @@ import json
 
 import pytest
 
+from hil_bench.abilities.commissioning.listening import Traffic
+from hil_bench.abilities.commissioning.verbs.scan import _identifier_line
 from hil_bench.cli import main
 
 UNCONFIGURED = """
@@ -98,3 +100,16 @@ def test_nodes_that_are_there_twice_are_named(monkeypatch, capsys):
     assert "4 nodes found; twice on the bus: 1, 4" in out
     assert out.count("twice on the bus\n") == 2
     assert "give each a node-ID of its own" in out
+
+
+@pytest.mark.parametrize(
+    ("can_id", "is_extended", "words"),
+    [
+        (0x0CF00400, True, ["0x0CF00400", "not", "CANopen", "5", "2.5/s"]),  # 29 bits: 8 digits
+        (0x081, False, ["0x081", "EMCY", "node", "1", "5", "2.5/s"]),  # 11 bits: 3 digits
+    ],
+)
+def test_an_identifier_has_all_its_digits(can_id, is_extended, words):
+    """Five frames in two seconds."""
+    line = _identifier_line(Traffic(can_id, is_extended=is_extended, frames=5), 2.0)
+    assert line.split()[: len(words)] == words

@@ -256,6 +256,12 @@ def test_an_event_that_comes_again_takes_no_second_line():
     ]
 
 
+def test_a_bus_without_a_frame_has_no_load():
+    state = state_of()
+    assert (state.load, state.frames) == (0.0, 0)
+    assert "0 frames, load 0.0 % of 1 Mbit/s" in drawn(state)[0]
+
+
 def test_a_mapping_that_changes_leaves_no_old_values():
     state = BusState(Decoder(), 1_000_000)
 

@@ -52,6 +52,14 @@ def test_every_physical_key_has_a_range_and_every_range_a_key():
                 "machines, 1000 in presses and tools); pascal in the bar key?"
             ),
         ),
+        # 1100 bar are 110 MPa, and 11 bar if kPa were meant.
+        (
+            "supply_pressure_bar = 1100",
+            (
+                "supply_pressure_bar: 1100 is 110 MPa; 5 to 1000 is usual (up to 350 bar in "
+                "machines, 1000 in presses and tools); kPa in the bar key?"
+            ),
+        ),
         # 0.0001 kg are 100 mg.
         (
             "moving_mass_kg = 0.0001\n",

@@ -15,7 +15,7 @@ from hil_bench.outside.modbus.register_map import (
     RegisterAccess,
     Table,
 )
-from hil_bench.units import BAR
+from hil_bench.units import BAR, ONE
 
 Write = Callable[[str], Path]
 
@@ -64,6 +64,7 @@ def test_a_map_with_every_key(write: Write) -> None:
     coil, pressure, offset = register_map.registers
     assert (coil.name, coil.table, coil.access) == ("zero", Table.COILS, RegisterAccess.COMMAND)
     assert pressure.word_order is WordOrder.LITTLE
+    assert (pressure.unit, pressure.scale) == (ONE, 1.0)  # neither is given: the number itself
     assert offset == Register(
         name="offset",
         table=Table.HOLDING_REGISTERS,

@@ -78,6 +78,22 @@ def test_a_slow_clock_is_a_hint():
     assert finding("clock source", reader(current_clocksource="tsc")).verdict is Verdict.GOOD
 
 
+@pytest.mark.parametrize(
+    ("count", "load", "words", "verdict"),
+    [
+        (None, 0.4, "0.4 on 1 processor", Verdict.GOOD),  # a system that does not count them
+        (1, 0.5, "0.5 on 1 processor", Verdict.HINT),
+        (4, 2.9, "2.9 on 4 processors", Verdict.GOOD),
+        (4, 3.0, "3.0 on 4 processors", Verdict.HINT),
+    ],
+)
+def test_the_load_leaves_a_processor_to_the_loop(monkeypatch, count, load, words, verdict):
+    monkeypatch.setattr("os.cpu_count", lambda: count)
+    monkeypatch.setattr("os.getloadavg", lambda: (load, 0.0, 0.0))
+    item = finding("load", reader())
+    assert (item.value, item.verdict) == (words, verdict)
+
+
 def test_a_virtual_machine_is_named():
     assert "virtual machine" in finding("kernel", reader(cpuinfo="flags : fpu hypervisor")).value
     assert "virtual" not in finding("kernel", reader(cpuinfo="flags : fpu vme")).value

@@ -133,6 +133,18 @@ def test_the_producer_of_sync_is_who_was_told_so():
     assert decode(*frames)[-1].node == "position"
 
 
+def test_an_emcy_comes_with_the_identifier_that_was_written():
+    frames = [*download(2, 0x1014, 0, struct.pack("<I", 0xA5)), Frame(0xA5, bytes(8))]
+    sight = decode(*frames)[-1]
+    assert (sight.node, sight.service) == ("pressure", Service.EMCY)
+
+
+def test_a_pdo_reads_as_its_sender_has_it_though_another_node_takes_it():
+    taken = download(1, 0x1400, 1, struct.pack("<I", 0x184))  # RPDO1 of the valve
+    sight = decode(*taken, Frame(0x184, struct.pack("<ih", 12345, 100)))[-1]
+    assert (sight.node, sight.name) == ("position", "TPDO1")
+
+
 def test_an_unknown_node_has_the_name_that_it_says():
     frames = [Frame(0x705, b"\0"), *upload(5, 0x1008, 0, b"IO-8"), Frame(0x705, b"\x7f")]
     names = [sight.node for sight in decode(*frames, nodes=[])]

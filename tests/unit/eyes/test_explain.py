@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support import broken_messages, broken_nodes, broken_protection
-from support.sdo_frames import MS, download, heard
+from support.sdo_frames import MS, download, heard, upload
 from support.sound_logs import SOUND
 
 from device_profiles import PRESSURE_404
@@ -66,6 +66,50 @@ def findings_of(*frames, end=0, known=()):
         frames.append((end, Frame(0x709, b"\x05")))
     logged = [LoggedFrame(frame, time * MS, None) for time, frame in frames]
     return explain(logged, list(known), BITRATE).findings
+
+
+@pytest.mark.parametrize(
+    ("of_eds", "causes"), [(0, []), (None, []), (0x123, []), (0x124, [Cause.OTHER_DEVICE])]
+)
+def test_an_identity_is_compared_where_the_eds_gives_one(of_eds, causes):
+    """The device says vendor 0x123 (0x1018.01, CiA 301)."""
+    objects = load_eds(PRESSURE_404, 2)
+    objects.variable(0x1018, 1).default = of_eds
+    logged = heard(*upload(2, 0x1018, 1, struct.pack("<I", 0x123)))
+    found = explain(logged, [KnownNode(2, "pressure", objects)], BITRATE).findings
+    assert [each.cause for each in found] == causes
+
+
+STARTED = [(0, Frame(0x702, b"\0")), (1, Frame(0x000, b"\x01\x02")), (2, Frame(0x702, b"\x05"))]
+
+
+def sensor():
+    """The transducer, whose EDS gives TPDO1 the event timer 10 ms."""
+    return KnownNode(2, "pressure", load_eds(PRESSURE_404, 2))
+
+
+@pytest.mark.parametrize(("gap", "causes"), [(30, []), (31, [Cause.PDO_MISSING])])
+def test_a_pdo_is_missing_after_more_than_three_of_its_periods(gap, causes):
+    pdos = [(time, Frame(0x182, bytes(5))) for time in (10, 20, 20 + gap)]
+    found = findings_of(*STARTED, *pdos, known=[sensor()])
+    assert [each.cause for each in found] == causes
+    assert all(each.text.endswith("; its event timer is 10 ms") for each in found)
+
+
+@pytest.mark.parametrize(("left", "causes"), [(False, [Cause.PDO_MISSING]), (True, [])])
+def test_a_pdo_is_due_from_the_start_of_its_node_until_it_leaves_operational(left, causes):
+    stop = [(10, Frame(0x000, b"\x80\x02")), (11, Frame(0x702, b"\x7f"))] if left else []
+    found = findings_of(*STARTED, *stop, end=200, known=[sensor()])
+    assert [each.cause for each in found] == causes
+
+
+@pytest.mark.parametrize(("heartbeat_ms", "causes"), [(0, []), (500, [Cause.NO_BOOT_UP])])
+def test_a_node_that_is_never_heard_is_missed_where_it_has_a_heartbeat(heartbeat_ms, causes):
+    """0x1017 is the producer heartbeat time; the bus is alive, and nobody asks for the node."""
+    known = sensor()
+    known.objects.variable(0x1017, 0).value = heartbeat_ms
+    found = findings_of((0, Frame(0x709, b"\x05")), end=2000, known=[known])
+    assert [each.cause for each in found] == causes
 
 
 def test_an_emcy_counts_as_report_of_its_own_node_only():

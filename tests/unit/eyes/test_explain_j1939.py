@@ -252,6 +252,30 @@ def test_devices_that_are_not_known_count_by_their_addresses():
 J1939_IDS = [0x18EEFF21, 0x18EA2103, 0x1CECFF21, 0x1CEBFF21, 0x1CEC2103, 0x1CEC0321, 0x1CEB2103]
 
 
+def extended(time, can_id, data):
+    return LoggedFrame(Frame(can_id, bytes.fromhex(data), is_extended=True), time * MS, None)
+
+
+@pytest.mark.parametrize(("times", "end"), [(1, "first at 9.000 s"), (3, "at 1.000 s; 3 such")])
+def test_long_messages_that_do_not_arrive_are_counted(times, end):
+    """BAM of DM1, 14 bytes in 2 packets; the next frame shows that none of them came."""
+    announced = [extended(n * 1000, 0x1CECFF21, "200E0002FFCAFE00") for n in range(times)]
+    found = explain([*announced, extended(9000, 0x18FF1221, "00")], [], 250_000).findings
+    (finding,) = [each for each in found if each.cause is Cause.J1939_TRANSFER]
+    assert finding.text.endswith(end)
+
+
+@pytest.mark.parametrize(("waited", "causes"), [(1250, []), (1251, [Cause.J1939_REQUEST])])
+def test_a_request_is_answered_within_its_time(waited, causes):
+    """Address 3 asks 0x21 for PGN 65242; J1939-21 gives a response 1250 ms (T3)."""
+    claims = [
+        extended(0, 0x18EEFF00 | source, f"0{source % 8}00000000000080") for source in (3, 33)
+    ]
+    asked, answer = extended(1000, 0x18EA2103, "DAFE00"), extended(1000 + waited, 0x18FEDA21, "01")
+    found = explain([*claims, asked, answer], [], 250_000).findings
+    assert [each.cause for each in found] == causes
+
+
 @given(
     st.lists(
         st.builds(

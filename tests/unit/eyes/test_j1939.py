@@ -35,6 +35,10 @@ def test_the_parts_of_an_identifier(can_id, parts):
     [
         (0x0CF00400, "0011", "PGN 61444 EEC1, engine speed, from 0"),
         (0x0CFE3203, "00", "PGN 65074 auxiliary valve 2 command, from 3"),
+        (0x18FE1103, "00", "PGN 65041 auxiliary valve 1 estimated flow, from 3"),
+        (0x18FE2F03, "00", "PGN 65071 auxiliary valve 15 measured flow, from 3"),
+        (0x0CFE4003, "00", "PGN 65088, from 3"),
+        (0x18E8FF21, "01FFFFFF0340F0", "PGN 59392 acknowledgement, from 33"),  # cut short
         (0x18FF1221, "", "PGN 65298 proprietary B, from 33"),
         (0x18EF2103, "", "PGN 61184 proprietary A, from 3 to 33"),
         (0x10011223, "", "PGN 256, from 35 to 18"),

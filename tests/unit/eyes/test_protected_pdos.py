@@ -96,6 +96,17 @@ def test_a_counter_that_does_not_go_on_by_one_is_one_finding(protected, counters
     assert text in finding.text
 
 
+@pytest.mark.parametrize("protected", [(1,), None])
+def test_frames_that_arrived_broken_are_not_lost(protected):
+    """Of the five from 7 to 11, two were seen broken. Three of five are sealed."""
+    broken = [Frame(TPDO1, bytes(7))] * 2
+    frames = [sealed(bytes(5), 5), sealed(bytes(5), 6), *broken, sealed(bytes(5), 12)]
+    found = {
+        each.cause: each for each in explain(log(*frames), sensor(protected), BITRATE).findings
+    }
+    assert "from 6 to 12 at 0.060 s, 3 sent and not seen" in found[Cause.PDO_LOST].text
+
+
 def test_the_counter_of_a_pdo_that_is_seldom_sealed_is_no_counter():
     by_chance = [sealed(bytes(5), 3), sealed(bytes(5), 90)]
     longer = [Frame(TPDO1, bytes(7))] * 3

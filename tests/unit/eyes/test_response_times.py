@@ -4,7 +4,11 @@ import random
 
 import pytest
 
+from device_profiles import PRESSURE_404
+from hil_bench.abilities.eyes.known_node import KnownNode
 from hil_bench.abilities.eyes.response_times import Message, response_times, utilisation
+from hil_bench.abilities.eyes.traffic import Assumptions, find_streams
+from hil_bench.canopen_device.eds import load_eds
 from hil_bench.canopen_device.frame import Frame
 from hil_bench.outside.wire.bits import worst_bits
 from hil_bench.outside.wire.station import Station
@@ -93,3 +97,24 @@ def test_no_simulation_is_slower_than_the_bound(seed):
     assert bounded
     for name, bound in bounded.items():
         assert 0 < worst[name] <= bound
+
+
+@pytest.mark.parametrize(
+    ("transmission_type", "inhibit_100us", "event_ms", "period", "why"),
+    [
+        (255, 50, 10, 5 * MS, "inhibit time"),
+        (255, 0, 10, 10 * MS, "event timer"),
+        (255, 0, 0, 7 * MS, "assumed"),
+        (3, 50, 10, 21 * MS, "SYNC"),
+    ],
+)
+def test_the_shortest_period_of_a_pdo_is_that_of_its_objects(
+    transmission_type, inhibit_100us, event_ms, period, why
+):
+    """0x1800.02, .03 in units of 100 us, .05 in ms (CiA 301); SYNC comes every 7 ms."""
+    objects = load_eds(PRESSURE_404, 2)
+    for subindex, value in ((2, transmission_type), (3, inhibit_100us), (5, event_ms)):
+        objects.variable(0x1800, subindex).value = value
+    streams = find_streams([KnownNode(2, "pressure", objects)], Assumptions(1_000_000, 7 * MS))
+    (pdo,) = [stream for stream in streams if stream.can_id == 0x182]
+    assert (pdo.message.period, pdo.why) == (period, why)

@@ -113,6 +113,26 @@ def test_a_fault_is_an_event_and_a_state(loop):
     assert of("state", wire.lines())[-1]["faults"] == []
 
 
+def test_who_comes_after_a_fault_sees_its_state_and_not_its_event(loop):
+    loop.session.bench.faults.freeze("pressure_a")
+    loop.tick(2)
+    wire = Wire(loop)
+    wire.say(id=1, do="watch")
+    loop.look_again()
+    messages = wire.lines()
+    assert of("event", messages) == []
+    assert [fault["kind"] for fault in of("state", messages)[-1]["faults"]] == ["freeze"]
+
+
+def test_a_bench_goes_on_until_somebody_stops_it(loop):
+    wire = Wire(loop)
+    loop.tick(2)
+    assert not loop.session.controls.is_over
+    wire.say(id=1, do="stop")
+    loop.tick(2)
+    assert loop.session.controls.is_over
+
+
 def test_a_planned_fault_gets_a_number_too(loop):
     loop.session.bench.faults.freeze("pressure_a")
     wire = Wire(loop)

@@ -96,7 +96,8 @@ def test_a_client_sees_what_is_done_and_what_it_found(loop):
 
 def test_a_state_comes_twice_a_second_at_the_most_and_only_where_it_is_new(loop):
     wire = watching(loop)
-    assert len(states(wire)) == 1
+    (first,) = states(wire)
+    assert (first["work"]["done"], first["work"]["total"]) == (0, 0)
     for done in range(1, 11):
         loop.feed.show(WorkState(done=done, total=10))
         loop.tick()
@@ -118,6 +119,11 @@ def test_rows_go_to_who_wants_each_of_them_and_the_newest_to_everybody(loop):
     assert [line for line in none.lines() if line["type"] == "rows"] == []
     with loop.connect() as client:
         assert client.request("status")["values"] == {"time": 0.2, "axis1.position": 0.5}
+
+
+def test_rows_that_nobody_watches_are_not_passed_on(loop):
+    loop.feed.put_row((0.1, 0.5))
+    assert list(loop.plan.up.take()) == []
 
 
 def test_the_status_in_the_shell_has_a_line_for_it(loop):

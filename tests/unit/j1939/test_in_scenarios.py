@@ -122,6 +122,27 @@ def test_a_step_that_cannot_act_is_one_line(tmp_path, what, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_signal_takes_values_of_its_own_quantity(tmp_path):
+    """1 MPa is 10 bar, and kN is no pressure."""
+    bench = tmp_path / "bench.toml"
+    signal = 'pgn = 0xFF10, start_bit = 0, length = 16, resolution = 0.1, unit = "bar"'
+    gauge = f"\n[j1939.gauge]\naddress = 20\n[j1939.gauge.signals]\np = {{ {signal} }}\n"
+    bench.write_text(BENCH.read_text() + gauge)
+
+    def played(value):
+        text = HEAD.replace(str(BENCH), str(bench)) + step(
+            0.1, f'set = {{ "gauge.p" = "{value}" }}'
+        )
+        path = tmp_path / "a.scenario.toml"
+        path.write_text(f'{text}[[expect]]\nid = "R"\nthat = "eventually gauge.p == 10 bar"\n')
+        return play(prepare(load_scenario(path)))
+
+    (finding,) = played("1 MPa").findings
+    assert finding.judgement.outcome is PASSED
+    with pytest.raises(ConfigError, match=r"gauge.p takes no value in kN; give one in bar"):
+        played("1 kN")
+
+
 @pytest.mark.parametrize(
     ("that", "message"),
     [

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from hil_bench.abilities.panel import hub as hub_module
+from hil_bench.abilities.panel.bench_link import BenchLink
 from hil_bench.abilities.panel.hub import Hub
 from hil_bench.abilities.panel.viewer import Viewer
 from hil_bench.errors import BusError, WaitTimeoutError
@@ -61,6 +62,14 @@ def test_what_a_bench_did_not_hear_is_asked_again(monkeypatch):
     hub.admit(Viewer(send_nowhere))
     care(hub, link)
     assert [fields["rows_every_s"] for _, fields in link.asked] == [0.0, 0.0]
+
+
+def test_a_bench_that_does_not_greet_is_given_up():
+    async def greet():
+        await BenchLink("bench", asyncio.StreamReader(), None, timeout=0.0).greet()
+
+    with pytest.raises(WaitTimeoutError, match="bench bench: no greeting"):
+        asyncio.run(greet())
 
 
 class Ending(Link):

@@ -3,6 +3,9 @@
 import contextlib
 import json
 import socket
+import tomllib
+from dataclasses import replace
+from http.client import HTTPConnection
 
 import pytest
 from support.live_bench import SECRET, LiveBench, live_bench, panel, runtime_folder
@@ -12,7 +15,7 @@ from websockets.sync.client import connect
 
 from hil_bench.abilities.panel import connections
 from hil_bench.abilities.panel.hub import MOST_VIEWERS
-from hil_bench.abilities.panel.record import RecordForm
+from hil_bench.abilities.panel.record import RecordForm, make_scenario, write_test
 from hil_bench.abilities.panel.server import open_port, read_password
 from hil_bench.abilities.scenario.load import load_scenario
 from hil_bench.cli import main
@@ -184,6 +187,26 @@ def test_browsers_without_the_secret_keep_nobody_out(monkeypatch):
             stack.enter_context(connect(address, origin=f"http://127.0.0.1:{port}"))
         with Client(port) as client:
             assert client.hear("hello")["name"] == "bench"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_page_that_looks_stays_and_an_idle_connection_makes_room(monkeypatch):
+    """A browser keeps its connection after a request, and may say nothing more."""
+    monkeypatch.setattr(connections, "ROOM", 2)
+    monkeypatch.setattr(
+        connections._Http, "timeout_keep_alive_handler", lambda _: None
+    )  # after 5 s
+    with live_bench(), panel() as port, Client(port) as client, contextlib.ExitStack() as stack:
+        client.hear("hello")
+        idle = []
+        for _ in range(3):
+            browser = HTTPConnection("127.0.0.1", port, timeout=GUARD)
+            stack.callback(browser.close)
+            browser.request("GET", "/")
+            browser.getresponse().read()
+            idle.append(browser.sock)
+        assert idle[0].recv(1) == b""
+        assert client.ask("get_object", node="valve", name="0x6040.00") == 0
 
 
 @pytest.mark.usefixtures("folder")
@@ -388,6 +411,40 @@ def test_what_was_clicked_is_written_as_a_test_and_runs(tmp_path):
         preview = client.ask("preview", **{**form, "file": "other"})
         assert 'fault = "offset"' in preview["text"]
         assert not (tmp_path / "other.scenario.toml").exists()
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_test_is_shown_before_it_is_written(tmp_path, monkeypatch):
+    async def play(path):
+        return {"verdict": f"of {path.name}"}
+
+    monkeypatch.setattr("hil_bench.abilities.panel.desk.play_test", play)
+    with live_bench(), panel(folder=tmp_path) as port, Client(port) as client:
+        client.hear("hello")
+        found = client.ask("preview", **FORM)
+        assert found["path"] == str(tmp_path / "clicked.scenario.toml")
+        content = tomllib.loads(found["text"])
+        assert (content["title"], content["duration_s"]) == ("Clicked", 5.5)
+        assert [each["id"] for each in content["expect"]] == ["REQ-1"]
+        assert list(tmp_path.iterdir()) == []
+        played = client.ask("test", **FORM, replaces=False)
+        assert (played["path"], played["verdict"]) == (found["path"], "of clicked.scenario.toml")
+        assert (tmp_path / "clicked.scenario.toml").read_text() == found["text"]
+
+
+def test_a_test_that_was_clicked_is_written_once_and_lasts_whole_nanoseconds(tmp_path):
+    path = tmp_path / "clicked.scenario.toml"
+    form = RecordForm(**{**FORM, "begin_s": 1.0, "end_s": 1.0 + 1.0 / 3.0, "lead_s": 0.5})
+    scenario, remarks = make_scenario(form, path, {}, {"entries": [], "forgotten": 0})
+    assert (scenario.duration, remarks) == (0.833333333, [])
+    write_test(scenario, replaces=False)
+    assert load_scenario(path).duration == 0.833333333
+    with pytest.raises(ConfigError, match="is there already; give another name, or replace it"):
+        write_test(scenario, replaces=False)
+    write_test(scenario, replaces=True)
+    lost = replace(scenario, path=tmp_path / "no" / "clicked.scenario.toml")
+    with pytest.raises(ConfigError, match="cannot be written: No such file or directory"):
+        write_test(lost, replaces=False)
 
 
 @pytest.mark.parametrize(

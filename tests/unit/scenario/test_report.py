@@ -293,7 +293,7 @@ def test_a_report_says_how_much_was_seen(tmp_path):
 
 @pytest.mark.usefixtures("draws")
 def test_a_small_violation_of_a_long_motion_is_seen(tmp_path, monkeypatch):
-    """0.1 mm beyond a limit, of 70 mm: the margin's panel ends near the violation."""
+    """0.1 mm beyond a limit, of 70 mm, every 10 ms: the panel ends near the violation."""
     figures = []
     draw = picture._figure
     monkeypatch.setattr(
@@ -311,5 +311,6 @@ def test_a_small_violation_of_a_long_motion_is_seen(tmp_path, monkeypatch):
     (place,) = [each for each in figure.axes if each.get_ylabel() == "Margin [mm]"]
     low, high = place.get_ylim()
     assert place.lines[0].get_ydata().min() == pytest.approx(-0.1)
+    assert place.lines[0].get_xdata() == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
     assert low < -0.1
     assert 0.1 / (high - low) > 0.1  # a tenth of the panel's height at least

@@ -148,10 +148,13 @@ def test_a_bus_on_which_time_passes_by_itself_is_refused(config):
         join(Awake(config))
 
 
-def test_a_frame_between_two_syncs_ends_it_but_what_was_to_be_sent_is_sent(config):
+@pytest.mark.parametrize("ticks", [0, 2])
+def test_a_frame_between_two_syncs_ends_it_but_what_was_to_be_sent_is_sent(config, ticks):
     """So that on a machine that is in real time the command to close the valve still comes."""
     transport = DirectLockStep(config)
     producer = join(transport)
+    for _ in range(ticks):
+        producer.tick([], 0)
     transport.put(Frame(0x704, b"\x05"))
     close = Frame(0x201, bytes(4))
     with pytest.raises(can.CanOperationError, match="frame 0x704 came unasked"):

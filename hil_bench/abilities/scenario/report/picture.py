@@ -131,7 +131,7 @@ def _panels(scene: Scene) -> Iterator[MotionPanel]:
 def _draw_comparison(place: "Axes", scene: Scene, node: Comparison) -> None:
     evidence = scene.evidence
     unit = unit_of(node.dimension, node.symbol)
-    times = np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
+    times = _times(evidence)
     left, right = (_values(side, evidence) / unit.factor for side in (node.left, node.right))
     name, limit = (_literal(_bare(show_value(side, unit))) for side in (node.left, node.right))
     place.plot(times, right, color=GREY, linestyle="--", linewidth=1.8, label=limit)
@@ -149,7 +149,7 @@ def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
     """Draw how far a comparison is from its limit, cut where it is far from a violation."""
     evidence = scene.evidence
     unit = unit_of(node.dimension, node.symbol)
-    times = np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
+    times = _times(evidence)
     left, right = (_values(side, evidence) for side in (node.left, node.right))
     margin = _SIGNS[node.relation] * (left - right) / unit.factor
     place.plot(times, margin, color=BLUE, linewidth=1.3)
@@ -162,13 +162,18 @@ def _draw_margin(place: "Axes", scene: Scene, node: Comparison) -> None:
     place.margins(x=0.0)
 
 
+def _times(evidence: Evidence) -> Floats:
+    """Return the time of each tick [s]."""
+    return np.arange(evidence.ticks, dtype=np.float64) * (evidence.tick_ns * 1e-9)
+
+
 def _values(side: nodes.Value, evidence: Evidence) -> Floats:
     return build_values(side, evidence.tick_ns)(Block(evidence.columns, evidence.ticks))
 
 
 def _draw_truths(place: "Axes", scene: Scene, atoms: Sequence[Atom]) -> None:
     evidence = scene.evidence
-    times = np.arange(evidence.ticks) * (evidence.tick_ns * 1e-9)
+    times = _times(evidence)
     for number, atom in enumerate(reversed(atoms)):
         stream = StreamBuilder(evidence.tick_ns).build(atom, Span(0, None))
         truths = stream.push(Block(evidence.columns, evidence.ticks)).low > 0.0
